@@ -1,0 +1,147 @@
+"""Layers: parallel maps, equally spaced in view depth, on which irradiance is deposited and exitance gathered.
+
+The maps are orthographic: a box aligned with the camera's orientation, square texels of h mm, layers dz mm apart, so
+that distances between texels are true distances. Node (0, 0, 0) lies at the left, lower, near corner of the object's
+box; grid coordinates (u, v, l) count nodes, and a texture coordinate is (u + 1/2) / n.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+FLAT = 1e-6  # of the longest side: thinner than this is one layer, for float32 positions know no better
+
+
+@dataclass(frozen=True)
+class LayerGrid:
+    """Where the layers lie.
+
+    Attributes
+    ----------
+    n_layers, height, width : int
+        Layers and texels; n_layers is 1 where the object is flat.
+    texel, layer_distance : float
+        h and dz, mm; dz is 0 with a single layer.
+    world_to_grid : 4 x 4 nested tuples
+        Affine, row vectors: (x, y, z, 1) @ M = (u, v, l, 1).
+    """
+
+    n_layers: int
+    height: int
+    width: int
+    texel: float
+    layer_distance: float
+    world_to_grid: tuple[tuple[float, ...], ...]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(n_layers, height, width)."""
+        return self.n_layers, self.height, self.width
+
+    @property
+    def world_to_texture(self) -> Array:
+        """(4, 4): world space to the 3-D texture's coordinates in [0, 1], row vectors."""
+        counts = np.array([self.width, self.height, self.n_layers], np.float64)
+        scale = np.diag([*(1.0 / counts), 1.0])
+        scale[3, :3] = 0.5 / counts
+        return np.asarray(np.asarray(self.world_to_grid) @ scale)
+
+    def coordinates(self, points: npt.ArrayLike) -> Array:
+        """Grid coordinates (n, 3) of world points (n, 3); the GPU does the same for the surface samples."""
+        matrix = np.asarray(self.world_to_grid)
+        return np.asarray(np.asarray(points, np.float64) @ matrix[:3, :3] + matrix[3, :3])
+
+
+def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, resolution: int) -> LayerGrid:
+    """Fit layers to an object as the camera sees it, (3).
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        World space, mm.
+    rotation : (3, 3) array
+        World to view rotation for row vectors (the camera looks along -z of view space).
+    n_layers : int
+        Wanted number of layers, >= 1.
+    resolution : int
+        Texels along the longer side of a map, >= 2.
+    """
+    view = np.asarray(vertices, np.float64) @ np.asarray(rotation, np.float64)
+    low, high = view.min(axis=0), view.max(axis=0)
+    extent = high - low
+    longest = float(extent.max())
+    # A surface seen exactly edge-on has no width: one texel of thickness keeps the maps two texels wide.
+    texel = max(float(extent[:2].max()), FLAT * longest) / (resolution - 1)
+    width, height = (max(2, int(np.ceil(side / texel - 1e-6)) + 1) for side in extent[:2])
+    if n_layers == 1 or extent[2] <= FLAT * longest:
+        n_layers, distance, per_depth = 1, 0.0, 0.0
+    else:
+        distance = float(extent[2]) / (n_layers - 1)
+        per_depth = 1.0 / distance
+    to_grid = np.diag([1.0 / texel, 1.0 / texel, -per_depth])  # depth grows along -z of view space
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.asarray(rotation, np.float64) @ to_grid
+    # The box is centred in the map, so that mirrored objects get mirrored maps.
+    margin = 0.5 * (np.array([width - 1, height - 1, 0.0]) - [*(extent[:2] / texel), 0.0])
+    matrix[3, :3] = margin - np.array([low[0], low[1], high[2]]) @ to_grid
+    return LayerGrid(
+        n_layers, height, width, texel, distance, tuple(tuple(map(float, row)) for row in matrix)
+    )
+
+
+def tent_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+    """Tent weights of points on the nodes, (4): a sparse matrix W, one column a point.
+
+    W @ flux deposits, W.T @ volume gathers; the weights of a point, 8 or fewer, sum to 1.
+
+    Parameters
+    ----------
+    grid : LayerGrid
+    coordinates : (n, 3) array
+        Grid coordinates; points outside are moved to the nearest face of the box.
+
+    Returns
+    -------
+    (n_layers * height * width, n) sparse float32
+    """
+    n = len(coordinates)
+    node = np.zeros((n, 1), np.int64 if np.prod(grid.shape) > np.iinfo(np.int32).max else np.int32)
+    weight = np.ones((n, 1), np.float32)
+    for axis, count in ((2, grid.n_layers), (1, grid.height), (0, grid.width)):
+        if count == 1:  # a single layer takes all
+            continue
+        position = np.clip(coordinates[:, axis], 0.0, count - 1.0)
+        lower = np.minimum(position.astype(node.dtype), count - 2)
+        fraction = (position - lower).astype(np.float32)
+        node = (node[:, :, None] * count + np.stack([lower, lower + 1], axis=1)[:, None]).reshape(n, -1)
+        weight = (weight[:, :, None] * np.stack([1.0 - fraction, fraction], axis=1)[:, None]).reshape(n, -1)
+    columns = np.arange(0, node.size + 1, node.shape[1], dtype=node.dtype)
+    return csc_array((weight.ravel(), node.ravel(), columns), shape=(int(np.prod(grid.shape)), n))
+
+
+def deposit(grid: LayerGrid, weights: csc_array, flux: Float32) -> Float32:
+    """Spread flux over the layers, (4).
+
+    Parameters
+    ----------
+    grid : LayerGrid
+    weights : from `tent_matrix`
+    flux : (n, 3) float32
+        E dA per sample and channel (the paper's sum has no dA; without it the result grows with the samples).
+
+    Returns
+    -------
+    (3, n_layers, height, width) float32
+        Flux per texel; every channel sums to the sum of its flux.
+    """
+    return np.ascontiguousarray((weights @ flux).T).reshape(3, *grid.shape)
+
+
+def gather(weights: csc_array, volume: Float32) -> Float32:
+    """Trilinear gather (7), as the GPU's linear filter does it: (3, *grid.shape) -> (n, 3) float32."""
+    return np.asarray(weights.T @ volume.reshape(3, -1).T)

@@ -1,0 +1,1 @@
+"""GLSL sources, read as package data."""

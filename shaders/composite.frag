@@ -1,0 +1,43 @@
+#version 330
+// Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
+// Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
+#include "fresnel.glsl"
+
+uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
+uniform sampler2D t_normal;
+uniform sampler2D t_irradiance;
+uniform sampler2D t_specular;
+uniform sampler3D t_exitance;   // M at the nodes of the layers; the filter is the trilinear gather
+uniform mat4 u_world_to_texture;
+uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
+uniform float u_eta;
+uniform float u_weight;         // 1 / samples of a pixel
+
+layout(location = 0) out vec4 o_radiance;  // a: coverage
+layout(location = 1) out vec4 o_position;
+layout(location = 2) out vec4 o_normal;
+layout(location = 3) out vec4 o_irradiance;
+layout(location = 4) out vec4 o_exitance;
+layout(location = 5) out vec4 o_subsurface;
+layout(location = 6) out vec4 o_specular;
+
+const float PI = 3.14159265358979;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 position = texelFetch(t_position, pixel, 0);
+    if (position.a == 0.0) discard;
+    vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
+    vec3 exitance = textureLod(t_exitance, (u_world_to_texture * vec4(position.xyz, 1.0)).xyz, 0.0).rgb;
+    vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
+    // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
+    vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;
+    vec3 specular = texelFetch(t_specular, pixel, 0).rgb;
+    o_radiance = u_weight * vec4(subsurface + specular, 1.0);
+    o_position = u_weight * vec4(position.xyz, 1.0);
+    o_normal = u_weight * vec4(normal, 1.0);
+    o_irradiance = u_weight * vec4(texelFetch(t_irradiance, pixel, 0).rgb, 1.0);
+    o_exitance = u_weight * vec4(exitance, 1.0);
+    o_subsurface = u_weight * vec4(subsurface, 1.0);
+    o_specular = u_weight * vec4(specular, 1.0);
+}

@@ -1,0 +1,12 @@
+#version 330
+uniform mat4 u_world_to_clip;
+in vec3 a_position;
+in vec3 a_normal;
+out vec3 v_position;
+out vec3 v_normal;
+
+void main() {
+    v_position = a_position;
+    v_normal = a_normal;
+    gl_Position = u_world_to_clip * vec4(a_position, 1.0);
+}

@@ -1,0 +1,48 @@
+// Irradiance that enters the surface, (2): E = integral of F_t L cos over the hemisphere, for one light.
+// Surface samples and pixels call the same function.
+#include "fresnel.glsl"
+#include "shadows.glsl"
+#include "latlong.glsl"
+
+const int DIRECTIONAL = 0;  // u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence
+const int POINT = 1;        // u_light_vector: position, mm; u_light_colour: radiant intensity, E = I cos / d^2, d in mm
+const int ENVIRONMENT = 2;  // t_environment: E over normals, F_t included; u_light_colour: factor
+
+uniform int u_light_kind;
+uniform vec3 u_light_vector;
+uniform vec3 u_light_colour;
+uniform mat3 u_environment_rotation;  // world to probe
+uniform sampler2D t_environment;
+uniform float u_eta;
+
+// What arrives from a light: its direction and the irradiance on a surface that faces it, shadow included.
+struct Arrival {
+    vec3 to_light;
+    vec3 irradiance;
+};
+
+// position: world, mm; normal: unit, outward. Not for ENVIRONMENT.
+Arrival arrive(vec3 position, vec3 normal) {
+    Arrival arrival = Arrival(u_light_vector, u_light_colour);
+    float distance = 1.0;
+    if (u_light_kind == POINT) {
+        vec3 to_light = u_light_vector - position;
+        // A light on the surface itself would be infinitely bright; 1e-6 mm is nearer than any scene means.
+        distance = max(length(to_light), 1e-6);
+        arrival.to_light = to_light / distance;
+        arrival.irradiance /= distance * distance;
+    }
+    if (dot(normal, arrival.to_light) > 0.0)
+        arrival.irradiance *= shadow_visibility(position, normal, arrival.to_light, distance);
+    return arrival;
+}
+
+// Irradiance of an arrival on a surface; linear RGB, same unit as the light's.
+vec3 entering(Arrival arrival, vec3 normal) {
+    float cosine = max(0.0, dot(normal, arrival.to_light));
+    return fresnel_transmittance(u_eta, cosine) * cosine * arrival.irradiance;
+}
+
+vec3 environment_irradiance(vec3 normal) {
+    return u_light_colour * textureLod(t_environment, latlong_uv(u_environment_rotation * normal), 0.0).rgb;
+}

@@ -1,0 +1,34 @@
+#version 330
+// Irradiance and highlight of one light at every pixel of the G-buffer; blended additively, light by light.
+// Highlight: Phong 1975, strength * irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray.
+#include "irradiance.glsl"
+
+uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
+uniform sampler2D t_normal;
+uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
+uniform float u_strength;
+uniform float u_shininess;
+
+layout(location = 0) out vec4 o_irradiance;
+layout(location = 1) out vec4 o_specular;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 position = texelFetch(t_position, pixel, 0);
+    if (position.a == 0.0) discard;
+    vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
+    vec3 irradiance, specular = vec3(0.0);
+    if (u_light_kind == ENVIRONMENT) {
+        irradiance = environment_irradiance(normal);
+    } else {
+        Arrival arrival = arrive(position.xyz, normal);
+        irradiance = entering(arrival, normal);
+        vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
+        float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
+        // The lobe of a light below the horizon would shine through the surface.
+        if (dot(normal, arrival.to_light) > 0.0 && lobe > 0.0)
+            specular = u_strength * pow(lobe, u_shininess) * arrival.irradiance;
+    }
+    o_irradiance = vec4(irradiance, 0.0);
+    o_specular = vec4(specular, 0.0);
+}

@@ -1,0 +1,51 @@
+"""Vertex buffers of a mesh and of its surface samples: uploaded once, drawn by several passes."""
+
+import moderngl
+
+from core.mesh import Mesh
+from core.samples import SurfaceSamples
+from viewer.gl import Program
+
+
+class MeshBuffers:
+    """Vertices, normals and faces of a mesh on the GPU."""
+
+    def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
+        self._context = context
+        self._positions = context.buffer(mesh.vertices)
+        self._normals = context.buffer(mesh.normals)
+        self._faces = context.buffer(mesh.faces)
+
+    def positions(self, program: Program) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position``."""
+        content = [(self._positions, "3f", "a_position")]
+        return self._context.vertex_array(program.program, content, self._faces)
+
+    def positions_and_normals(self, program: Program) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position`` and ``a_normal``."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        return self._context.vertex_array(program.program, content, self._faces)
+
+
+class SampleBuffers:
+    """Surface samples on the GPU, and the transform feedback that reads values of theirs back."""
+
+    def __init__(self, context: moderngl.Context, samples: SurfaceSamples) -> None:
+        self._context = context
+        self.count = len(samples)
+        self._positions = context.buffer(samples.points)
+        self._normals = context.buffer(samples.normals)
+        self._output = context.buffer(reserve=12 * self.count)
+        # Nothing is rasterised, yet a surfaceless context refuses to draw without a complete framebuffer.
+        self._anywhere = context.simple_framebuffer((1, 1))
+
+    def transform(self, program: Program) -> memoryview:
+        """Run a vertex program over all samples; returns its one vec3 output, 12 bytes a sample."""
+        content = [(self._positions, "3f", "a_position")]
+        if "a_normal" in program.program:
+            content.append((self._normals, "3f", "a_normal"))
+        vertices = self._context.vertex_array(program.program, content)
+        self._anywhere.use()
+        vertices.transform(self._output, moderngl.POINTS, self.count)
+        vertices.release()
+        return memoryview(self._output.read())

@@ -1,0 +1,243 @@
+"""The command line. Exit codes: 0 done, 1 a comparison failed, 2 bad input (one sentence on stderr)."""
+
+import importlib.metadata
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from core.errors import InputError
+from viewer.options import scene_options
+from viewer.scene import Scene
+
+if TYPE_CHECKING:
+    from viewer.picture import Frame
+
+# OpenGL, FFTW and the window are imported inside the commands that need them: help and tables stay fast and
+# work on a machine that has none of them.
+DEFAULT_PICTURE = "milkglass.png"
+SUFFIXES = (".png", ".exr")
+DEFAULT_SAMPLES = 4
+DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.compare says what it means
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Translucent objects by subsurface scattering: an interactive viewer and a renderer.",
+    epilog="`milkglass` alone shows the default scene.",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; bad input is one sentence on stderr."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=given, prog_name="milkglass", standalone_mode=False)
+    except typer.TyperException as error:
+        return _fail(_usage_sentence(error))
+    except InputError as error:
+        return _fail(str(error))
+    except MemoryError:
+        return _fail("not enough memory; ask for a smaller --image-size, --resolution or --layers")
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    return code if isinstance(code, int) else 0
+
+
+@app.callback(invoke_without_command=True)
+def default(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Show the default scene in a window; without a display, write a picture of it."""
+    if version:
+        typer.echo(f"milkglass {_version()}")
+    elif context.invoked_subcommand is None:
+        if has_display():
+            _run_window(Scene())
+        else:
+            _save(_render(Scene(), DEFAULT_SAMPLES, 0), [DEFAULT_PICTURE])
+            typer.echo(f"There is no display for a window, so the default scene went to {DEFAULT_PICTURE}.")
+
+
+@app.command()
+@scene_options
+def view(scene: Scene) -> None:
+    """Show a model in a window."""
+    if not has_display():
+        raise InputError(
+            "there is no display for a window; write a picture with `milkglass render --output FILE`"
+        )
+    _run_window(scene)
+
+
+@app.command()
+@scene_options
+def render(
+    scene: Scene,
+    output: Annotated[
+        list[str], typer.Option(metavar="FILE", help=".png (tone-mapped) or .exr (linear); may be repeated.")
+    ],
+    reference: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Picture to compare with; exit code 1 if they differ.")
+    ] = None,
+    reference_threshold: Annotated[
+        float,
+        typer.Option(metavar="T", min=0.0, show_default="1/255", help="Largest accepted rms difference."),
+    ] = DEFAULT_THRESHOLD,
+    samples: Annotated[
+        int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")
+    ] = DEFAULT_SAMPLES,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the samples.")] = 0,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
+) -> None:
+    """Write pictures of a model without a window."""
+    _check_outputs(scene, output, reference)
+    compared = None if reference is None else _counterpart(reference, output)
+    frame = _render(scene, samples, seed)
+    _save(frame, output)
+    if verbose:
+        _print_timings(frame.timings)
+    if reference is not None and compared is not None:
+        _compare(Path(compared), Path(reference), reference_threshold)
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
+    output: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder for the table and the plot.")
+    ] = None,
+) -> None:
+    """Measure speed against error, and write a table and a plot."""
+    from viewer import bench as benchmark
+
+    benchmark.run(quick, None if output is None else Path(output))
+
+
+@app.command()
+def materials(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
+) -> None:
+    """List materials: coefficients, mean free path, diffuse reflectance, validity."""
+    from viewer import materials_table
+
+    materials_table.show(name)
+
+
+def has_display() -> bool:
+    """Tell whether a window can be shown, without opening one."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _run_window(scene: Scene) -> None:
+    from viewer import window
+
+    window.run(scene)
+
+
+def _render(scene: Scene, samples: int, seed: int) -> "Frame":
+    from rich.console import Console
+
+    from viewer import frame
+
+    console = Console(stderr=True)
+    if console.is_terminal:
+        with console.status("starting") as status:
+            picture = frame.render(scene, samples=samples, seed=seed, progress=status.update)
+    else:
+        picture = frame.render(scene, samples=samples, seed=seed)
+    for warning in picture.warnings:
+        _say(f"warning: {warning}")
+    return picture
+
+
+def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
+    """Refuse outputs that cannot be written or would overwrite an input, before any work."""
+    from viewer import images
+
+    inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    for output in outputs:
+        images.check_output(output, SUFFIXES)
+        for role, path in inputs.items():
+            if path is not None and os.path.realpath(path) == os.path.realpath(output):
+                raise InputError(f"--output {output} would overwrite the {role}; choose another name")
+
+
+def _counterpart(reference: str, outputs: Sequence[str]) -> str:
+    """Return the first output of the reference's type, the one to compare with it."""
+    if not Path(reference).is_file():
+        raise InputError(f"--reference {reference}: there is no such file; name a picture to compare with")
+    suffix = Path(reference).suffix.lower()
+    for output in outputs:
+        if Path(output).suffix.lower() == suffix:
+            return output
+    raise InputError(f"--reference {reference} can only be compared with an --output that ends in {suffix}")
+
+
+def _save(frame: "Frame", outputs: Sequence[str]) -> None:
+    for output in outputs:
+        frame.save(output)
+
+
+def _print_timings(timings: dict[str, float]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("stage", box=None, pad_edge=False)
+    table.add_column("ms", justify="right")
+    for stage, milliseconds in timings.items():
+        table.add_row(stage, f"{milliseconds:.1f}")
+    Console().print(table)
+
+
+def _compare(picture: Path, reference: Path, threshold: float) -> None:
+    """Say how the picture compares; where it fails, write the difference and exit with 1."""
+    from viewer import compare, images
+
+    result = compare.compare_files(picture, reference)
+    if result.passes(threshold):
+        typer.echo(f"{picture} agrees with {reference}: {result}")
+        return
+    difference = compare.difference_path(picture)
+    images.write_png(difference, result.difference)
+    _say(f"{picture} differs from {reference}: {result}, accepted rms {threshold:.4g}; see {difference}")
+    raise typer.Exit(1)
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("milkglass")
+    except importlib.metadata.PackageNotFoundError:  # run from the folder, not installed
+        return "(not installed)"
+
+
+def _usage_sentence(error: typer.TyperException) -> str:
+    """Return what typer found wrong as one sentence, with the nearest option where it knows one."""
+    near = getattr(error, "possibilities", None)
+    text = error.message if near else error.format_message()
+    text = text[:1].lower() + text[1:].rstrip(". ")
+    if near:
+        return f"{text}; did you mean {' or '.join(sorted(near))}?"
+    if text.startswith("no such command") and "Did you mean" not in text:
+        return f"{text}; to show a model, write `milkglass view MODEL`"
+    return text
+
+
+def _fail(sentence: str) -> int:
+    _say(sentence)
+    return 2
+
+
+def _say(sentence: str) -> None:
+    sentence = " ".join(sentence.split())
+    typer.echo(f"milkglass: {sentence}" + ("" if sentence.endswith((".", "?", "!")) else "."), err=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

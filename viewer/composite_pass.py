@@ -1,0 +1,74 @@
+"""Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from viewer.camera import Camera
+from viewer.gbuffer_pass import GBuffer
+from viewer.gl import Program, float_targets
+from viewer.irradiance_pass import PixelLight
+
+OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
+
+
+@dataclass(frozen=True, eq=False)
+class Composite:
+    """RGBA float textures by name, the first one or all of `OUTPUTS`: sums over the pixel's samples, a coverage."""
+
+    textures: dict[str, moderngl.Texture]
+    framebuffer: moderngl.Framebuffer
+
+
+@dataclass(frozen=True, eq=False)
+class Gather:
+    """Where exitance is read: a volume of it, world space to the volume's texture coordinates, eta on the way out."""
+
+    volume: moderngl.Texture3D
+    world_to_texture: npt.NDArray[np.float64]
+    eta: float
+
+
+class CompositePass:
+    """Draws what leaves the surface towards the eye."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "fullscreen.vert", "composite.frag")
+        self._triangle = context.vertex_array(self._program.program, [])
+
+    def targets(self, size: tuple[int, int], parts: bool) -> Composite:
+        """Allocate radiance, and its parts too if wanted, for (width, height) pixels."""
+        names = OUTPUTS if parts else OUTPUTS[:1]
+        textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
+        return Composite(textures, self._context.framebuffer(list(textures.values())))
+
+    def render(
+        self,
+        gbuffer: GBuffer,
+        light: PixelLight,
+        gather: Gather,
+        camera: Camera,
+        weight: float,
+        out: Composite,
+    ) -> None:
+        """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
+        out.framebuffer.use()
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        self._program.set(
+            {
+                "t_position": gbuffer.position,
+                "t_normal": gbuffer.normal,
+                "t_irradiance": light.irradiance,
+                "t_specular": light.specular,
+                "t_exitance": gather.volume,
+                "u_world_to_texture": gather.world_to_texture,
+                "u_eye": tuple(camera.eye),
+                "u_eta": gather.eta,
+                "u_weight": weight,
+            }
+        )
+        self._triangle.render(vertices=3)

@@ -1,0 +1,43 @@
+"""G-buffer: position and normal of the visible surface at every pixel."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from viewer.buffers import MeshBuffers
+from viewer.gl import Program, checked, float_targets
+
+
+@dataclass(frozen=True, eq=False)
+class GBuffer:
+    """Float textures of one image size; position's alpha is 1 where the object is."""
+
+    position: moderngl.Texture
+    normal: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+
+
+class GBufferPass:
+    """Rasterises the mesh."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "gbuffer.vert", "gbuffer.frag")
+
+    def targets(self, size: tuple[int, int]) -> GBuffer:
+        """Allocate a G-buffer of (width, height) pixels."""
+        position, normal = float_targets(self._context, size, 2)
+        depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
+        return GBuffer(position, normal, self._context.framebuffer([position, normal], depth))
+
+    def render(self, buffers: MeshBuffers, world_to_clip: npt.NDArray[np.float64], out: GBuffer) -> None:
+        """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes."""
+        out.framebuffer.use()
+        out.framebuffer.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._program.set({"u_world_to_clip": world_to_clip})
+        vertices = buffers.positions_and_normals(self._program)
+        vertices.render()
+        vertices.release()

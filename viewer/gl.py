@@ -1,0 +1,169 @@
+"""OpenGL: the one place that makes a context, reads shaders and builds programs."""
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from importlib import resources
+from typing import Any, TypeVar
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.errors import InputError
+
+T = TypeVar("T")
+
+INSTALL_HINT = "apt-get install libegl1 libgl1 libgl1-mesa-dri"
+GLSL_VERSION = 330
+
+
+@lru_cache(maxsize=1)
+def headless_context() -> moderngl.Context:
+    """Return the process's context without a window: EGL on Linux, the platform's own elsewhere.
+
+    Raises
+    ------
+    InputError
+        If there is no EGL or no driver for OpenGL 3.3; the sentence says what to install.
+    """
+    options: dict[str, Any] = {}
+    if sys.platform.startswith("linux"):
+        # The versioned names: the bare ones exist only where development packages are installed.
+        options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+    try:
+        context = moderngl.create_context(standalone=True, require=GLSL_VERSION, **options)
+    except Exception as problem:  # glcontext raises bare Exception
+        reason = str(problem).strip().rstrip(".") or type(problem).__name__
+        raise InputError(
+            f"cannot create an OpenGL 3.3 context ({reason}); install a driver, on Debian and Ubuntu: {INSTALL_HINT}"
+        ) from None
+    return prepare_context(context)
+
+
+def prepare_context(context: moderngl.Context) -> moderngl.Context:
+    """Set what every pass takes for granted; for windows' contexts too."""
+    context.gc_mode = "auto"
+    return context
+
+
+def driver_name(context: moderngl.Context) -> str:
+    """Name of the renderer, such as ``llvmpipe (LLVM 15.0.6, 256 bits)``."""
+    return str(context.info["GL_RENDERER"])
+
+
+def shader_source(name: str) -> str:
+    """Return a shader with its includes, each included once."""
+    return _expand(name, set())
+
+
+def _expand(name: str, seen: set[str]) -> str:
+    text = (resources.files("shaders") / name).read_text(encoding="utf-8")
+    seen.add(name)
+
+    def include(match: re.Match[str]) -> str:
+        return "" if match[1] in seen else _expand(match[1], seen)
+
+    return re.sub(r'^#include "([\w.]+)"$', include, text, flags=re.MULTILINE)
+
+
+class Program:
+    """A linked program whose uniforms are set by name, all of them or none: a missing or unknown one is an error."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        vertex: str,
+        fragment: str | None = None,
+        *,
+        varyings: tuple[str, ...] = (),
+    ) -> None:
+        self.name = fragment or vertex
+        self.program = context.program(
+            vertex_shader=shader_source(vertex),
+            fragment_shader=shader_source(fragment) if fragment else None,
+            varyings=varyings,
+        )
+        self.uniforms = {n for n in self.program if isinstance(self.program[n], moderngl.Uniform)}
+
+    def set(self, values: Mapping[str, object]) -> None:
+        """Set every uniform. Matrices are NumPy row-vector matrices; textures are bound to units of their own.
+
+        Raises
+        ------
+        KeyError
+            If a name is not a uniform of the program, or a uniform is left out.
+        """
+        if values.keys() != self.uniforms:
+            wrong = sorted(values.keys() ^ self.uniforms)
+            raise KeyError(f"{self.name}: uniforms set and declared differ in {wrong}")
+        unit = 0
+        for name, value in values.items():
+            uniform = self.program[name]
+            assert isinstance(uniform, moderngl.Uniform)
+            if isinstance(value, moderngl.Texture | moderngl.Texture3D):
+                value.use(unit)
+                uniform.value = unit
+                unit += 1
+            elif isinstance(value, np.ndarray):
+                # NumPy's row-major rows arrive as GLSL's columns: v @ M becomes M * v.
+                uniform.write(np.ascontiguousarray(value, np.float32).tobytes())
+            else:
+                uniform.value = value
+
+
+def float_texture(context: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:
+    """Return a 32-bit float texture that is read texel by texel."""
+    texture = checked(
+        context, lambda: context.texture(size, components, dtype="f4"), f"a texture of {size[0]} x {size[1]}"
+    )
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def float_targets(context: moderngl.Context, size: tuple[int, int], count: int) -> list[moderngl.Texture]:
+    """Return RGBA textures to render into."""
+    return [float_texture(context, size) for _ in range(count)]
+
+
+def read_rgba(texture: moderngl.Texture) -> npt.NDArray[np.float32]:
+    """Read a float texture back: (height, width, 4) float32, top row first."""
+    width, height = texture.size
+    values = np.empty((height, width, 4), np.float32)
+    texture.read_into(values)
+    return values[::-1]
+
+
+def checked(context: moderngl.Context, allocate: Callable[[], T], what: str) -> T:
+    """Allocate on the GPU; running out of memory becomes an `InputError`."""
+    try:
+        result = allocate()
+    except Exception as problem:  # moderngl.Error and what drivers add
+        raise InputError(
+            f"the GPU cannot hold {what} ({problem}); ask for fewer pixels, layers or texels"
+        ) from None
+    if context.error == "GL_OUT_OF_MEMORY":
+        raise InputError(f"the GPU has no memory left for {what}; ask for fewer pixels, layers or texels")
+    return result
+
+
+def latlong_texture(context: moderngl.Context, pixels: npt.NDArray[np.float32]) -> moderngl.Texture:
+    """Upload a lat-long map (h, w, 3), row 0 at +y: linear filter, columns wrap around."""
+    height, width, _ = pixels.shape
+    values = np.ascontiguousarray(pixels, np.float32)
+    texture = checked(
+        context, lambda: context.texture((width, height), 3, values, dtype="f4"), "the environment"
+    )
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x, texture.repeat_y = True, False
+    return texture
+
+
+def check_image_size(context: moderngl.Context, size: tuple[int, int]) -> None:
+    """Refuse an image larger than the GPU's textures; the sentence names the largest side."""
+    largest = min(int(context.info["GL_MAX_TEXTURE_SIZE"]), *map(int, context.info["GL_MAX_VIEWPORT_DIMS"]))
+    if max(size) > largest:
+        raise InputError(
+            f"display.image_size = {size[0]} x {size[1]} exceeds this GPU's limit; the largest side is {largest}"
+        )

@@ -1,0 +1,138 @@
+"""Irradiance, (2): of the surface samples by transform feedback, of the pixels light by light over the G-buffer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+from pyrr import matrix33
+
+from viewer.buffers import SampleBuffers
+from viewer.camera import Camera
+from viewer.gbuffer_pass import GBuffer
+from viewer.gl import Program, float_targets
+from viewer.settings import DirectionalLight, Light, SpecularSettings
+from viewer.shadows_pass import ShadowMap
+
+Float32 = npt.NDArray[np.float32]
+
+DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # as in irradiance.glsl
+
+
+@dataclass(frozen=True, eq=False)
+class LightSource:
+    """One light as the shaders see it; compared by identity, so that each keeps its samples' irradiance.
+
+    Attributes
+    ----------
+    kind : int
+        DIRECTIONAL, POINT or ENVIRONMENT.
+    vector, colour : 3-tuples
+        See irradiance.glsl.
+    shadow : ShadowMap
+    table : texture
+        Irradiance over normals, lat-long, of an environment; any texture otherwise.
+    rotation : (3, 3) float64
+        World to probe, row vectors.
+    """
+
+    kind: int
+    vector: tuple[float, float, float]
+    colour: tuple[float, float, float]
+    shadow: ShadowMap
+    table: moderngl.Texture
+    rotation: npt.NDArray[np.float64]
+
+    def uniforms(self, eta: float) -> dict[str, object]:
+        """Values for irradiance.glsl."""
+        return {
+            "u_light_kind": self.kind,
+            "u_light_vector": self.vector,
+            "u_light_colour": self.colour,
+            "t_environment": self.table,
+            "u_environment_rotation": self.rotation,
+            "u_eta": eta,
+            **self.shadow.uniforms(),
+        }
+
+
+def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
+    """Make a directional or point light's source; `table` is any texture."""
+    if isinstance(light, DirectionalLight):
+        direction = np.asarray(light.direction, np.float64)
+        x, y, z = (direction / np.linalg.norm(direction)).tolist()
+        return LightSource(DIRECTIONAL, (x, y, z), light.irradiance, shadow, table, np.eye(3))
+    return LightSource(POINT, light.position_mm, light.intensity, shadow, table, np.eye(3))
+
+
+def surround(
+    table: moderngl.Texture, rotation_deg: float, intensity: float, no_shadow: ShadowMap
+) -> LightSource:
+    """Make an environment's source from its irradiance table."""
+    return LightSource(
+        ENVIRONMENT, (0.0, 0.0, 0.0), (intensity,) * 3, no_shadow, table, world_to_probe(rotation_deg)
+    )
+
+
+def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
+    """(3, 3), row vectors: a probe rotated by a about +y is looked up at R_y(-a) d."""
+    # pyrr turns row vectors by the negative angle: v @ M = R_y(-a) v.
+    return np.asarray(matrix33.create_from_y_rotation(np.radians(rotation_deg), dtype=np.float64))
+
+
+class IrradiancePass:
+    """Runs irradiance.glsl over samples and pixels."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._samples = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
+        self._pixels = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
+        self._triangle = context.vertex_array(self._pixels.program, [])
+
+    def of_samples(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
+        """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
+        self._samples.set(source.uniforms(eta))
+        return np.frombuffer(buffers.transform(self._samples), np.float32).reshape(-1, 3)
+
+    def targets(self, size: tuple[int, int]) -> "PixelLight":
+        """Allocate what `of_pixels` fills."""
+        irradiance, specular = float_targets(self._context, size, 2)
+        framebuffer = self._context.framebuffer([irradiance, specular])
+        return PixelLight(irradiance, specular, framebuffer)
+
+    def of_pixels(
+        self,
+        gbuffer: GBuffer,
+        sources: Sequence[LightSource],
+        eta: float,
+        specular: SpecularSettings,
+        camera: Camera,
+        out: "PixelLight",
+    ) -> None:
+        """Sum E and the Phong highlights of all lights at every pixel."""
+        out.framebuffer.use()
+        out.framebuffer.clear()
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        for source in sources:
+            self._pixels.set(
+                {
+                    **source.uniforms(eta),
+                    "t_position": gbuffer.position,
+                    "t_normal": gbuffer.normal,
+                    "u_eye": tuple(camera.eye),
+                    "u_strength": specular.strength,
+                    "u_shininess": specular.shininess,
+                }
+            )
+            self._triangle.render(vertices=3)
+
+
+@dataclass(frozen=True, eq=False)
+class PixelLight:
+    """Irradiance and highlight of every pixel, RGBA float textures, and the framebuffer that draws into them."""
+
+    irradiance: moderngl.Texture
+    specular: moderngl.Texture
+    framebuffer: moderngl.Framebuffer

@@ -1,0 +1,66 @@
+"""Layers on the GPU: grid coordinates of the surface samples, and the volume that pixels gather from."""
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.errors import InputError
+from core.layers import LayerGrid
+from viewer.buffers import SampleBuffers
+from viewer.gl import Program, checked, driver_name
+
+Float32 = npt.NDArray[np.float32]
+
+LLVMPIPE_TEXTURE_BYTES = 1 << 30  # Mesa's LP_MAX_TEXTURE_SIZE; OpenGL has no query for it
+
+
+class LayersPass:
+    """Moves the layers' data between the two sides."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "layers_samples.vert", varyings=("v_coordinates",))
+
+    def coordinates(self, buffers: SampleBuffers, grid: LayerGrid) -> Float32:
+        """Grid coordinates (u, v, layer) of the samples, view depth being the layer: (n, 3) float32."""
+        self._program.set({"u_world_to_grid": np.asarray(grid.world_to_grid)})
+        return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
+
+    def check_limits(self, grid: LayerGrid) -> None:
+        """Refuse layers that the GPU cannot hold, before anything is computed.
+
+        Raises
+        ------
+        InputError
+            The sentence names the largest resolution that fits.
+        """
+        side = int(self._context.info["GL_MAX_3D_TEXTURE_SIZE"])
+        largest = max(grid.width, grid.height)
+        fits = min(largest, side)
+        if "llvmpipe" in driver_name(self._context):
+            texels = LLVMPIPE_TEXTURE_BYTES / 16  # drivers keep RGB as RGBA
+            share = grid.n_layers * grid.width * grid.height / texels
+            fits = min(fits, int(largest / np.sqrt(max(1.0, share))))
+        if grid.n_layers > side:
+            raise InputError(
+                f"transport.layers = {grid.n_layers} exceeds this GPU's limit; the largest is {side}"
+            )
+        if fits < largest:
+            raise InputError(
+                f"transport.resolution = {largest} with {grid.n_layers} layers exceeds this GPU's texture size; "
+                f"the largest that fits is {fits}"
+            )
+
+    def volume(self, exitance: Float32) -> moderngl.Texture3D:
+        """Upload exitance (3, n_layers, height, width) as a 3-D texture, read trilinearly, clamped at its edges."""
+        _, n_layers, height, width = exitance.shape
+        values = np.ascontiguousarray(np.moveaxis(exitance, 0, -1))
+        what = f"{n_layers} layers of {width} x {height}"
+        texture = checked(
+            self._context,
+            lambda: self._context.texture3d((width, height, n_layers), 3, values, dtype="f4"),
+            what,
+        )
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+        return texture

@@ -1,0 +1,173 @@
+"""Options that `view` and `render` share, and the scene they describe: scene file < --set < named options."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from core.errors import InputError
+from viewer.declaration import Setting, nearest, settings_of
+from viewer.scene import Change, Scene, apply_set, changed
+from viewer.settings import LIGHT_KINDS, TABLES, DirectionalLight, Light, PointLight
+
+
+class Flag(NamedTuple):
+    """A named option for one key of the scene."""
+
+    option: str
+    table: str
+    key: str
+    panel: str
+
+    @property
+    def parameter(self) -> str:
+        """Name of the Python parameter."""
+        return self.option.removeprefix("--").replace("-", "_")
+
+    @property
+    def setting(self) -> Setting:
+        """Declaration of the key."""
+        return settings_of(TABLES[self.table])[self.key]
+
+
+FLAGS = (
+    Flag("--size-mm", "model", "size_mm", "Object"),
+    Flag("--up", "model", "up", "Object"),
+    Flag("--material", "material", "name", "Object"),
+    Flag("--transport", "transport", "method", "Transport"),
+    Flag("--layers", "transport", "layers", "Transport"),
+    Flag("--resolution", "transport", "resolution", "Transport"),
+    Flag("--error-target", "transport", "error_target", "Transport"),
+    Flag("--environment", "environment", "path", "Light"),
+    Flag("--environment-rotation", "environment", "rotation_deg", "Light"),
+    Flag("--environment-intensity", "environment", "intensity", "Light"),
+    Flag("--camera-azimuth", "camera", "azimuth_deg", "Camera"),
+    Flag("--camera-elevation", "camera", "elevation_deg", "Camera"),
+    Flag("--camera-view-angle", "camera", "view_angle_deg", "Camera"),
+    Flag("--camera-zoom", "camera", "zoom", "Camera"),
+    Flag("--orthographic", "camera", "orthographic", "Camera"),
+    Flag("--image-size", "display", "image_size", "Picture"),
+    Flag("--background", "display", "background", "Picture"),
+)
+_METAVARS = {"number": "NUMBER", "integer": "N", "text": "NAME", "path": "FILE"}
+
+
+def scene_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command all shared options; it receives the scene they describe as its first argument."""
+    own = list(inspect.signature(command).parameters.values())[1:]
+    shared = _parameters()
+
+    def with_scene(**values: Any) -> None:
+        scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared})
+        command(scene, **values)
+
+    with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *own]]
+    with_scene.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
+    with_scene.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return with_scene
+
+
+def scene_from_options(values: Mapping[str, Any]) -> Scene:
+    """Return the scene that option values by parameter name describe; None or empty means not given.
+
+    Raises
+    ------
+    InputError
+        Naming the option or the scene file's key, the problem and the fix.
+    """
+    scene = Scene.load(values["scene"]) if values["scene"] is not None else Scene()
+    # Two steps, so that --material wins over coefficients given by --set instead of meeting them.
+    scene = apply_set(scene, values["set"] or [])
+    changes = [
+        Change(flag.table, flag.key, _parsed(flag, values[flag.parameter]), flag.option)
+        for flag in FLAGS
+        if values[flag.parameter] is not None
+    ]
+    if values["model"] is not None:
+        if Path(values["model"]).suffix.lower() == ".toml":
+            raise InputError(f"{values['model']} is a scene file, not a model; write --scene before it")
+        changes.append(Change("model", "path", values["model"], "MODEL"))
+    if values["light"]:
+        changes.append(Change("lights", "", tuple(map(parse_light, values["light"])), "--light"))
+    return changed(scene, changes)
+
+
+def parse_light(text: str) -> Light:
+    """Return the light of "directional:x,y,z[:r,g,b]" or "point:x,y,z[:r,g,b]"."""
+    label = f"--light {text}"
+    kind, *vectors = text.split(":")
+    if kind not in LIGHT_KINDS:
+        raise InputError(f"{label}: unknown kind of light; {nearest(kind, LIGHT_KINDS)}")
+    if not 1 <= len(vectors) <= 2:
+        raise InputError(f"{label}: write {kind}:x,y,z or {kind}:x,y,z:r,g,b")
+    numbers = [_numbers(vector, ",", label, "write numbers as 0.4,0.5,1") for vector in vectors]
+    # Checked here already, with the option's name in the message.
+    keys = list(settings_of(LIGHT_KINDS[kind]).items())[: len(numbers)]
+    given = [
+        declared.checked(vector, f"{label}: {key}")
+        for (key, declared), vector in zip(keys, numbers, strict=True)
+    ]
+    return DirectionalLight(*given) if kind == DirectionalLight.KIND else PointLight(*given)
+
+
+def _parsed(flag: Flag, value: Any) -> Any:
+    """Return an option's text as its setting wants it; what is no number stays for the setting to refuse."""
+    if flag.setting.length is not None:
+        fix = "write WIDTHxHEIGHT such as 1024x768"
+        return _numbers(value.lower(), "x", f"{flag.option} {value}", fix, int)
+    kind = {"number": float, "integer": int}.get(flag.setting.kind)
+    try:
+        return value if kind is None else kind(value)
+    except ValueError:
+        return value
+
+
+def _numbers(text: str, separator: str, label: str, fix: str, kind: type = float) -> list[Any]:
+    try:
+        return [kind(part) for part in text.split(separator)]
+    except ValueError:
+        raise InputError(f"{label}: {text!r} is not a list of numbers; {fix}") from None
+
+
+def _parameters() -> list[inspect.Parameter]:
+    named = [_parameter(flag.parameter, *_declaration(flag)) for flag in FLAGS]
+    first_of_light = [flag.panel for flag in FLAGS].index("Light")  # help shows panels as they come
+    model = typer.Argument(metavar="MODEL", help="Mesh file; without one, the scene's or the sculpture.")
+    scene = typer.Option("--scene", metavar="FILE.toml", help="Scene file to start from.")
+    assign = typer.Option(
+        "--set", metavar="table.key=value", help="Change one key of the scene, as TOML; may be repeated."
+    )
+    light = typer.Option(
+        "--light", metavar="KIND:x,y,z[:r,g,b]", rich_help_panel="Light",
+        help="directional (towards the light, irradiance) or point (position in mm, intensity); "
+        "may be repeated, replaces the scene's lights.",
+    )  # fmt: skip
+    return [
+        _parameter("model", str, model),
+        _parameter("scene", str, scene),
+        _parameter("set", list[str], assign),
+        *named[:first_of_light],
+        _parameter("light", list[str], light),
+        *named[first_of_light:],
+    ]
+
+
+def _declaration(flag: Flag) -> tuple[type, Any]:
+    declared = flag.setting
+    is_vector = declared.length is not None
+    option = typer.Option(
+        flag.option,
+        metavar="WxH" if is_vector else _METAVARS.get(declared.kind),
+        help=declared.help(),
+        rich_help_panel=flag.panel,
+    )
+    return (bool if declared.kind == "boolean" else str), option
+
+
+def _parameter(name: str, kind: Any, option: Any) -> inspect.Parameter:
+    annotation = Annotated[kind | None, option]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)

@@ -1,0 +1,114 @@
+"""The finished frame: arrays of the picture and of what it is made of, and files of them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from viewer.composite_pass import Composite
+from viewer.gl import read_rgba
+from viewer.images import check_output, write_exr, write_png
+
+Float32 = npt.NDArray[np.float32]
+
+SUFFIXES = (".png", ".exr")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A frame on the GPU."""
+
+    composite: Composite
+    image: moderngl.Framebuffer
+    transparent: bool
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame as arrays, top row first; 0 where the object is not.
+
+    Attributes
+    ----------
+    radiance : (H, W, 3) float32
+        Linear RGB towards the eye, multiplied by coverage.
+    alpha : (H, W) float32
+        Coverage of the pixel by the object, [0, 1].
+    image : (H, W, 3) uint8, or (H, W, 4) where the background is transparent
+        Tone-mapped sRGB; alpha is not multiplied in.
+    position, normal : (H, W, 3) float32
+        World space (mm; unit), means over the covered part of the pixel.
+    irradiance, exitance : (H, W, 3) float32
+        E that enters and M that leaves, means over the covered part of the pixel.
+    subsurface, specular : (H, W, 3) float32
+        F_t M / pi and the highlights; they sum to `radiance`.
+    timings : dict
+        Stage -> ms, of the stages that ran.
+    warnings : tuple of str
+        What the model's flaws do to the picture.
+    """
+
+    radiance: Float32
+    alpha: Float32
+    image: npt.NDArray[np.uint8]
+    position: Float32
+    normal: Float32
+    irradiance: Float32
+    exitance: Float32
+    subsurface: Float32
+    specular: Float32
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+
+    def channels(self) -> dict[str, Float32]:
+        """EXR channel name -> (H, W) float32."""
+        planes = {name: self.radiance[..., i] for i, name in enumerate("RGB")}
+        planes["A"] = self.alpha
+        for layer, names in (("position", "XYZ"), ("normal", "XYZ")):
+            planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate(names)}
+        for layer in ("irradiance", "exitance", "subsurface", "specular"):
+            planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate("RGB")}
+        return planes
+
+    def save(self, path: str | Path) -> None:
+        """Write ``.png`` (tone-mapped) or ``.exr`` (linear, all channels), whole or not at all.
+
+        Raises
+        ------
+        InputError
+            For another suffix or a place that cannot be written.
+        """
+        check_output(path, SUFFIXES)
+        if Path(path).suffix.lower() == ".png":
+            write_png(path, self.image)
+        else:
+            write_exr(path, self.channels())
+
+
+def read_frame(picture: Picture, timings: dict[str, float]) -> Frame:
+    """Read a picture back from the GPU."""
+    planes = {name: read_rgba(texture) for name, texture in picture.composite.textures.items()}
+    alpha = planes["radiance"][..., 3]
+    # Sums over the samples that hit the object become their means.
+    coverage = np.where(alpha > 0.0, alpha, 1.0)[..., None]
+    for name in ("position", "normal", "irradiance", "exitance"):
+        planes[name][..., :3] /= coverage
+    normal = planes["normal"][..., :3]
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-6)
+    return Frame(
+        **{name: plane[..., :3] for name, plane in planes.items()},
+        alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1
+        image=read_image(picture),
+        timings=timings,
+        warnings=picture.warnings,
+    )
+
+
+def read_image(picture: Picture) -> npt.NDArray[np.uint8]:
+    """Read the tone-mapped image back: (H, W, 3 or 4) uint8, top row first."""
+    width, height = picture.image.size
+    components = 4 if picture.transparent else 3
+    data = picture.image.read(components=components, alignment=1)
+    return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, components)[::-1])

@@ -1,0 +1,281 @@
+"""The tables of a scene: frozen, hashable, checked when they are made. Lengths in mm, angles in degrees.
+
+Each class is one table of the scene file and each field one key. Changing a value means making a new
+table: ``dataclasses.replace(scene.camera, zoom=2.0)``.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+from core import materials
+from core.errors import InputError
+from viewer.declaration import check_fields, setting
+
+# A setting reads as a paragraph: its value and range, then its reason.
+# fmt: off
+# ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
+
+Vector = tuple[float, float, float]
+BUILTINS = ("sculpture",)
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What is drawn. Neither a path nor a builtin given means the builtin sculpture."""
+
+    TABLE: ClassVar[str] = "model"
+
+    path: Path | None = setting(
+        "path", None, optional=True, why="mesh file; instead of builtin"
+    )
+    builtin: str | None = setting(
+        "text", None, optional=True, choices=BUILTINS, default_text="sculpture",
+        why="a shape that needs no file; instead of path"
+    )
+    size_mm: float = setting(
+        "number", 100.0, unit="mm", low=1e-3, high=1e6,
+        why="longest side of the model; a hand-sized object, since translucency depends on size"
+    )
+    up: str = setting(
+        "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
+        why="axis of the file that points up; most scans use y"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+        if self.path is not None and self.builtin is not None:
+            raise InputError("model.path and model.builtin are both given; keep one of them")
+
+    @property
+    def builtin_name(self) -> str | None:
+        """Name of the builtin shape in use, None where a file is."""
+        return (self.builtin or BUILTINS[0]) if self.path is None else None
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """Where the picture is taken from: orbit angles about a target; zoom 1 frames the bounding sphere."""
+
+    TABLE: ClassVar[str] = "camera"
+
+    azimuth_deg: float = setting(
+        "number", 30.0, unit="deg", low=-360, high=360,
+        why="turn about the up axis, 0 looks along -z; a three-quarter view"
+    )
+    elevation_deg: float = setting(
+        "number", 10.0, unit="deg", low=-90, high=90, why="height of the view; slightly from above"
+    )
+    roll_deg: float = setting(
+        "number", 0.0, unit="deg", low=-360, high=360, why="turn about the line of sight"
+    )
+    view_angle_deg: float = setting(
+        "number", 35.0, unit="deg", low=1, high=120,
+        why="full vertical view angle; a portrait lens, little distortion"
+    )
+    zoom: float = setting(
+        "number", 1.0, low=0.01, high=100, why="magnification; 1 frames the bounding sphere"
+    )
+    orthographic: bool = setting("boolean", False, why="parallel projection instead of perspective")
+    target_mm: Vector = setting(
+        "number", (0.0, 0.0, 0.0), unit="mm", length=3, low=-1e6, high=1e6,
+        why="point the camera orbits and looks at; the model is centred at 0"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class MaterialSettings:
+    """A material of the library by name, or coefficients of one's own."""
+
+    TABLE: ClassVar[str] = "material"
+    DEFAULT_ETA: ClassVar[float] = 1.5
+
+    name: str | None = setting(
+        "text", None, optional=True, default_text="marble",
+        why="material of the library (`milkglass materials`), however spaced and capitalised"
+    )
+    sigma_s_prime: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
+    )
+    sigma_a: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
+    )
+    eta: float | None = setting(
+        "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
+        default_text="of the named material, else 1.5", why="relative index of refraction"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+        given = [key for key in ("sigma_s_prime", "sigma_a") if getattr(self, key) is not None]
+        if self.name is not None and given:
+            raise InputError(f"material.name and material.{given[0]} are both given; keep one of them")
+        if self.name is None and not given:
+            raise InputError("material has neither name nor sigma_s_prime and sigma_a; give one of them")
+        if len(given) == 1:
+            missing = "sigma_a" if given == ["sigma_s_prime"] else "sigma_s_prime"
+            raise InputError(f"material.{given[0]} is given without material.{missing}; add it")
+        if self.name is not None:
+            object.__setattr__(self, "name", materials.lookup(self.name).name)
+
+    def resolve(self) -> materials.Material:
+        """Return the material these settings describe."""
+        if self.name is not None:
+            found = materials.lookup(self.name)
+            return found if self.eta is None else replace(found, eta=self.eta)
+        assert self.sigma_s_prime is not None  # __post_init__
+        assert self.sigma_a is not None
+        eta = self.DEFAULT_ETA if self.eta is None else self.eta
+        return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
+
+
+@dataclass(frozen=True)
+class SpecularSettings:
+    """Phong highlights, added after the subsurface light."""
+
+    TABLE: ClassVar[str] = "specular"
+
+    strength: float = setting(
+        "number", 0.3, low=0, high=100, why="brightness of highlights; 0 turns them off"
+    )
+    shininess: float = setting(
+        "number", 80.0, low=1, high=1e5, why="Phong exponent: higher is a smaller highlight"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class DirectionalLight:
+    """A distant light."""
+
+    TABLE: ClassVar[str] = "lights"
+    KIND: ClassVar[str] = "directional"
+
+    direction: Vector = setting(
+        "number", length=3, low=-1e6, high=1e6, nonzero=True,
+        why="towards the light, in world space; any length"
+    )
+    irradiance: Vector = setting(
+        "number", (3.0, 3.0, 3.0), length=3, low=0, high=1e9,
+        why="R, G, B irradiance at normal incidence; about pi makes a white surface radiance 1"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """A near light: E = I cos / d^2."""
+
+    TABLE: ClassVar[str] = "lights"
+    KIND: ClassVar[str] = "point"
+
+    position_mm: Vector = setting(
+        "number", unit="mm", length=3, low=-1e9, high=1e9, why="place in world space"
+    )
+    intensity: Vector = setting(
+        "number", (1.2e5, 1.2e5, 1.2e5), length=3, low=0, high=1e15,
+        why="R, G, B radiant intensity; the default gives irradiance 3 at 200 mm"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+Light = DirectionalLight | PointLight
+LIGHT_KINDS: dict[str, type[DirectionalLight] | type[PointLight]] = {
+    light.KIND: light for light in (DirectionalLight, PointLight)
+}
+# Lit from behind first: what shines through is what tells a translucent object from a painted one.
+DEFAULT_LIGHTS: tuple[Light, ...] = (
+    DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
+    DirectionalLight((0.95, 0.45, 0.1), (1.2, 1.3, 1.5)),
+)
+
+
+@dataclass(frozen=True)
+class EnvironmentSettings:
+    """Light from all around; path None means none."""
+
+    TABLE: ClassVar[str] = "environment"
+
+    path: Path | None = setting(
+        "path", None, optional=True, why="light probe, .hdr or .exr"
+    )
+    rotation_deg: float = setting(
+        "number", 0.0, unit="deg", low=-360, high=360, why="turn of the probe about the up axis"
+    )
+    intensity: float = setting(
+        "number", 1.0, low=0, high=1e6, why="factor on the probe's radiance"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class TransportSettings:
+    """How light travels inside the object."""
+
+    TABLE: ClassVar[str] = "transport"
+
+    method: str = setting(
+        "text", "layered", choices=("layered", "ewald", "diffusion"), unavailable=("ewald", "diffusion"),
+        why="layered: parallel layers convolved by FFT; ewald and diffusion are not available yet"
+    )
+    layers: int = setting(
+        "integer", 8, low=1, high=128, why="layers over the object's depth; the eye asks for 4 to 8"
+    )
+    resolution: int = setting(
+        "integer", 128, unit="texels", low=16, high=1024,
+        why="texels along the longer side of a layer; interactive on two cores"
+    )
+    error_target: float | None = setting(
+        "number", None, optional=True, low=1e-4, high=1,
+        not_yet="leave it out and choose layers and resolution",
+        why="wanted relative error; not available yet"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class DisplaySettings:
+    """The picture: photographic tone reproduction (Reinhard et al. 2002), then sRGB."""
+
+    TABLE: ClassVar[str] = "display"
+
+    image_size: tuple[int, int] = setting(
+        "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, why="width and height"
+    )
+    key: float = setting(
+        "number", 0.18, low=1e-4, high=100, why="exposure: where the average lands; 0.18 is middle grey"
+    )
+    white: float = setting(
+        "number", 3.0, low=1e-2, high=1e6, why="scaled luminance that becomes pure white"
+    )
+    background: str = setting(
+        "text", "black", choices=("black", "transparent", "environment"),
+        pattern="#[0-9a-fA-F]{6}", pattern_name="#rrggbb", why="what shows behind the object"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+TABLES = {
+    table.TABLE: table
+    for table in (
+        ModelSettings, CameraSettings, MaterialSettings, SpecularSettings, EnvironmentSettings,
+        TransportSettings, DisplaySettings
+    )
+}
