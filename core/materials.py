@@ -63,9 +63,7 @@ class Material:
             checked = _checked_coefficient(getattr(self, field), f"{self.name}: {field}")
             object.__setattr__(self, field, checked)
         if not _is_number(self.eta) or not MIN_ETA <= self.eta <= MAX_ETA:
-            raise InputError(
-                f"{self.name}: eta must be a number from {MIN_ETA:g} to {MAX_ETA:g}, not {self.eta!r}"
-            )
+            raise InputError(f"{self.name}: eta must be a number from {MIN_ETA:g} to {MAX_ETA:g}, not {self.eta!r}")
         object.__setattr__(self, "eta", float(self.eta))
 
     @property
@@ -169,9 +167,7 @@ def _is_number(value: object) -> bool:
 
 def _checked_coefficient(value: object, label: str) -> tuple[float, float, float]:
     elements = list(value) if isinstance(value, tuple | list | np.ndarray) else []
-    if len(elements) != 3 or not all(
-        _is_number(element) and 0.0 <= element <= MAX_COEFFICIENT for element in elements
-    ):
+    if len(elements) != 3 or not all(_is_number(element) and 0.0 <= element <= MAX_COEFFICIENT for element in elements):
         raise InputError(f"{label} must be 3 numbers from 0 to {MAX_COEFFICIENT:g} (1/mm), not {value!r}")
     r, g, b = (float(element) for element in elements)
     return r, g, b

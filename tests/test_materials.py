@@ -111,7 +111,7 @@ def test_bad_coefficients_are_refused(key, value):
 
 @pytest.mark.parametrize("eta", [0.99, 3.01, math.nan, math.inf, "1.3", None, True, -1.3])
 def test_bad_eta_is_refused(eta):
-    with pytest.raises(InputError, match="^m: eta must be a number from 1 to 3"):
+    with pytest.raises(InputError, match=r"^m: eta must be a number from 1 to 3"):
         make(eta=eta)
 
 

@@ -1,21 +1,16 @@
 import dataclasses
 import math
 import os
-import pickle
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from core import materials
 from core.errors import InputError
-from viewer.declaration import settings_of
 from viewer.scene import Scene, apply_set
 from viewer.settings import (
     DEFAULT_LIGHTS,
-    LIGHT_KINDS,
-    TABLES,
     CameraSettings,
     DirectionalLight,
     DisplaySettings,
@@ -26,7 +21,6 @@ from viewer.settings import (
     SpecularSettings,
     TransportSettings,
 )
-from viewer.settings_docs import settings_markdown
 
 EXAMPLE = """
 [model]
@@ -165,13 +159,10 @@ def test_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(InputError, match=r"s\.toml: cannot write the scene file \(No space left on device\)"):
+    with pytest.raises(InputError, match=r"s\.toml: cannot write the scene file \(No space left"):
         Scene(lights=()).save(path)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["s.toml"]
-
-
-def test_save_into_a_missing_folder(tmp_path):
     with pytest.raises(InputError, match="cannot write the scene file"):
         Scene().save(tmp_path / "no" / "s.toml")
 
@@ -181,7 +172,6 @@ BAD_FILES = [
     ("zoom = 1.0", 'unknown table "zoom"; known are model, camera'),
     ("[camera]\nzom = 1.0", 'unknown key camera."zom"; did you mean "zoom"?'),
     ("camera = 3", "camera must be a table; write [camera]"),
-    ("[[camera]]\nzoom = 1.0", "camera must be a table"),
     ("[camera]\nzoom = 'big'", 'camera.zoom must be a number from 0.01 to 100, not "big"'),
     ("[camera]\nzoom = 0", "camera.zoom must be a number from 0.01 to 100, not 0"),
     ("[camera]\nzoom = nan", "camera.zoom must be a number from 0.01 to 100, not nan"),
@@ -219,13 +209,13 @@ BAD_FILES = [
     ("[transport]\nerror_target = 0.02", "transport.error_target is not available yet; leave it out"),
     ("[transport]\nlayers = 8.0", "transport.layers must be a whole number from 1 to 128, not 8.0"),
     ("[transport]\nlayers = 129", "transport.layers must be a whole number from 1 to 128, not 129"),
-    ("[transport]\nresolution = 15", "transport.resolution must be a whole number from 16 to 1024, not 15"),
     ("[display]\nimage_size = [15, 16]", "display.image_size must be 2 whole numbers from 16 to 16384, not [15, 16]"),
-    ("[display]\nimage_size = [64]", "display.image_size must be 2 whole numbers"),
     ("[display]\nbackground = '#12345'", 'display.background must be one of "black"'),
     ("[display]\nbackground = 'environment'", 'display.background is "environment" but there is none'),
     ("[environment]\nintensity = -1", "environment.intensity must be a number from 0 to 1e6, not -1"),
     ("[camera\n", "not a TOML file (Expected"),
+    (f"[display]\nkey = 0x{'f' * 5000}", "display.key must be a number from 0.0001 to 100, not a number of thous"),
+    (f"[display]\nkey = {'9' * 5000}", "not a TOML file (Exceeds the limit"),
     ("a = 2020-01-01\n", 'unknown table "a"'),
     ("[display]\nkey = 2020-01-01", "display.key must be a number from 0.0001 to 100, not 2020-01-01"),
 ]  # fmt: skip
@@ -251,46 +241,6 @@ def test_unreadable_files(tmp_path):
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     with pytest.raises(InputError, match=r"deep\.toml: not a TOML file"):
         Scene.load(tmp_path / "deep.toml")
-
-
-@pytest.mark.parametrize(
-    ("make", "expected"),
-    [
-        (lambda: CameraSettings(zoom=0.0), "camera.zoom must be"),
-        (lambda: dataclasses.replace(CameraSettings(), target_mm=(0.0, math.nan, 0.0)), "camera.target_mm must be"),
-        (lambda: DirectionalLight((0.0, 0.0, 0.0)), "lights.direction must not be the zero vector"),
-        (lambda: PointLight(None), "lights.position_mm must be 3 numbers"),
-        (lambda: MaterialSettings(), "material has neither"),
-        (lambda: TransportSettings(layers=None), "transport.layers must be a whole number"),
-        (lambda: TransportSettings(layers=10**400), "transport.layers must be a whole number"),
-        (lambda: SpecularSettings(strength=10**400), "specular.strength must be a number"),
-        (lambda: Scene(camera=3), "camera must be a CameraSettings, not a int"),
-        (lambda: Scene(lights=(3,)), "lights must be a tuple of DirectionalLight and PointLight"),
-        (lambda: Scene(lights=DirectionalLight((0.0, 1.0, 0.0))), "lights must be a tuple"),
-        (lambda: ModelSettings(path="a\0b"), "model.path must be a file name"),
-    ],
-)
-def test_python_values_are_checked(make, expected):
-    with pytest.raises(InputError) as caught:
-        make()
-    assert str(caught.value).startswith(expected)
-
-
-def test_numpy_values_and_lists_are_stored_as_plain_tuples():
-    camera = CameraSettings(zoom=np.float32(2.0), target_mm=np.array([1, 2, 3]))
-    assert camera == CameraSettings(zoom=2.0, target_mm=(1.0, 2.0, 3.0))
-    assert type(camera.zoom) is float
-    assert {type(x) for x in camera.target_mm} == {float}
-    assert type(TransportSettings(layers=np.int64(4)).layers) is int
-    scene = Scene(camera=camera, lights=[DirectionalLight([0, 1, 0])])
-    assert hash(scene) == hash(pickle.loads(pickle.dumps(scene)))
-
-
-def test_material_by_coefficients():
-    own = MaterialSettings(sigma_s_prime=(1.0, 2.0, 3.0), sigma_a=(0.1, 0.2, 0.3)).resolve()
-    assert (own.sigma_s_prime, own.sigma_a, own.eta) == ((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 1.5)
-    assert MaterialSettings(name="skim_MILK").name == "Skimmilk"
-    assert MaterialSettings(name="jade", eta=1.4).resolve().eta == 1.4
 
 
 @pytest.mark.parametrize(
@@ -346,21 +296,3 @@ def test_bad_set(assignment, expected):
     with pytest.raises(InputError) as caught:
         apply_set(Scene(), [assignment])
     assert str(caught.value).startswith(expected)
-
-
-def test_table_of_keys_has_every_key_once():
-    lines = settings_markdown().splitlines()
-    keys = [line.split("`")[1].split()[0] for line in lines[2:]]
-    tables = [*TABLES.items(), *(("lights", light) for light in LIGHT_KINDS.values())]
-    assert keys == [f"{name}.{key}" for name, table in tables for key in settings_of(table)]
-    assert {line.count("|") for line in lines} == {6}
-    assert "| `camera.zoom` | 1.0 |  | a number from 0.01 to 100 |" in settings_markdown()
-
-
-def test_every_field_is_declared_and_its_default_is_valid():
-    for table in (*TABLES.values(), *LIGHT_KINDS.values()):
-        assert [field.name for field in dataclasses.fields(table)] == list(settings_of(table))
-        for field in dataclasses.fields(table):
-            if field.default is not dataclasses.MISSING and field.default is not None:
-                assert settings_of(table)[field.name].checked(field.default, "x") == field.default
-            assert settings_of(table)[field.name].why

@@ -68,9 +68,7 @@ def default(
 def view(scene: Scene) -> None:
     """Show a model in a window."""
     if not has_display():
-        raise InputError(
-            "there is no display for a window; write a picture with `milkglass render --output FILE`"
-        )
+        raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
     _run_window(scene)
 
 
@@ -108,9 +106,7 @@ def render(
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
-    output: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Folder for the table and the plot.")
-    ] = None,
+    output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for the table and the plot.")] = None,
 ) -> None:
     """Measure speed against error, and write a table and a plot."""
     from viewer import bench as benchmark

@@ -93,7 +93,7 @@ class Setting:
 
     def _in_range(self, number: float) -> bool:
         return (
-            math.isfinite(number)
+            abs(number) < math.inf  # not isfinite: it cannot take integers beyond 1e308
             and (self.low is None or number >= self.low)
             and (self.high is None or number <= self.high)
         )
@@ -181,7 +181,10 @@ def shown(value: object) -> str:
         return "nothing"
     if isinstance(value, bool):
         return str(value).lower()
-    text = f'"{value}"' if isinstance(value, str | Path) else str(value)
+    try:
+        text = f'"{value}"' if isinstance(value, str | Path) else str(value)
+    except ValueError:  # Python prints no integer of more than 4300 digits
+        text = "a number of thousands of digits"
     text = "".join(character if character.isprintable() else " " for character in text)
     return text if len(text) <= 60 else text[:57] + "..."
 

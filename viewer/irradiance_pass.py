@@ -66,13 +66,9 @@ def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSourc
     return LightSource(POINT, light.position_mm, light.intensity, shadow, table, np.eye(3))
 
 
-def surround(
-    table: moderngl.Texture, rotation_deg: float, intensity: float, no_shadow: ShadowMap
-) -> LightSource:
+def surround(table: moderngl.Texture, rotation_deg: float, intensity: float, no_shadow: ShadowMap) -> LightSource:
     """Make an environment's source from its irradiance table."""
-    return LightSource(
-        ENVIRONMENT, (0.0, 0.0, 0.0), (intensity,) * 3, no_shadow, table, world_to_probe(rotation_deg)
-    )
+    return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), (intensity,) * 3, no_shadow, table, world_to_probe(rotation_deg))
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
@@ -81,27 +77,33 @@ def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
     return np.asarray(matrix33.create_from_y_rotation(np.radians(rotation_deg), dtype=np.float64))
 
 
-class IrradiancePass:
-    """Runs irradiance.glsl over samples and pixels."""
+class SampleIrradiancePass:
+    """Runs irradiance.glsl over the surface samples."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._program = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
+
+    def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
+        """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
+        self._program.set(source.uniforms(eta))
+        return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
+
+
+class PixelIrradiancePass:
+    """Runs irradiance.glsl over the G-buffer."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._samples = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
-        self._pixels = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
-        self._triangle = context.vertex_array(self._pixels.program, [])
-
-    def of_samples(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
-        """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
-        self._samples.set(source.uniforms(eta))
-        return np.frombuffer(buffers.transform(self._samples), np.float32).reshape(-1, 3)
+        self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
+        self._triangle = context.vertex_array(self._program.program, [])
 
     def targets(self, size: tuple[int, int]) -> "PixelLight":
-        """Allocate what `of_pixels` fills."""
+        """Allocate what `run` fills."""
         irradiance, specular = float_targets(self._context, size, 2)
         framebuffer = self._context.framebuffer([irradiance, specular])
         return PixelLight(irradiance, specular, framebuffer)
 
-    def of_pixels(
+    def run(
         self,
         gbuffer: GBuffer,
         sources: Sequence[LightSource],
@@ -116,7 +118,7 @@ class IrradiancePass:
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         for source in sources:
-            self._pixels.set(
+            self._program.set(
                 {
                     **source.uniforms(eta),
                     "t_position": gbuffer.position,

@@ -107,10 +107,7 @@ def parse_light(text: str) -> Light:
     numbers = [_numbers(vector, ",", label, "write numbers as 0.4,0.5,1") for vector in vectors]
     # Checked here already, with the option's name in the message.
     keys = list(settings_of(LIGHT_KINDS[kind]).items())[: len(numbers)]
-    given = [
-        declared.checked(vector, f"{label}: {key}")
-        for (key, declared), vector in zip(keys, numbers, strict=True)
-    ]
+    given = [declared.checked(vector, f"{label}: {key}") for (key, declared), vector in zip(keys, numbers, strict=True)]
     return DirectionalLight(*given) if kind == DirectionalLight.KIND else PointLight(*given)
 
 

@@ -91,12 +91,13 @@ def read_frame(picture: Picture, timings: dict[str, float]) -> Frame:
     """Read a picture back from the GPU."""
     planes = {name: read_rgba(texture) for name, texture in picture.composite.textures.items()}
     alpha = planes["radiance"][..., 3]
-    # Sums over the samples that hit the object become their means.
-    coverage = np.where(alpha > 0.0, alpha, 1.0)[..., None]
+    # Sums over the samples that hit the object become their means; most pixels are hit by all or none.
+    edge = (alpha > 0.0) & (alpha < 1.0)
     for name in ("position", "normal", "irradiance", "exitance"):
-        planes[name][..., :3] /= coverage
-    normal = planes["normal"][..., :3]
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-6)
+        planes[name][edge] /= alpha[edge, None]
+    hit = alpha > 0.0
+    normals = planes["normal"][hit]
+    planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals[:, :3], axis=1, keepdims=True), 1e-6)
     return Frame(
         **{name: plane[..., :3] for name, plane in planes.items()},
         alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1

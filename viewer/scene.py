@@ -100,7 +100,7 @@ class Scene:
             document = tomllib.loads(path.read_bytes().decode("utf-8"))
         except OSError as error:
             raise InputError(f"{path}: cannot read the scene file ({error.strerror or error})") from error
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, numbers of thousands of digits
             raise InputError(f"{path}: not a TOML file ({_one_line(error)})") from error
         try:
             return _from_document(document, path.parent)
@@ -180,7 +180,7 @@ def _parse_assignment(assignment: str) -> Change:
 def _toml_value(text: str) -> Any:
     try:
         document = tomllib.loads(f"value = {text}")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return text
     return document["value"] if document.keys() == {"value"} else text
 

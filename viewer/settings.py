@@ -197,7 +197,7 @@ LIGHT_KINDS: dict[str, type[DirectionalLight] | type[PointLight]] = {
 # Lit from behind first: what shines through is what tells a translucent object from a painted one.
 DEFAULT_LIGHTS: tuple[Light, ...] = (
     DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
-    DirectionalLight((0.95, 0.45, 0.1), (1.2, 1.3, 1.5)),
+    DirectionalLight((0.95, 0.45, 0.1), (1.9, 1.85, 1.8)),
 )
 
 

@@ -1,0 +1,107 @@
+"""The float64 reference: equation (1) summed directly over the surface, visibility by casting rays.
+
+Independent of the fast path: it shares the profile's radial function and nothing else.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from core import fresnel
+from core.mesh import Mesh
+from core.spectra import Profile
+
+Array = npt.NDArray[np.float64]
+
+RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
+_BLOCK = 1 << 21  # pairs (point, source) at a time: 16 MB an array
+
+
+def direct_exitance(
+    points: npt.ArrayLike,
+    sources: npt.ArrayLike,
+    flux: npt.ArrayLike,
+    profiles: Sequence[Profile],
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Equation (1): M(x) = sum over the sources of R_d(|x - y|) Phi(y).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Where exitance is wanted, mm.
+    sources : (m, 3) array
+        Points that cover the whole surface densely against the mean free path, mm.
+    flux : (m, 3) array
+        E dA of each source and channel.
+    profiles : R, G and B
+    progress : callable, optional
+        Called with the finished share, in [0, 1].
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    points, sources = np.asarray(points, np.float64), np.asarray(sources, np.float64)
+    flux = np.asarray(flux, np.float64)
+    lit = flux.any(axis=1)
+    sources, flux = sources[lit], flux[lit]
+    out = np.zeros((len(points), 3))
+    step = max(1, _BLOCK // max(1, len(sources)))
+    for start in range(0, len(points), step):
+        block = points[start : start + step]
+        rho = np.linalg.norm(block[:, None] - sources, axis=-1)
+        for channel, profile in enumerate(profiles):
+            if not profile.is_black:
+                out[start : start + step, channel] = profile.radial(rho) @ flux[:, channel]
+        if progress is not None:
+            progress(min(1.0, (start + step) / len(points)))
+    return out
+
+
+class Occluder:
+    """A mesh that rays are cast against."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._scene = EmbreeScene()
+        TriangleMesh(scene=self._scene, vertices=mesh.vertices, indices=mesh.faces)
+        self._offset = RAY_OFFSET * mesh.radius
+
+    def visible(self, points: npt.ArrayLike, normals: npt.ArrayLike, directions: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether rays from points (n, 3) just off the surface leave the mesh; directions (n, 3) or (3,)."""
+        points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
+        directions = np.broadcast_to(np.asarray(directions, np.float64), points.shape)
+        origins = (points + self._offset * normals).astype(np.float32)
+        hits = self._scene.run(origins, np.ascontiguousarray(directions, np.float32))
+        return np.asarray(hits < 0)
+
+    def irradiance(
+        self,
+        points: npt.ArrayLike,
+        normals: npt.ArrayLike,
+        face_normals: npt.ArrayLike,
+        direction: npt.ArrayLike,
+        irradiance: npt.ArrayLike,
+        eta: float,
+    ) -> Array:
+        """E of a directional light, (2): (n, 3) float64.
+
+        Parameters
+        ----------
+        points, normals : (n, 3) arrays
+            Surface points and shading normals.
+        face_normals : (n, 3) array
+            Of the faces they lie on: rays start on their outer side.
+        direction : (3,) array
+            Towards the light, any length.
+        irradiance : (3,) array
+            At normal incidence.
+        eta : float
+        """
+        towards = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+        cosine = np.maximum(0.0, np.asarray(normals, np.float64) @ towards)
+        entering = fresnel.transmittance(eta, cosine) * cosine * self.visible(points, face_normals, towards)
+        return np.asarray(entering[:, None] * np.asarray(irradiance, np.float64))

@@ -1,0 +1,185 @@
+"""First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.dipole import dipoles
+from core.environment import Probe, irradiance_table
+from core.layers import LayerGrid
+from core.mesh import Mesh
+from core.samples import SurfaceSamples, surface_samples
+from core.stages import Stages
+from core.transport import LayeredTransport, Profiles, Transport
+from viewer.buffers import MeshBuffers, SampleBuffers
+from viewer.camera import Camera, place_camera
+from viewer.gl import latlong_texture
+from viewer.images import read_radiance
+from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
+from viewer.layers_pass import LayersPass
+from viewer.model import builtin_model, load_model
+from viewer.scene import Scene
+from viewer.settings import EnvironmentSettings, Light, ModelSettings
+from viewer.shadows_pass import ShadowsPass
+
+Float32 = npt.NDArray[np.float32]
+Progress = Callable[[str], None]
+
+SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A loaded mesh, on both sides."""
+
+    mesh: Mesh
+    buffers: MeshBuffers
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The samples of a mesh, on both sides."""
+
+    samples: SurfaceSamples
+    buffers: SampleBuffers
+
+
+@dataclass(frozen=True, eq=False)
+class LitScene:
+    """A scene ready for transport, which needs no OpenGL, and for shading.
+
+    Attributes
+    ----------
+    model, camera
+    sources : lights with their shadow maps
+    eta : float
+    transport, grid, profiles
+    coordinates : (n, 3) float32
+        Grid coordinates of the samples.
+    flux : (n, 3) float32
+        E dA of the samples, all lights.
+    """
+
+    model: Model
+    camera: Camera
+    sources: tuple[LightSource, ...]
+    eta: float
+    transport: Transport
+    grid: LayerGrid
+    profiles: Profiles
+    coordinates: Float32
+    flux: Float32
+
+
+class Lighting:
+    """Lights scenes in one OpenGL context; every stage runs only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, effort: str) -> None:
+        self._context = context
+        self._run = stages.run
+        self._effort = effort
+        self._shadows = ShadowsPass(context)
+        self._irradiance = SampleIrradiancePass(context)
+        self._layers = LayersPass(context)
+        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+
+    def light(self, scene: Scene, say: Progress) -> LitScene:
+        """Run the first half of the pipeline; `say` is told as each long step begins."""
+        run, settings, material = self._run, scene.transport, scene.material.resolve()
+
+        say("loading the model")
+        model = run("model", [scene.model], lambda: self._load(scene.model))
+        camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
+        transport = run(
+            "transport",
+            [settings],
+            lambda: LayeredTransport(settings.layers, settings.resolution, effort=self._effort),
+        )
+        grid = transport.grid(model.mesh, camera.rotation)
+        self._layers.check_limits(grid)
+
+        say("sampling the surface")
+        spacing = SAMPLE_EDGE * float(np.ptp(model.mesh.bounds, axis=0).max()) / (settings.resolution - 1)
+        surface = run("samples", [model, spacing], lambda: self._sample(model.mesh, spacing))
+
+        say("casting shadows")
+        sources = (*self._lamps(scene, model), *self._surround(scene.environment, material.eta))
+
+        say("lighting the surface")
+        flux = self._flux(surface, sources, material.eta)
+        coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
+        profiles = dipoles(material)
+        return LitScene(model, camera, sources, material.eta, transport, grid, profiles, coordinates, flux)
+
+    def volume(self, exitance: Float32) -> moderngl.Texture3D:
+        """Upload the result of transport."""
+        return self._run("layer volume", [exitance], lambda: self._layers.volume(exitance))
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Read the light probe of an environment that has one."""
+        path = environment.path
+        assert path is not None
+        return self._run("probe", [path], lambda: Probe.from_pixels(read_radiance(path)))
+
+    def _load(self, settings: ModelSettings) -> Model:
+        if settings.path is None:
+            mesh, warning = builtin_model(settings.size_mm, settings.up), None
+        else:
+            mesh, warning = load_model(settings.path, settings.size_mm, settings.up)
+        return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
+
+    def _sample(self, mesh: Mesh, spacing: float) -> Surface:
+        samples = surface_samples(mesh, spacing)
+        return Surface(samples, SampleBuffers(self._context, samples))
+
+    def _lamps(self, scene: Scene, model: Model) -> list[LightSource]:
+        """Directional and point lights, each with its shadow map."""
+
+        def cast(light: Light) -> LightSource:
+            shadow = self._shadows.render(model.buffers, model.mesh, light)
+            return lamp(light, shadow, self._no_probe)
+
+        return [
+            self._run(f"shadow of light {i}", [model, light], lambda light=light: cast(light))  # type: ignore[misc]
+            for i, light in enumerate(scene.effective_lights(), start=1)
+        ]
+
+    def _surround(self, environment: EnvironmentSettings, eta: float) -> list[LightSource]:
+        """Return the environment's light, if there is one."""
+        if environment.path is None:
+            return []
+        probe = self.probe(environment)
+        table = self._run(
+            "environment table",
+            [probe, eta],
+            lambda: latlong_texture(self._context, irradiance_table(probe.sh, eta)),
+        )
+        source = self._run(
+            "environment light",
+            [table, environment],
+            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none),
+        )
+        return [source]
+
+    def _flux(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> Float32:
+        """Power that enters at each sample, E dA of all lights: (n, 3) float32."""
+        each = [
+            self._run(
+                f"irradiance of light {i}",
+                [surface, source, eta],
+                lambda source=source: self._irradiance.run(surface.buffers, source, eta),  # type: ignore[misc]
+            )
+            for i, source in enumerate(sources, start=1)
+        ]
+
+        def total() -> Float32:
+            irradiance = np.zeros((len(surface.samples), 3), np.float32)
+            for part in each:
+                irradiance += part
+            return irradiance * surface.samples.areas[:, None]
+
+        return self._run("flux", [surface, *each], total)

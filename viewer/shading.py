@@ -1,0 +1,98 @@
+"""Second half of the pipeline, from the layer volume to the picture: G-buffer, composite, tone map."""
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from core.stages import Stages
+from viewer.camera import jittered
+from viewer.composite_pass import Composite, CompositePass, Gather
+from viewer.gbuffer_pass import GBufferPass
+from viewer.gl import checked, latlong_texture
+from viewer.irradiance_pass import PixelIrradiancePass
+from viewer.lighting import Lighting, LitScene
+from viewer.picture import Picture
+from viewer.scene import Scene
+from viewer.tonemap_pass import Background, TonemapPass
+
+Offsets = tuple[tuple[float, float], ...]
+
+
+class Shading:
+    """Draws lit scenes in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages) -> None:
+        self._context = context
+        self._run = stages.run
+        self._gbuffer = GBufferPass(context)
+        self._irradiance = PixelIrradiancePass(context)
+        self._composite = CompositePass(context)
+        self._tonemap = TonemapPass(context)
+        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+
+    def shade(
+        self, scene: Scene, lit: LitScene, gather: Gather, lighting: Lighting, offsets: Offsets, parts: bool
+    ) -> Picture:
+        """Draw a scene seen through its camera.
+
+        Parameters
+        ----------
+        scene, lit
+        gather : Gather
+            The layer volume to read, which may be an older one: exitance does not depend on the camera.
+        lighting : Lighting
+            Where the probe behind the object comes from.
+        offsets : from `viewer.camera.pixel_offsets`
+            Samples of a pixel.
+        parts : bool
+            Whether to keep what radiance is made of.
+        """
+        display = scene.display
+        composite = self._pixels(scene, lit, gather, offsets, parts)
+        radiance = composite.textures["radiance"]
+        average = self._run("exposure", [composite], lambda: self._tonemap.log_average(radiance))
+        background = self._background(scene, lighting)
+        image = self._run("image", [display.image_size], lambda: self._image(display.image_size))
+        self._run(
+            "tone map",
+            [composite, average, display, scene.environment, scene.camera, image],
+            lambda: self._tonemap.render(radiance, average, display, background, lit.camera, image),
+        )
+        return Picture(composite, image, display.background == "transparent", lit.model.warnings)
+
+    def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> Composite:
+        """Shade every pixel once a sample."""
+        run, size, camera = self._run, scene.display.image_size, lit.camera
+        gbuffer = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
+        light = run("light targets", [size], lambda: self._irradiance.targets(size))
+        targets = run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
+
+        def shade() -> Composite:
+            targets.framebuffer.clear()
+            for offset in offsets:
+                clip = jittered(camera, offset, size)
+                run(
+                    "gbuffer",
+                    [lit.model, gbuffer, clip.tobytes()],
+                    lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer),  # noqa: B023 (runs at once)
+                )
+                self._irradiance.run(gbuffer, lit.sources, lit.eta, scene.specular, camera, light)
+                self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
+            return replace(targets)  # the same textures, but a new object: what follows knows that they changed
+
+        depends_on = [lit.model, scene.camera, size, *lit.sources, gather.volume, gather.eta, scene.specular]
+        return run("composite", [targets, offsets, *depends_on], shade)
+
+    def _background(self, scene: Scene, lighting: Lighting) -> Background:
+        environment = scene.environment
+        if scene.display.background != "environment":  # then the probe itself is never seen
+            return Background(self._no_probe, 0.0, 0.0)
+        probe = lighting.probe(environment)
+        texture = self._run("background", [probe], lambda: latlong_texture(self._context, probe.latlong))
+        return Background(texture, environment.rotation_deg, environment.intensity)
+
+    def _image(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        what = f"a picture of {size[0]} x {size[1]} pixels"
+        texture = checked(self._context, lambda: self._context.texture(size, 4), what)
+        return self._context.framebuffer([texture])
