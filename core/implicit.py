@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from skimage.measure import marching_cubes
+from skimage.measure import label, marching_cubes
 
 from core.mesh import Array, Bools, Ints
+from core.normals import vertex_normals
 
 # (n,) values at, or (3, n) coordinates of, points: float32, which halves the time and is fine to 1e-6 of the size.
 Values = npt.NDArray[np.float32]
@@ -59,7 +60,7 @@ def smooth_max(a: Values, b: Values, blend: float) -> Values:
 
 
 def polygonise(
-    parts: Sequence[Part], low: npt.ArrayLike, high: npt.ArrayLike, spacing: float, rounds: int = 2
+    parts: Sequence[Part], low: npt.ArrayLike, high: npt.ArrayLike, spacing: float, rounds: int = 5
 ) -> tuple[Array, Ints, Array]:
     """Mesh of the union of `parts`.
 
@@ -90,8 +91,12 @@ def polygonise(
         shift = _neighbour_sum(v, faces) / degree - v
         v += RELAXATION * (shift - normals * (shift * normals).sum(axis=0))
     v, _ = surface.project(v)
-    v, normals = surface.project(v)
-    return v.T.astype(np.float64), faces, normals.T.astype(np.float64)
+    v, gradients = surface.project(v)
+    vertices, normals = v.T.astype(np.float64), gradients.T.astype(np.float64)
+    # On edges sharper than the grid the gradient of one vertex says little about its faces: ask them.
+    of_faces = vertex_normals(vertices, faces)
+    sharp = np.einsum("ij,ij->i", normals, of_faces) < 0.8
+    return vertices, faces, np.where(sharp[:, None], of_faces, normals)
 
 
 RELAXATION = np.float32(0.7)
@@ -129,7 +134,12 @@ class _Union:
         values[np.abs(values) < 1e-3 * self.spacing] = 1e-3 * self.spacing
         a, b, c = self.blocks
         cubes = values.reshape(a, b, c, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
-        return np.ascontiguousarray(cubes.reshape(a * BLOCK, b * BLOCK, c * BLOCK))
+        volume = np.ascontiguousarray(cubes.reshape(a * BLOCK, b * BLOCK, c * BLOCK))
+        # Fill the bubbles that parts enclose where they run together: nobody sees them, and they scatter light.
+        air = label(volume > 0.0, connectivity=1)
+        bubbles = (air > 0) & (air != air[0, 0, 0])
+        volume[bubbles] *= -1.0
+        return volume
 
     def near(self, points: Coordinates) -> "_Surface":
         """Sort out which parts matter at points less than a cell from the surface."""

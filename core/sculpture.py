@@ -15,12 +15,14 @@ import numpy as np
 from core.implicit import Coordinates, Part, Values, polygonise, smooth_max, smooth_min
 from core.mesh import Array, Ints
 
-SPACING = 1.0 / 118.0
+SPACING = 1.0 / 110.0
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # the angle between seeds, and between the petals' small differences
 
-# The bloom leans towards the viewer about its foot.
-BLOOM_ORIGIN = (0.0, -0.17, -0.02)
-BLOOM_TILT = math.radians(24.0)
+# The bloom leans towards the viewer about its foot, and a little to the right, where the default camera stands.
+BLOOM_ORIGIN = (0.0, -0.085, -0.015)
+BLOOM_TILT = math.radians(31.0)
+BLOOM_YAW = math.radians(15.0)
+LANTERN_RADIUS = 0.162
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ class Ring:
 
 
 RINGS = (
-    Ring(8, 22.5, (0.03, 0.00), 5.0, ((0.30, 70.0), (0.16, -100.0)), 0.135, 2.2, 0.05, 0.016),
-    Ring(7, 0.0, (0.03, 0.02), 15.0, ((0.27, 75.0), (0.22, -60.0)), 0.12, 3.0, 0.05, 0.012),
+    Ring(8, 22.5, (0.03, 0.00), 2.0, ((0.30, 66.0), (0.135, -116.0)), 0.138, 2.2, 0.06, 0.022),
+    Ring(7, 0.0, (0.03, 0.02), 14.0, ((0.25, 75.0), (0.20, -68.0)), 0.115, 3.0, 0.05, 0.014),
 )
 
 
@@ -57,7 +59,7 @@ def sculpture() -> tuple[Array, Ints, Array]:
     faces : (m, 3) int64, counter-clockwise seen from outside
     normals : (n, 3) float64, unit, outward
     """
-    return polygonise(_parts(), (-0.6, -0.6, -0.6), (0.6, 0.6, 0.6), SPACING)
+    return polygonise(_parts(), (-0.63, -0.55, -0.6), (0.63, 0.55, 0.6), SPACING)
 
 
 def _parts() -> list[Part]:
@@ -65,6 +67,7 @@ def _parts() -> list[Part]:
         Part(_foot, 0.02),
         Part(_lantern, 0.02),
         Part(_pearl, 0.02),
+        Part(_neck, 0.02),
         Part(_beads, 0.006),
         Part(_leaning(_receptacle), 0.03),
         Part(_leaning(_seed_head), 0.02),
@@ -77,12 +80,14 @@ def _parts() -> list[Part]:
 
 def _leaning(distance: Callable[[Coordinates], Values]) -> Callable[[Coordinates], Values]:
     """Return `distance` in the frame of the bloom, whose axis is y and whose origin is its foot."""
-    c, s = math.cos(BLOOM_TILT), math.sin(BLOOM_TILT)
-    _, y0, z0 = BLOOM_ORIGIN
+    tilt, yaw = BLOOM_TILT, BLOOM_YAW
+    about_x = np.array([[1, 0, 0], [0, math.cos(tilt), math.sin(tilt)], [0, -math.sin(tilt), math.cos(tilt)]])
+    about_y = np.array([[math.cos(yaw), 0, -math.sin(yaw)], [0, 1, 0], [math.sin(yaw), 0, math.cos(yaw)]])
+    rotation = (about_x @ about_y).astype(np.float32)
+    origin = np.array(BLOOM_ORIGIN, np.float32)[:, None]
 
     def leaning(p: Coordinates) -> Values:
-        y, z = p[1] - y0, p[2] - z0
-        return distance(np.stack([p[0], c * y + s * z, c * z - s * y]))
+        return distance(rotation @ (p - origin))
 
     return leaning
 
@@ -90,34 +95,45 @@ def _leaning(distance: Callable[[Coordinates], Values]) -> Callable[[Coordinates
 def _foot(p: Coordinates) -> Values:
     """Turned foot: a rounded disc that rises to the lantern."""
     r, y = np.hypot(p[0], p[2]), p[1]
-    disc = smooth_max(r - 0.235, np.abs(y + 0.475) - 0.025, 0.02)
-    cone = (r - 0.08 - 1.2 * np.maximum(-0.36 - y, 0.0)) / 1.5
-    return smooth_min(disc, smooth_max(cone, np.abs(y + 0.42) - 0.05, 0.02), 0.03)
+    disc = smooth_max(r - 0.245, np.abs(y + 0.50) - 0.03, 0.03)
+    cone = (r - 0.085 - 1.2 * np.maximum(-0.39 - y, 0.0)) / 1.5
+    return smooth_min(disc, smooth_max(cone, np.abs(y + 0.44) - 0.05, 0.02), 0.03)
 
 
 def _lantern(p: Coordinates) -> Values:
-    """Hollow onion carved by a gyroid, whole at its poles."""
+    """Hollow onion woven of two families of strands at 45 degrees, whole at its poles."""
     x, y, z = p[0], (p[1] + 0.315) / 0.85, p[2]
-    shell = np.sqrt(x * x + y * y + z * z) - 0.142
-    k = 2.0 * math.pi / 0.105
-    u, v, w = k * x, k * y, k * z
-    gyroid = np.sin(u) * np.cos(v) + np.sin(v) * np.cos(w) + np.sin(w) * np.cos(u)
-    net = (np.abs(gyroid) - 0.62) / (1.3 * k)
-    poles = np.abs(np.abs(y) - 0.142) - 0.035
-    return 0.85 * _sheet(shell, smooth_min(net, poles, 0.02), 0.0115)
+    height = np.sqrt(x * x + y * y + z * z) - LANTERN_RADIUS
+    # In Mercator's map, longitude against atanh(sin latitude), such strands are straight and evenly spaced.
+    r = np.hypot(x, z)
+    mercator = np.arctanh(np.clip(y / LANTERN_RADIUS, -0.97, 0.97))
+    longitude = np.arctan2(z, x)
+    sector = 2.0 * math.pi / 9
+    left, right = (turn - np.round(turn / sector) * sector for turn in (longitude + mercator, longitude - mercator))
+    half = 0.0125
+    strands = smooth_min(np.abs(left) * r, np.abs(right) * r, 0.02) / math.sqrt(2.0) - half
+    poles = 0.12 - np.abs(y)
+    return 0.85 * _sheet(height, smooth_min(strands, poles, 0.02), half)
 
 
 def _pearl(p: Coordinates) -> Values:
     """Pearl on a post inside the lantern."""
     r, y = np.hypot(p[0], p[2]), p[1] + 0.315
-    post = smooth_max(r - 0.022, np.abs(y) - 0.12, 0.01)
-    return smooth_min(np.hypot(r, y) - 0.068, post, 0.02)
+    post = smooth_max(r - 0.024, np.abs(y) - 0.135, 0.01)
+    return smooth_min(np.hypot(r, y) - 0.078, post, 0.02)
+
+
+def _neck(p: Coordinates) -> Values:
+    """Collared stem from the lantern to the bloom."""
+    r, y = np.hypot(p[0], p[2]), p[1]
+    stem = smooth_max(r - 0.05, np.abs(y + 0.13) - 0.07, 0.02)
+    return smooth_min(stem, np.hypot(r - 0.062, y + 0.148) - 0.02, 0.012)
 
 
 def _beads(p: Coordinates) -> Values:
     """Ring of beads on the foot."""
     x, z = _first_sector(p, 30)
-    return np.sqrt((x - 0.212) ** 2 + z * z + (p[1] + 0.448) ** 2) - 0.0185
+    return np.sqrt((x - 0.222) ** 2 + z * z + (p[1] + 0.466) ** 2) - 0.0195
 
 
 def _first_sector(p: Coordinates, count: int) -> tuple[Values, Values]:
@@ -138,25 +154,25 @@ def _seed_head(p: Coordinates) -> Values:
     """Solid head with seeds along a golden spiral."""
     q = np.stack([p[0], (p[1] - 0.15) / 1.25, p[2]])
     squared = (q * q).sum(axis=0)
-    i = np.arange(60) + 0.5
-    cos_polar = 1.0 - 1.55 * i / 60
+    i = np.arange(55) + 0.5
+    cos_polar = 1.0 - 1.5 * i / 55
     sin_polar = np.sqrt(1.0 - cos_polar**2)
     seeds = np.column_stack([sin_polar * np.cos(GOLDEN * i), cos_polar, sin_polar * np.sin(GOLDEN * i)])
-    # All seeds lie 0.095 from the centre, so the nearest one has the largest dot product.
+    # All seeds lie 0.108 from the centre, so the nearest one has the largest dot product.
     nearest = (seeds.astype(np.float32) @ q).max(axis=0)
-    seed = np.sqrt(np.maximum(squared + 0.095**2 - 2.0 * 0.095 * nearest, 0.0)) - 0.0165
-    return 0.9 * smooth_min(np.sqrt(squared) - 0.092, seed, 0.012)
+    seed = np.sqrt(np.maximum(squared + 0.108**2 - 2.0 * 0.108 * nearest, 0.0)) - 0.0195
+    return 0.9 * smooth_min(np.sqrt(squared) - 0.106, seed, 0.012)
 
 
 def _stamens(p: Coordinates) -> Values:
     """Filaments that end in beads, around the seed head."""
-    x, z = _first_sector(p, 21)
-    x0, y0, x1, y1 = 0.07, 0.04, 0.165, 0.235
+    x, z = _first_sector(p, 18)
+    x0, y0, x1, y1 = 0.08, 0.04, 0.185, 0.245
     dx, dy = x1 - x0, y1 - y0
     t = np.clip(((x - x0) * dx + (p[1] - y0) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
     bow = 0.03 * t * (1.0 - t)
-    rod = np.sqrt((x - x0 - t * dx - bow) ** 2 + (p[1] - y0 - t * dy) ** 2 + z * z) - 0.0095
-    bead = np.sqrt((x - x1) ** 2 + (p[1] - y1) ** 2 + z * z) - 0.018
+    rod = np.sqrt((x - x0 - t * dx - bow) ** 2 + (p[1] - y0 - t * dy) ** 2 + z * z) - 0.0105
+    bead = np.sqrt((x - x1) ** 2 + (p[1] - y1) ** 2 + z * z) - 0.0205
     return smooth_min(rod, bead, 0.01)
 
 
@@ -170,7 +186,7 @@ def _petal(ring: Ring, index: int, p: Coordinates) -> Values:
     u = np.clip(along, 0.0, 1.0)
     z = z - ring.whirl * u * u
     leaf = np.maximum(np.sin(math.pi * u**0.85), 0.0) ** 0.75
-    width = ring.half_width * (0.22 + 0.78 * leaf) * (1.0 - 0.6 * u**6)
+    width = ring.half_width * (0.22 + 0.78 * leaf) * (1.0 - 0.3 * u**6)
     v = np.clip(z / width, -1.3, 1.3)
     wave = ring.ruffle * u * np.sin(9.0 * u + 6.0 * chance + 1.2 * np.sign(v))
     cup = ring.cup * (1.0 - 0.6 * u)
@@ -178,9 +194,10 @@ def _petal(ring: Ring, index: int, p: Coordinates) -> Values:
     slope = cup * z + 2.0 * wave * v / width
     midrib = 0.006 * np.exp(-((z / 0.014) ** 2)) * (1.0 - u)
     veins = 0.0012 * np.cos(7.0 * math.pi * v) * (1.0 - u)
-    half = 0.010 + 0.006 * (1.0 - u) ** 2 + midrib + veins
-    sheet = (above - rise) / np.sqrt(1.0 + slope * slope)
-    return _sheet(sheet, np.maximum((np.abs(z) - width) / 1.15, beyond), half)
+    edge = smooth_max((np.abs(z) - width) / 1.15, beyond, 0.03)
+    rim = 0.0045 * np.exp(-((edge + 0.013) / 0.014) ** 2)
+    half = 0.0095 + 0.006 * (1.0 - u) ** 2 + midrib + veins + rim
+    return _sheet((above - rise) / np.sqrt(1.0 + slope * slope), edge, half)
 
 
 def _sheet(height: Values, edge: Values, half: Values | float) -> Values:

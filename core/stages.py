@@ -1,10 +1,8 @@
 """Run a stage only when something that it depends on has changed, and keep the time that it took."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from typing import Any, TypeVar
-
-import numpy as np
 
 T = TypeVar("T")
 
@@ -12,8 +10,8 @@ T = TypeVar("T")
 class Stages:
     """The last result of every named stage.
 
-    A stage states what it depends on: values compared by equality, arrays and other large objects by identity (so
-    results of earlier stages serve as they are).
+    A stage states what it depends on: hashable values are compared by equality, arrays, lists and other objects by
+    identity, so that results of earlier stages serve as they are.
 
     Parameters
     ----------
@@ -57,4 +55,4 @@ class Stages:
 
 
 def _same(a: object, b: object) -> bool:
-    return a is b or (not isinstance(a, np.ndarray) and not isinstance(b, np.ndarray) and a == b)
+    return a is b or (isinstance(a, Hashable) and isinstance(b, Hashable) and a == b)

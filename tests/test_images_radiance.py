@@ -123,12 +123,19 @@ def test_truncated_files_are_refused(tmp_path, data_dir, keep, suffix):
     assert "cannot be read" in refusal(path)
 
 
-def test_absurd_sizes_are_refused_before_reading(tmp_path):
+@pytest.mark.parametrize("size", [(30000, 60000), (10**6, 2 * 10**6)])
+def test_absurd_claims_are_refused(tmp_path, size):
     header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n"
-    (tmp_path / "a.hdr").write_bytes(header % (30000, 60000))
-    assert "60000x30000" in refusal(tmp_path / "a.hdr")
-    (tmp_path / "b.hdr").write_bytes(header % (10**6, 2 * 10**6))
-    assert "cannot be read" in refusal(tmp_path / "b.hdr")
+    (tmp_path / "a.hdr").write_bytes(header % size)
+    assert "cannot be read" in refusal(tmp_path / "a.hdr")
+
+
+def test_pictures_larger_than_the_limit_are_refused(tmp_path, monkeypatch):
+    write_exr(tmp_path / "a.exr", radiance())
+    monkeypatch.setattr(images, "MAX_PIXELS", 8 * 16)
+    assert images.read_radiance(tmp_path / "a.exr").shape == (8, 16, 3)
+    monkeypatch.setattr(images, "MAX_PIXELS", 8 * 16 - 1)
+    assert "16x8 pixels" in refusal(tmp_path / "a.exr")
 
 
 def test_a_cropped_window_is_refused(tmp_path):

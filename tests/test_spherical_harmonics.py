@@ -19,10 +19,7 @@ def test_basis_is_orthonormal_and_band_one_is_the_direction():
     phi = 2 * np.pi * np.arange(2 * order + 1) / (2 * order + 1)
     count = (order + 1) ** 2
     basis = np.concatenate(
-        [
-            sh.evaluate_grid(np.eye(count)[:, i : i + 3], np.arccos(x), phi).reshape(-1, 3)
-            for i in range(0, count, 3)
-        ],
+        [sh.evaluate_grid(np.eye(count)[:, i : i + 3], np.arccos(x), phi).reshape(-1, 3) for i in range(0, count, 3)],
         axis=1,
     )
     weights = np.repeat(w, len(phi)) * 2 * np.pi / len(phi)

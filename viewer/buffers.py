@@ -4,7 +4,7 @@ import moderngl
 
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
-from viewer.gl import Program
+from viewer.gl import Program, leave_framebuffer
 
 
 class MeshBuffers:
@@ -36,8 +36,6 @@ class SampleBuffers:
         self._positions = context.buffer(samples.points)
         self._normals = context.buffer(samples.normals)
         self._output = context.buffer(reserve=12 * self.count)
-        # Nothing is rasterised, yet a surfaceless context refuses to draw without a complete framebuffer.
-        self._anywhere = context.simple_framebuffer((1, 1))
 
     def transform(self, program: Program) -> memoryview:
         """Run a vertex program over all samples; returns its one vec3 output, 12 bytes a sample."""
@@ -45,7 +43,8 @@ class SampleBuffers:
         if "a_normal" in program.program:
             content.append((self._normals, "3f", "a_normal"))
         vertices = self._context.vertex_array(program.program, content)
-        self._anywhere.use()
+        # Nothing is rasterised, yet a surfaceless context refuses to draw without a complete framebuffer.
+        leave_framebuffer(self._context)
         vertices.transform(self._output, moderngl.POINTS, self.count)
         vertices.release()
         return memoryview(self._output.read())

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from core.stages import Stages
 from viewer.camera import pixel_offsets
 from viewer.composite_pass import Gather
-from viewer.gl import check_image_size, headless_context
+from viewer.gl import check_image_size, headless_context, leave_framebuffer
 from viewer.lighting import Lighting, LitScene, Progress
 from viewer.picture import Frame, Picture, read_frame
 from viewer.scene import Scene
@@ -95,6 +95,7 @@ class Renderer:
     def light(self, scene: Scene, progress: Progress = lambda _: None) -> LitScene:
         """Load, sample and light a scene: everything that transport needs, on the CPU."""
         check_image_size(self.context, scene.display.image_size)
+        leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress)
 
     def scatter(self, lit: LitScene) -> Float32:

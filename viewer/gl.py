@@ -45,7 +45,17 @@ def headless_context() -> moderngl.Context:
 def prepare_context(context: moderngl.Context) -> moderngl.Context:
     """Set what every pass takes for granted; for windows' contexts too."""
     context.gc_mode = "auto"
+    context.extra = context.simple_framebuffer((1, 1))
     return context
+
+
+def leave_framebuffer(context: moderngl.Context) -> None:
+    """Bind a framebuffer of one pixel that lives as long as the context.
+
+    Making a framebuffer, moderngl binds the one that was bound before; if that is gone, it is GL_INVALID_OPERATION.
+    So leave a framebuffer before it is released.
+    """
+    context.extra.use()
 
 
 def driver_name(context: moderngl.Context) -> str:

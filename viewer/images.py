@@ -26,6 +26,7 @@ MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photogra
 # A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
 # ringing and become 0; more of them mean that the picture is something else.
 NEGATIVE_SHARE = 1e-3
+_PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksum
 _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
 
@@ -213,14 +214,32 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, pixels: npt.NDArray[np
     try:
         done = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
         done = output.close() and done
-        if not done:
-            output.geterror()  # fetched so that it is not printed at exit
+        output.geterror()  # fetched so that it is not printed at exit
+        if not done or not _is_complete(temporary, spec.height):
             raise InputError(f"{path} could not be written: check the free space and the permissions.")
         os.replace(temporary, target)
     except OSError as error:
         raise InputError(f"{path} could not be written: {error.strerror}.") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _is_complete(path: Path, height: int) -> bool:
+    """Whether a file just written has its end: on a full disk OpenImageIO reports success for PNG, and for EXR too
+    where only the last few kilobytes are missing.
+    """
+    if path.suffix == ".png":
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - 12))
+            return file.read() == _PNG_END
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()
+        return False
+    last_row = source.read_scanline(height - 1, 0, "float")
+    source.geterror()
+    source.close()
+    return last_row is not None
 
 
 def _count(mask: npt.NDArray[np.bool_]) -> str:

@@ -9,7 +9,7 @@ from pyrr import matrix44
 
 from core.mesh import Mesh
 from viewer.buffers import MeshBuffers
-from viewer.gl import Program, checked
+from viewer.gl import Program, checked, leave_framebuffer
 from viewer.settings import DirectionalLight, Light
 
 Array = npt.NDArray[np.float64]
@@ -88,6 +88,7 @@ class ShadowsPass:
             self._program.set({"u_world_to_clip": matrix})
             vertices.render()
         vertices.release()
+        leave_framebuffer(self._context)
         framebuffer.release()
         padded = np.zeros((6, 4, 4))
         padded[: len(matrices)] = matrices

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from core.tonemap import LOG_FLOOR
 from viewer.camera import Camera
-from viewer.gl import Program, float_texture
+from viewer.gl import Program, float_texture, leave_framebuffer
 from viewer.irradiance_pass import world_to_probe
 from viewer.settings import DisplaySettings
 
@@ -83,6 +83,7 @@ class TonemapPass:
         self._luminance.set({"t_radiance": radiance, "u_tile": (TILE, TILE), "u_floor": floor})
         self._reduce.render(vertices=3)
         sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)[:, :3]
+        leave_framebuffer(self._context)
         framebuffer.release()
         target.release()
         return np.asarray(sums.sum(axis=0, dtype=np.float64))
