@@ -29,31 +29,38 @@ BLOCK_BYTES = 1 << 19  # of one column block: half of a usual L2 cache
 
 @dataclass(frozen=True)
 class ConvolutionShape:
-    """Sizes of a layer convolution: the maps' and the padded ones that make it linear."""
+    """Sizes of a layer convolution: the maps' and the padded ones.
+
+    `padding` asks for padded sizes of at least (layers, rows, columns), all even, instead of the doubled ones that
+    make any kernel's convolution exactly linear; layers then mix by FFT, and the kernel is given on the whole octant.
+    """
 
     n_layers: int
     height: int
     width: int
+    padding: tuple[int, int, int] | None = None
 
     @property
     def padded_height(self) -> int:
-        """Rows after zero padding: even, at least 2 height - 1, a product of small primes."""
-        return _even_fast_length(2 * self.height - 1)
+        """Rows after zero padding: even and a product of small primes; at least 2 height - 1 unless asked for."""
+        return _even_fast_length(self.padding[1] if self.padding else 2 * self.height - 1)
 
     @property
     def padded_width(self) -> int:
         """Columns after zero padding, likewise."""
-        return _even_fast_length(2 * self.width - 1)
+        return _even_fast_length(self.padding[2] if self.padding else 2 * self.width - 1)
 
     @property
     def padded_layers(self) -> int:
         """Layers after zero padding where they are mixed by FFT; n_layers where pair by pair."""
-        return self.n_layers if self.mixes_pairs else _even_fast_length(2 * self.n_layers - 1)
+        if self.mixes_pairs:
+            return self.n_layers
+        return _even_fast_length(self.padding[0] if self.padding else 2 * self.n_layers - 1)
 
     @property
     def mixes_pairs(self) -> bool:
         """Whether layers mix pair by pair."""
-        return self.n_layers <= PAIRS_UP_TO
+        return self.padding is None and self.n_layers <= PAIRS_UP_TO
 
     @property
     def quadrant(self) -> tuple[int, int, int]:
@@ -79,7 +86,7 @@ class LayerConvolver:
         self._threads = threads or os.cpu_count() or 1
         bytes_a_column = 8 * shape.padded_layers * shape.padded_height
         columns = shape.padded_width // 2 + 1
-        self._block = int(np.clip(BLOCK_BYTES // bytes_a_column, 8, 64))
+        self._block = int(np.clip(BLOCK_BYTES // bytes_a_column, 16, 64))
         self._rows = pyfftw.zeros_aligned((shape.n_layers, shape.height, columns), "complex64")
         self._workers = [_Worker(shape, self._block, effort) for _ in range(self._threads)]
 
@@ -149,18 +156,26 @@ class _Worker:
         width = shape.padded_width
         self._line = pyfftw.zeros_aligned((shape.height, width), "float32")
         self._spectrum = pyfftw.zeros_aligned((shape.height, width // 2 + 1), "complex64")
-        self._cube = pyfftw.zeros_aligned((shape.padded_layers, shape.padded_height, block), "complex64")
-        axes = (1,) if shape.mixes_pairs else (0, 1)
+        # One row more than needed: layers a power of two apart would fall on the same lines of the cache.
+        cube = pyfftw.zeros_aligned((shape.padded_layers, shape.padded_height + 1, block), "complex64")
+        self._cube = cube[:, :-1]
         options = {"threads": 1, "flags": (effort,)}
         forward, backward = "FFTW_FORWARD", "FFTW_BACKWARD"
         self._row_in = pyfftw.FFTW(self._line, self._spectrum, axes=(1,), direction=forward, **options)
         self._row_out = pyfftw.FFTW(
             self._spectrum, self._line, axes=(1,), direction=backward, normalise_idft=False, **options
         )
-        self._column_in = pyfftw.FFTW(self._cube, self._cube, axes=axes, direction=forward, **options)
+        filled = self._cube[: shape.n_layers]
+        self._column_in = pyfftw.FFTW(filled, filled, axes=(1,), direction=forward, **options)
         self._column_out = pyfftw.FFTW(
-            self._cube, self._cube, axes=axes, direction=backward, normalise_idft=False, **options
+            filled, filled, axes=(1,), direction=backward, normalise_idft=False, **options
         )
+        if not shape.mixes_pairs:
+            cube = self._cube
+            self._depth_in = pyfftw.FFTW(cube, cube, axes=(0,), direction=forward, **options)
+            self._depth_out = pyfftw.FFTW(
+                cube, cube, axes=(0,), direction=backward, normalise_idft=False, **options
+            )
         half = (shape.n_layers + 1) // 2
         self._product = np.empty((half, shape.padded_height // 2 + 1, 2 * block), np.float32)
 
@@ -183,6 +198,8 @@ class _Worker:
         self._cube[:n, height:] = 0.0
         self._cube[:n, :height, :used] = rows[:, :, block]
         self._column_in.execute()
+        if not self._shape.mixes_pairs:
+            self._depth_in.execute()
         values = self._cube.view(
             np.float32
         )  # (layers, rows, 2 columns): real and imaginary parts side by side
@@ -199,6 +216,8 @@ class _Worker:
                 self._mix_pairs(data, *factors)
             else:
                 _multiply_even_depth(data, factors[0])
+        if not self._shape.mixes_pairs:
+            self._depth_out.execute()
         self._column_out.execute()
         rows[:, :, block] = self._cube[:n, :height, :used]
 

@@ -41,6 +41,11 @@ class Dipole:
         """Whether no light leaves by scattering, so that a stage may skip the channel."""
         return self.alpha_prime == 0.0
 
+    @property
+    def mean_free_path(self) -> float:
+        """Depth of the real source, mm: the shortest length over which the profile bends."""
+        return self.z_r
+
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2."""
         rho2 = np.square(np.asarray(rho, np.float64))

@@ -15,9 +15,9 @@ from skimage.measure import label, marching_cubes
 from core.mesh import Array, Bools, Ints
 from core.normals import vertex_normals
 
-# (n,) values at, or (3, n) coordinates of, points: float32, which halves the time and is fine to 1e-6 of the size.
-Values = npt.NDArray[np.float32]
-Coordinates = npt.NDArray[np.float32]
+# (n,) values at, or (3, n) coordinates of, points: float32, which halves the time and is good to 1e-6 of the size.
+Values = npt.NDArray[np.floating]
+Coordinates = npt.NDArray[np.floating]
 
 BLOCK = 6  # nodes along the side of a block
 FAR = np.float32(1e3)  # distance where no part reaches
@@ -25,8 +25,13 @@ FAR = np.float32(1e3)  # distance where no part reaches
 # The parts' distances are first-order estimates: away from the surface they may be this many times too large.
 STEEPNESS = 1.4
 
-# Corners of a tetrahedron: four values give the gradient and, as their mean, the value.
-TETRAHEDRON = np.array([[1, -1, -1], [-1, -1, 1], [-1, 1, -1], [1, 1, 1]], np.float32)
+# Corners of an octahedron: six values give the gradient and, as their mean, the value. A tetrahedron's four
+# would turn the normals of a rim by the step times its curvature.
+OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
+
+
+# Share of the way to the mean of its neighbours that a vertex goes in one round; 1 would swing back and forth.
+RELAXATION = np.float32(0.7)
 
 
 @dataclass(frozen=True)
@@ -99,9 +104,6 @@ def polygonise(
     return vertices, faces, np.where(sharp[:, None], of_faces, normals)
 
 
-RELAXATION = np.float32(0.7)
-
-
 def _neighbour_sum(vertices: Coordinates, faces: Ints) -> Coordinates:
     """Sum of the neighbours of each vertex of a closed mesh, where each directed edge belongs to one face."""
     corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
@@ -165,12 +167,12 @@ class _Surface:
     def project(self, points: Coordinates) -> tuple[Coordinates, Coordinates]:
         """One Newton step towards the surface; returns the points, (3, n), and the unit gradients before it."""
         step = np.float32(0.05 * self.spacing)
-        values = np.full((4, points.shape[1]), FAR)
+        values = np.full((6, points.shape[1]), FAR)
         for part, member in zip(self.parts, self.members, strict=True):
-            around = points[:, None, member] + step * TETRAHEDRON.T[:, :, None]
-            distance = part.distance(around.reshape(3, -1)).reshape(4, -1)
+            around = points[:, None, member] + step * OCTAHEDRON.T[:, :, None]
+            distance = part.distance(around.reshape(3, -1)).reshape(6, -1)
             values[:, member] = smooth_min(values[:, member], distance, part.blend)
-        gradient = TETRAHEDRON.T @ values / (4.0 * step)
+        gradient = OCTAHEDRON.T @ values / (2.0 * step)
         length = np.maximum(np.sqrt((gradient * gradient).sum(axis=0)), np.float32(1e-3))
         normals = gradient / length
         # Half a cell at most: the step of a point near an edge must not carry it to another sheet.

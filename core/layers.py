@@ -94,6 +94,48 @@ def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, 
     )
 
 
+def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) -> LayerGrid:
+    """Fit layers to an object itself, whatever the view: world axes, layers across z, two nodes to spare all around.
+
+    Parameters
+    ----------
+    bounds : (2, 3) array
+        Lowest and highest corner, mm.
+    spacing : float
+        Between nodes along x and y, mm, > 0.
+    n_layers : int, optional
+        Layers over the depth; as dense as `spacing` if not given.
+    """
+    low, high = np.asarray(bounds, np.float64)
+    extent = high - low
+    distance = spacing
+    if n_layers is not None and extent[2] > FLAT * extent.max():
+        distance = float(extent[2]) / max(n_layers - 1, 1)
+    step = np.array([spacing, spacing, distance])
+    width, height, depth = (int(n) for n in np.ceil(extent / step - 1e-6) + 4)
+    matrix = np.diag([*(1.0 / step), 1.0])
+    matrix[3, :3] = 0.5 * (np.array([width, height, depth]) - 1.0) - 0.5 * (low + high) / step
+    return LayerGrid(depth, height, width, spacing, distance, tuple(tuple(map(float, row)) for row in matrix))
+
+
+def smooth_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+    """Quadratic B-spline (TSC) weights of points, 27 nodes each; otherwise as `tent_matrix`.
+
+    The grid must have a node to spare on every side of the points, as `fit_box` gives.
+    """
+    n = len(coordinates)
+    node, weight = np.zeros((n, 1), np.int32), np.ones((n, 1), np.float32)
+    for axis, count in ((2, grid.n_layers), (1, grid.height), (0, grid.width)):
+        nearest = np.clip(np.floor(coordinates[:, axis] + 0.5), 1, count - 2).astype(np.int32)
+        f = (coordinates[:, axis] - nearest).astype(np.float32)
+        nodes = nearest[:, None] + np.arange(-1, 2, dtype=np.int32)
+        weights = np.stack([0.5 * (0.5 - f) ** 2, 0.75 - f**2, 0.5 * (0.5 + f) ** 2], axis=1)
+        node = (node[:, :, None] * count + nodes[:, None]).reshape(n, -1)
+        weight = (weight[:, :, None] * weights[:, None]).reshape(n, -1)
+    columns = np.arange(0, node.size + 1, 27)
+    return csc_array((weight.ravel(), node.ravel(), columns), shape=(int(np.prod(grid.shape)), n))
+
+
 def tent_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
     """Tent weights of points on the nodes, (4): a sparse matrix W, one column a point.
 

@@ -56,9 +56,7 @@ class Mesh:
     @classmethod
     def of(cls, vertices: npt.ArrayLike, normals: npt.ArrayLike, faces: npt.ArrayLike) -> "Mesh":
         """Make a mesh of arrays of any dtype; float64 is rounded to float32 here and nowhere before."""
-        return cls(
-            np.asarray(vertices, np.float32), np.asarray(normals, np.float32), np.asarray(faces, np.int32)
-        )
+        return cls(np.asarray(vertices, np.float32), np.asarray(normals, np.float32), np.asarray(faces, np.int32))
 
     @cached_property
     def area(self) -> float:

@@ -89,9 +89,7 @@ def vertex_normals(vertices: Array, faces: npt.NDArray[np.integer]) -> Array:
     return unit(total)
 
 
-def _smoothing_groups(
-    faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float
-) -> Ints:
+def _smoothing_groups(faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float) -> Ints:
     """Smoothing group of each corner, (3m,): its vertex, or n + a corner for further copies of it."""
     corner_vertex = faces.ravel().astype(np.int64)
     links, all_smooth = _smooth_links(faces, n, face_normals, crease_deg)
@@ -111,9 +109,7 @@ def _smoothing_groups(
     return group
 
 
-def _smooth_links(
-    faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float
-) -> tuple[Ints, Bools]:
+def _smooth_links(faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float) -> tuple[Ints, Bools]:
     """Pairs of corners, (p, 2), that an edge joins smoothly; which vertices, (n,), have no other edges."""
     order, starts, counts, forward = half_edges(faces, n)
     edge = np.repeat(np.arange(len(starts)), counts)

@@ -1,8 +1,8 @@
-"""The built-in sculpture: a bloom on a lantern, ours, computed, the same on every machine.
+"""The built-in sculpture: a bloom on a lantern, computed, nobody's but ours.
 
-It is made to show translucency: petals of 2 % of the height that glow when lit from behind, beside a seed head
-and a foot that stay solid; beads and seeds for detail that light softens; a lantern carved by a gyroid
-with a pearl in it. Height 1, y up, front +z.
+It is made to show translucency: petals of 2 % of its size that glow when lit from behind, beside a seed head
+and a foot that stay solid; seeds, stamens and beads for detail that light softens; a woven lantern with a
+pearl in it. About 1 wide and high, y up, front +z.
 """
 
 import math
@@ -92,6 +92,12 @@ def _leaning(distance: Callable[[Coordinates], Values]) -> Callable[[Coordinates
     return leaning
 
 
+def _scaled(factor: float, distance: Values) -> Values:
+    """Shorten distances that were measured in stretched space, so that none is too large."""
+    shorter: Values = np.float32(factor) * distance
+    return shorter
+
+
 def _foot(p: Coordinates) -> Values:
     """Turned foot: a rounded disc that rises to the lantern."""
     r, y = np.hypot(p[0], p[2]), p[1]
@@ -108,12 +114,11 @@ def _lantern(p: Coordinates) -> Values:
     r = np.hypot(x, z)
     mercator = np.arctanh(np.clip(y / LANTERN_RADIUS, -0.97, 0.97))
     longitude = np.arctan2(z, x)
-    sector = 2.0 * math.pi / 9
-    left, right = (turn - np.round(turn / sector) * sector for turn in (longitude + mercator, longitude - mercator))
-    half = 0.0125
+    left, right = (_to_sector(angle, 9) for angle in (longitude + mercator, longitude - mercator))
+    half = 0.013
     strands = smooth_min(np.abs(left) * r, np.abs(right) * r, 0.02) / math.sqrt(2.0) - half
     poles = 0.12 - np.abs(y)
-    return 0.85 * _sheet(height, smooth_min(strands, poles, 0.02), half)
+    return _scaled(0.85, _sheet(height, smooth_min(strands, poles, 0.02), half))
 
 
 def _pearl(p: Coordinates) -> Values:
@@ -133,21 +138,26 @@ def _neck(p: Coordinates) -> Values:
 def _beads(p: Coordinates) -> Values:
     """Ring of beads on the foot."""
     x, z = _first_sector(p, 30)
-    return np.sqrt((x - 0.222) ** 2 + z * z + (p[1] + 0.466) ** 2) - 0.0195
+    bead: Values = np.sqrt((x - 0.222) ** 2 + z * z + (p[1] + 0.466) ** 2) - 0.0195
+    return bead
 
 
 def _first_sector(p: Coordinates, count: int) -> tuple[Values, Values]:
     """Turn every point about y by a multiple of 360 / count degrees to the sector about +x: x and z."""
-    sector = 2.0 * math.pi / count
-    angle = np.arctan2(p[2], p[0])
-    angle = angle - np.round(angle * (1.0 / sector)) * sector
+    angle = _to_sector(np.arctan2(p[2], p[0]), count)
     r = np.hypot(p[0], p[2])
     return r * np.cos(angle), r * np.sin(angle)
 
 
+def _to_sector(angle: Values, count: int) -> Values:
+    sector = 2.0 * math.pi / count
+    turned: Values = angle - np.round(angle / sector) * sector
+    return turned
+
+
 def _receptacle(p: Coordinates) -> Values:
     """The thick cup that carries the petals."""
-    return 0.8 * (np.sqrt(p[0] ** 2 + ((p[1] - 0.03) / 0.8) ** 2 + p[2] ** 2) - 0.10)
+    return _scaled(0.8, np.sqrt(p[0] ** 2 + ((p[1] - 0.03) / 0.8) ** 2 + p[2] ** 2) - 0.10)
 
 
 def _seed_head(p: Coordinates) -> Values:
@@ -161,7 +171,7 @@ def _seed_head(p: Coordinates) -> Values:
     # All seeds lie 0.108 from the centre, so the nearest one has the largest dot product.
     nearest = (seeds.astype(np.float32) @ q).max(axis=0)
     seed = np.sqrt(np.maximum(squared + 0.108**2 - 2.0 * 0.108 * nearest, 0.0)) - 0.0195
-    return 0.9 * smooth_min(np.sqrt(squared) - 0.106, seed, 0.012)
+    return _scaled(0.9, smooth_min(np.sqrt(squared) - 0.106, seed, 0.012))
 
 
 def _stamens(p: Coordinates) -> Values:
@@ -195,14 +205,15 @@ def _petal(ring: Ring, index: int, p: Coordinates) -> Values:
     midrib = 0.006 * np.exp(-((z / 0.014) ** 2)) * (1.0 - u)
     veins = 0.0012 * np.cos(7.0 * math.pi * v) * (1.0 - u)
     edge = smooth_max((np.abs(z) - width) / 1.15, beyond, 0.03)
-    rim = 0.0045 * np.exp(-((edge + 0.013) / 0.014) ** 2)
+    rim = 0.0045 * np.exp(-(((edge + 0.013) / 0.014) ** 2))
     half = 0.0095 + 0.006 * (1.0 - u) ** 2 + midrib + veins + rim
     return _sheet((above - rise) / np.sqrt(1.0 + slope * slope), edge, half)
 
 
 def _sheet(height: Values, edge: Values, half: Values | float) -> Values:
     """Sheet of half thickness `half` with a round rim, from distances to its middle and past its outline."""
-    return np.hypot(height, np.maximum(edge + half, 0.0)) - half
+    sheet: Values = np.hypot(height, np.maximum(edge + half, 0.0)) - half
+    return sheet
 
 
 def _along(ring: Ring, heading_deg: float, x: Values, y: Values) -> tuple[Values, Values, Values]:

@@ -30,8 +30,15 @@ class Profile(Protocol):
     def is_black(self) -> bool:
         """Whether the profile is 0 everywhere."""
 
+    @property
+    def mean_free_path(self) -> float:
+        """The shortest length over which the profile bends, mm."""
+
     def radial(self, rho: npt.ArrayLike) -> Array:
         """Value at 3-D distance rho (mm), mm^-2."""
+
+    def total(self, e: npt.ArrayLike) -> Array:
+        """Integral over a plane at distance e."""
 
     def total_within(self, r: npt.ArrayLike, e: npt.ArrayLike = 0.0) -> Array:
         """Integral over the disc of radius r in a plane at distance e."""

@@ -1,35 +1,55 @@
 """Transport: from the flux of surface samples to a volume from which exitance is read at any surface point.
 
-One interface, `Transport`, with room for further methods; `LayeredTransport` is the paper's. Each of its steps is
-kept until something that it depends on changes: kernels with (material, layers), the deposit with (light, layers).
+M(x) = sum of W(x) O over nodes near x + local E(x): W spreads flux over the layers and gathers exitance from them, O is
+the deposited flux convolved with a kernel, and `local` is what the layers are too coarse for. Two methods:
+
+* `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, local 0.
+* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines, the
+  kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
+
+Each step is kept until something that it depends on changes: kernels with (material, layers), the deposit with
+(light, layers).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csc_array
 
+from core import ewald
 from core.convolution import ConvolutionShape, LayerConvolver
-from core.layers import LayerGrid, deposit, fit_layers, tent_matrix
+from core.layers import LayerGrid, deposit, fit_box, fit_layers, smooth_matrix, tent_matrix
 from core.mesh import Mesh
 from core.spectra import Profile, kernel_spectrum, layer_kernels
 from core.stages import Stages
 
 Float32 = npt.NDArray[np.float32]
-Profiles = tuple[Profile, Profile, Profile]
+Profiles = Sequence[Profile]
+
+TAIL = 0.05  # share of the reflectance that may wrap around the padded box (of `EwaldTransport`)
 
 
 class Transport(Protocol):
-    """A way to spread light inside the object."""
+    """A way to spread light inside an object."""
+
+    SMOOTH: ClassVar[bool]  # whether W are quadratic B-splines rather than tents
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
-        """Place the maps for a mesh seen with a world-to-view rotation (3, 3), row vectors."""
+        """Place the layers for a mesh seen with a world-to-view rotation (3, 3), row vectors."""
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """W of points (n, 3) in grid coordinates: (nodes, n) sparse."""
+
+    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
+        """Factor on E(x) per channel."""
 
     def exitance(
-        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, stages: Stages
+        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
-        """Exitance M at the nodes of the grid, to be read by trilinear interpolation.
+        """O, the part of exitance that the nodes carry.
 
         Parameters
         ----------
@@ -39,6 +59,8 @@ class Transport(Protocol):
         flux : (n, 3) float32
             E dA, the power that each sample carries.
         profiles : R, G and B
+        area : float
+            Of the surface, mm^2.
         stages : Stages
             Keeps the steps' results between calls.
 
@@ -49,7 +71,55 @@ class Transport(Protocol):
 
 
 @dataclass
-class LayeredTransport:
+class _FftTransport:
+    """The steps that both methods share."""
+
+    threads: int = 0
+    effort: str = "FFTW_ESTIMATE"
+    _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
+
+    def exitance(
+        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
+    ) -> Float32:
+        convolver = self._convolver(self._shape(grid, profiles, area))
+        weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
+        layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
+        spectra = stages.run(
+            "spectra",
+            (tuple(profiles), convolver, grid.texel, grid.layer_distance),
+            lambda: [
+                None if p.is_black else convolver.prepare(self._spectrum(p, grid, convolver.shape)) for p in profiles
+            ],
+        )
+
+        def convolve() -> Float32:
+            out = np.zeros_like(layers)
+            for channel, spectrum in enumerate(spectra):
+                if spectrum is not None and layers[channel].any():
+                    out[channel] = convolver.convolve(layers[channel], spectrum)
+            return out
+
+        return stages.run("convolution", (layers, spectra), convolve)
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        raise NotImplementedError
+
+    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+        raise NotImplementedError
+
+    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+        raise NotImplementedError
+
+    def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
+        if shape not in self._convolvers:
+            if len(self._convolvers) >= 4:  # an orbiting camera changes the shape; plans of a few are kept
+                self._convolvers.pop(next(iter(self._convolvers)))
+            self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
+        return self._convolvers[shape]
+
+
+@dataclass
+class LayeredTransport(_FftTransport):
     """The paper: layers across the view, every pair convolved, (3) to (6).
 
     Parameters
@@ -64,47 +134,88 @@ class LayeredTransport:
         FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
     """
 
-    n_layers: int
-    resolution: int
-    threads: int = 0
-    effort: str = "FFTW_ESTIMATE"
-    _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
+    SMOOTH: ClassVar[bool] = False
+
+    n_layers: int = 8
+    resolution: int = 128
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
-        """Layers fitted to the mesh, across the view."""
         return fit_layers(mesh.vertices, rotation, self.n_layers, self.resolution)
 
-    def exitance(
-        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, stages: Stages
-    ) -> Float32:
-        """Deposit (4), kernels and spectra (5), convolution (6); see `Transport.exitance`."""
-        convolver = self._convolver(ConvolutionShape(*grid.shape))
-        weights = stages.run("weights", (grid, coordinates), lambda: tent_matrix(grid, coordinates))
-        layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
-        spectra = stages.run(
-            "spectra",
-            # one kernel serves every texel size and distance that it was sampled for
-            (profiles, grid.shape, grid.texel, grid.layer_distance),
-            lambda: [None if p.is_black else _spectrum(p, grid, convolver) for p in profiles],
-        )
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        return tent_matrix(grid, coordinates)
 
-        def convolve() -> Float32:
-            out = np.zeros_like(layers)
-            for channel, spectrum in enumerate(spectra):
-                if spectrum is not None and layers[channel].any():
-                    out[channel] = convolver.convolve(layers[channel], spectrum)
-            # M >= 0; the FFT's rounding leaves noise of 1e-7 of the maximum where no light arrives
-            return np.maximum(out, 0.0, out=out)
+    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
+        return 0.0, 0.0, 0.0
 
-        return stages.run("convolution", (layers, spectra), convolve)
+    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+        return ConvolutionShape(*grid.shape)
 
-    def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
-        if shape not in self._convolvers:
-            if len(self._convolvers) >= 4:  # an orbiting camera changes the shape; plans of a few are kept
-                self._convolvers.pop(next(iter(self._convolvers)))
-            self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
-        return self._convolvers[shape]
+    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+        return kernel_spectrum(layer_kernels(profile, grid), shape)
 
 
-def _spectrum(profile: Profile, grid: LayerGrid, convolver: LayerConvolver) -> tuple[Float32, ...]:
-    return convolver.prepare(kernel_spectrum(layer_kernels(profile, grid), convolver.shape))
+@dataclass
+class EwaldTransport(_FftTransport):
+    """Particle-mesh Ewald split on layers that are fixed to the object, so that orbiting convolves nothing.
+
+    Parameters
+    ----------
+    resolution : int
+        Nodes along the object's longest side.
+    n_layers : int, optional
+        Layers over the object's z extent; as dense as the nodes if not given, which is best.
+    threads, effort
+        See `LayeredTransport`.
+    """
+
+    SMOOTH: ClassVar[bool] = True
+
+    resolution: int = 60
+    n_layers: int | None = None
+
+    def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        return smooth_matrix(grid, coordinates)
+
+    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
+        red, green, blue = (0.0 if p.is_black else ewald.local_coefficient(p, _window_width(grid)) for p in profiles)
+        return red, green, blue
+
+    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+        """Pad by the distance beyond which the tails of all sources together are negligible; at most by the extent."""
+        spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
+        reach = max((_tail_distance(p, area) for p in profiles if not p.is_black), default=0.0)
+        counts = np.array(grid.shape)
+        extra = np.minimum(np.ceil(reach / spacing), counts - 1)
+        depth, height, width = (int(n) for n in counts + extra)
+        return ConvolutionShape(*grid.shape, padding=(depth, height, width))
+
+    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+        z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
+        z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
+        rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
+        kernel = ewald.long_range(profile, _window_width(grid), float(rho[-1, -1, -1]))(rho)
+        spectrum = kernel_spectrum(kernel, shape)
+        for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
+            factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1))
+            spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
+        return spectrum
+
+
+def _window_width(grid: LayerGrid) -> float:
+    return ewald.WINDOW * max(grid.texel, grid.layer_distance)
+
+
+def _tail_distance(profile: Profile, area: float) -> float:
+    """Smallest D with A R_d(D) <= TAIL T(0), mm, by bisection: R_d falls with distance."""
+    enough = TAIL * float(profile.total(0.0)) / area
+    low, high = 0.0, np.sqrt(area)
+    while float(profile.radial(high)) > enough:
+        high *= 2.0
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if float(profile.radial(middle)) > enough else (low, middle)
+    return float(high)

@@ -1,5 +1,6 @@
 #version 330
 // Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
+// Exitance is M = gathered + local * E: what the layers carry, and what they are too coarse for (core/transport.py).
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
 
@@ -7,8 +8,10 @@ uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;
 uniform sampler2D t_irradiance;
 uniform sampler2D t_specular;
-uniform sampler3D t_exitance;   // M at the nodes of the layers; the filter is the trilinear gather
+uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
 uniform mat4 u_world_to_texture;
+uniform bool u_smooth;          // gather with quadratic B-splines instead of tents
+uniform vec3 u_local;
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
 uniform float u_weight;         // 1 / samples of a pixel
@@ -23,12 +26,33 @@ layout(location = 6) out vec4 o_specular;
 
 const float PI = 3.14159265358979;
 
+// Quadratic B-spline (TSC) over 27 nodes, by 8 filtered fetches: nodes i - 1 and i share one, i + 1 has its own.
+vec3 gather_smooth(vec3 texture_coordinates) {
+    vec3 size = vec3(textureSize(t_exitance, 0));
+    vec3 u = texture_coordinates * size - 0.5;
+    vec3 nearest = floor(u + 0.5), f = u - nearest;
+    vec3 middle = 0.75 - f * f, upper = 0.5 * (0.5 + f) * (0.5 + f), lower = 1.0 - middle - upper;
+    vec3 weights[2] = vec3[2](lower + middle, upper);
+    vec3 positions[2] = vec3[2]((nearest - 0.5 + middle / (lower + middle)) / size, (nearest + 1.5) / size);
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < 8; ++i) {
+        int x = i & 1, y = (i >> 1) & 1, z = i >> 2;
+        float weight = weights[x].x * weights[y].y * weights[z].z;
+        sum += weight * textureLod(t_exitance, vec3(positions[x].x, positions[y].y, positions[z].z), 0.0).rgb;
+    }
+    return sum;
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
     vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
-    vec3 exitance = textureLod(t_exitance, (u_world_to_texture * vec4(position.xyz, 1.0)).xyz, 0.0).rgb;
+    vec3 irradiance = texelFetch(t_irradiance, pixel, 0).rgb;
+    vec3 coordinates = (u_world_to_texture * vec4(position.xyz, 1.0)).xyz;
+    vec3 gathered = u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0).rgb;
+    // M >= 0; the FFT leaves noise of 1e-7 of the maximum where no light arrives
+    vec3 exitance = max(gathered + u_local * irradiance, 0.0);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;
@@ -36,7 +60,7 @@ void main() {
     o_radiance = u_weight * vec4(subsurface + specular, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);
-    o_irradiance = u_weight * vec4(texelFetch(t_irradiance, pixel, 0).rgb, 1.0);
+    o_irradiance = u_weight * vec4(irradiance, 1.0);
     o_exitance = u_weight * vec4(exitance, 1.0);
     o_subsurface = u_weight * vec4(subsurface, 1.0);
     o_specular = u_weight * vec4(specular, 1.0);

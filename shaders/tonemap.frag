@@ -16,6 +16,7 @@ uniform int u_background_kind;
 uniform vec3 u_background;
 uniform mat4 u_clip_to_probe;  // rays, probe space: direction = (M (x, y, 1, 1)) / w - (M (x, y, -1, 1)) / w
 uniform float u_probe_intensity;
+uniform bool u_directions;     // t_radiance holds unit vectors, drawn as (n + 1) / 2
 
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 
@@ -44,7 +45,11 @@ vec3 background(vec2 pixel) {
 
 void main() {
     vec4 radiance = texelFetch(t_radiance, ivec2(gl_FragCoord.xy), 0);
-    vec3 object = radiance.a > 0.0 ? clamp(tone_map(radiance.rgb / radiance.a), 0.0, 1.0) : vec3(0.0);
+    vec3 object = vec3(0.0);
+    if (radiance.a > 0.0) {
+        vec3 mean = radiance.rgb / radiance.a;
+        object = u_directions ? linear(0.5 * mean + 0.5) : clamp(tone_map(mean), 0.0, 1.0);
+    }
     if (u_background_kind == BACKGROUND_TRANSPARENT)
         o_colour = vec4(srgb(object), radiance.a);
     else

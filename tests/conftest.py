@@ -1,8 +1,29 @@
 """Fixtures that several test files share."""
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
+import moderngl
 import pytest
+
+from core.errors import InputError
+from core.mesh import Mesh
+from tests.rendering import MeshRenderer
+from tests.shapes import ball, cube, plate, torus_knot
+from viewer.gl import driver_name, headless_context, leave_framebuffer
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--regenerate-baselines", action="store_true", help="rewrite tests/baselines/*.png and skip their tests"
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if "context" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.gl)
 
 
 @pytest.fixture(scope="session")
@@ -11,3 +32,51 @@ def data_dir() -> Path:
     if not path.is_dir():
         pytest.skip("the folder of third-party data is absent")
     return path
+
+
+@pytest.fixture(scope="session")
+def context() -> moderngl.Context:
+    """The process's one OpenGL context; continuous integration must have one."""
+    try:
+        return headless_context()
+    except InputError as problem:
+        if os.environ.get("CI"):
+            raise
+        pytest.skip(str(problem))
+
+
+@pytest.fixture(scope="session")
+def on_llvmpipe(context: moderngl.Context) -> bool:
+    return "llvmpipe" in driver_name(context)
+
+
+@pytest.fixture(autouse=True)
+def no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Check that a test neither finds nor leaves an OpenGL error."""
+    if "context" not in request.fixturenames:
+        yield
+        return
+    context = request.getfixturevalue("context")
+    assert context.error == "GL_NO_ERROR"
+    yield
+    assert context.error == "GL_NO_ERROR"
+    leave_framebuffer(context)
+
+
+@pytest.fixture(scope="session")
+def shapes() -> dict[str, Mesh]:
+    return {"ball": ball(), "knot": torus_knot(), "plate": plate(), "cube": cube()}
+
+
+@pytest.fixture(scope="session")
+def renderer_of(context: moderngl.Context, shapes: dict[str, Mesh]):
+    """Return the session's renderer of a mesh, or of a shape by its name; it keeps what it has computed."""
+    kept: dict[Mesh, MeshRenderer] = {}
+
+    def renderer(mesh: Mesh | str) -> MeshRenderer:
+        mesh = shapes[mesh] if isinstance(mesh, str) else mesh
+        if mesh not in kept:
+            kept[mesh] = MeshRenderer(context, mesh)
+        return kept[mesh]
+
+    return renderer

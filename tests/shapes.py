@@ -1,83 +1,14 @@
 """Shapes with closed forms or known traps, as meshes in world space (mm)."""
 
-import numpy as np
-import numpy.typing as npt
 import trimesh
 
 from core.mesh import Mesh
+from viewer.bench_shapes import ball, flat_shaded, plate, torus_knot
 
-
-def ball(diameter: float = 20.0, subdivisions: int = 5) -> Mesh:
-    shape = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5 * diameter)
-    return Mesh(shape.vertices, shape.vertices / (0.5 * diameter), shape.faces)
-
-
-def plate(side: float = 20.0, thickness: float = 1.0, n: int = 96) -> Mesh:
-    """A square plate across z, its faces divided n x n; flat shading."""
-    rows, columns = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-    corner = (rows * (n + 1) + columns).ravel()
-    triangles = np.concatenate(
-        [
-            np.stack([corner, corner + 1, corner + n + 2], axis=1),
-            np.stack([corner, corner + n + 2, corner + n + 1], axis=1),
-        ]
-    )
-    u = np.linspace(-0.5, 0.5, n + 1)
-    y, x = np.meshgrid(u, u, indexing="ij")
-    top = np.stack([side * x.ravel(), side * y.ravel(), np.full(x.size, 0.5 * thickness)], axis=1)
-    box = trimesh.creation.box((side, side, thickness))
-    sides = box.faces[np.abs(box.face_normals[:, 2]) < 0.5]
-    parts = [
-        (top, triangles),
-        (top * [1, 1, -1], triangles[:, ::-1]),
-        (box.vertices, sides),
-    ]
-    return _flat(*_joined(parts))
-
-
-def torus_knot(size: float = 20.0, n_along: int = 480, n_around: int = 48) -> Mesh:
-    """A (2, 3) torus knot with a round tube, smooth normals."""
-    t = np.linspace(0.0, 2.0 * np.pi, n_along, endpoint=False)
-
-    def curve(t: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        radius = 2.0 + np.cos(3.0 * t)
-        return np.stack([radius * np.cos(2.0 * t), radius * np.sin(2.0 * t), np.sin(3.0 * t)], axis=-1)
-
-    centre = curve(t)
-    tangent = curve(t + 1e-4) - curve(t - 1e-4)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    side = np.cross(tangent, centre)
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    other = np.cross(tangent, side)
-    angle = np.linspace(0.0, 2.0 * np.pi, n_around, endpoint=False)[None, :, None]
-    normals = (np.cos(angle) * side[:, None] + np.sin(angle) * other[:, None]).reshape(-1, 3)
-    vertices = (centre[:, None] + 0.55 * normals.reshape(n_along, n_around, 3)).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(n_along), np.arange(n_around), indexing="ij")
-    a, b = i * n_around + j, (i + 1) % n_along * n_around + j
-    c, d = (i + 1) % n_along * n_around + (j + 1) % n_around, i * n_around + (j + 1) % n_around
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if np.einsum("ij,ij->i", cross, normals[faces].mean(axis=1)).mean() < 0:
-        faces = faces[:, ::-1]
-    vertices -= 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    return Mesh(vertices * size / np.ptp(vertices, axis=0).max(), normals, faces)
+__all__ = ["ball", "cube", "plate", "torus_knot"]
 
 
 def cube(side: float = 20.0) -> Mesh:
     """Twelve triangles, flat shading."""
     box = trimesh.creation.box((side, side, side))
-    return _flat(box.vertices, box.faces)
-
-
-def _joined(parts: list[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]]) -> tuple[np.ndarray, np.ndarray]:
-    offsets = np.cumsum([0, *(len(v) for v, _ in parts)])
-    vertices = np.concatenate([v for v, _ in parts])
-    return vertices, np.concatenate([f + o for (_, f), o in zip(parts, offsets, strict=False)])
-
-
-def _flat(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.arange(3 * len(faces)).reshape(-1, 3))
+    return flat_shaded(box.vertices, box.faces)

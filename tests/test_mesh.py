@@ -97,9 +97,7 @@ def test_normals_of_a_sphere_do_not_depend_on_face_order() -> None:
     rng = np.random.default_rng(1)
     shuffled = np.stack([np.roll(f, k) for f, k in zip(faces, rng.integers(0, 3, len(faces)), strict=True)])
     shuffled = shuffled[rng.permutation(len(faces))]
-    np.testing.assert_allclose(
-        crease_normals(vertices, faces)[1], crease_normals(vertices, shuffled)[1], atol=1e-14
-    )
+    np.testing.assert_allclose(crease_normals(vertices, faces)[1], crease_normals(vertices, shuffled)[1], atol=1e-14)
 
 
 def test_cylinder_is_smooth_around_and_hard_at_its_rims() -> None:

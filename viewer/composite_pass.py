@@ -24,10 +24,25 @@ class Composite:
 
 @dataclass(frozen=True, eq=False)
 class Gather:
-    """Where exitance is read: a volume of it, world space to the volume's texture coordinates, eta on the way out."""
+    """Where exitance is read, M = gather(volume) + local E.
+
+    Attributes
+    ----------
+    volume : 3-D texture
+    world_to_texture : (4, 4) float64
+        World space to the volume's texture coordinates, row vectors.
+    smooth : bool
+        Whether to gather with quadratic B-splines rather than tents.
+    local : 3-tuple
+        Factor on the pixel's own irradiance.
+    eta : float
+        On the way out.
+    """
 
     volume: moderngl.Texture3D
     world_to_texture: npt.NDArray[np.float64]
+    smooth: bool
+    local: tuple[float, float, float]
     eta: float
 
 
@@ -66,6 +81,8 @@ class CompositePass:
                 "t_specular": light.specular,
                 "t_exitance": gather.volume,
                 "u_world_to_texture": gather.world_to_texture,
+                "u_smooth": gather.smooth,
+                "u_local": gather.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,
                 "u_weight": weight,

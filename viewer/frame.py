@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.stages import Stages
+from viewer.assets import Assets
 from viewer.camera import pixel_offsets
 from viewer.composite_pass import Gather
 from viewer.gl import check_image_size, headless_context, leave_framebuffer
@@ -54,13 +55,17 @@ class Renderer:
     context : moderngl.Context
     effort : str
         FFTW's planner flag, see `core.convolution.LayerConvolver`.
+    assets : Assets, optional
+        Where meshes and probes come from, and stay for the next scene.
     """
 
-    def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE") -> None:
+    def __init__(
+        self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None
+    ) -> None:
         self.context = context
         # Two sets of stages, because transport may run in a thread of its own.
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
-        self._lighting = Lighting(context, self.stages, effort)
+        self._lighting = Lighting(context, self.stages, effort, assets or Assets())
         self._shading = Shading(context, self.stages)
 
     @property
@@ -100,11 +105,11 @@ class Renderer:
 
     def scatter(self, lit: LitScene) -> Float32:
         """Transport: exitance at the nodes of the layers. Uses no OpenGL, so any one thread may run it."""
-        return lit.transport.exitance(lit.grid, lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
+        return lit.transport.exitance(lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages)
 
     def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload exitance as the volume that pixels read."""
-        return Gather(self._lighting.volume(exitance), lit.grid.world_to_texture, lit.eta)
+        return self._lighting.gather(lit, exitance)
 
     def shade(
         self,
@@ -115,6 +120,17 @@ class Renderer:
         samples: int = 1,
         seed: int = 0,
         parts: bool = False,
+        show: str = "radiance",
+        exposure_for: float | None = None,
     ) -> Picture:
-        """Draw the scene through its camera from a volume, which may be of an older camera or light."""
-        return self._shading.shade(scene, lit, gather, self._lighting, pixel_offsets(samples, seed), parts)
+        """Draw the scene through its camera from a volume, which may be of an older camera or light.
+
+        `show` is what the image is made of, one of `viewer.composite_pass.OUTPUTS`; `exposure_for` a log-average
+        luminance that takes the place of the picture's own.
+        """
+        offsets = pixel_offsets(samples, seed)
+        return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for)
+
+    def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
+        """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""
+        return self._shading.pick(pixel)

@@ -11,24 +11,23 @@ from core.dipole import dipoles
 from core.environment import Probe, irradiance_table
 from core.layers import LayerGrid
 from core.mesh import Mesh
-from core.samples import SurfaceSamples, surface_samples
+from core.samples import SurfaceSamples
 from core.stages import Stages
-from core.transport import LayeredTransport, Profiles, Transport
+from core.transport import EwaldTransport, LayeredTransport, Profiles, Transport
+from viewer.assets import Assets
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
+from viewer.composite_pass import Gather
 from viewer.gl import latlong_texture
-from viewer.images import read_radiance
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
-from viewer.model import builtin_model, load_model
+from viewer.quality import Quality, choose_quality, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
 
 Float32 = npt.NDArray[np.float32]
 Progress = Callable[[str], None]
-
-SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +56,8 @@ class LitScene:
     model, camera
     sources : lights with their shadow maps
     eta : float
+    quality : Quality
+        What the transport was made for, with the error to expect.
     transport, grid, profiles
     coordinates : (n, 3) float32
         Grid coordinates of the samples.
@@ -68,6 +69,7 @@ class LitScene:
     camera: Camera
     sources: tuple[LightSource, ...]
     eta: float
+    quality: Quality
     transport: Transport
     grid: LayerGrid
     profiles: Profiles
@@ -78,9 +80,10 @@ class LitScene:
 class Lighting:
     """Lights scenes in one OpenGL context; every stage runs only when what it depends on has changed."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages, effort: str) -> None:
+    def __init__(self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets) -> None:
         self._context = context
         self._run = stages.run
+        self._assets = assets
         self._effort = effort
         self._shadows = ShadowsPass(context)
         self._irradiance = SampleIrradiancePass(context)
@@ -94,16 +97,14 @@ class Lighting:
         say("loading the model")
         model = run("model", [scene.model], lambda: self._load(scene.model))
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
-        transport = run(
-            "transport",
-            [settings],
-            lambda: LayeredTransport(settings.layers, settings.resolution, effort=self._effort),
-        )
+        profiles = dipoles(material)
+        quality = choose_quality(settings, profiles, model.mesh)
+        transport = run("transport", [quality], lambda: _transport(quality, self._effort))
         grid = transport.grid(model.mesh, camera.rotation)
         self._layers.check_limits(grid)
 
         say("sampling the surface")
-        spacing = SAMPLE_EDGE * float(np.ptp(model.mesh.bounds, axis=0).max()) / (settings.resolution - 1)
+        spacing = sample_spacing(model.mesh, settings)
         surface = run("samples", [model, spacing], lambda: self._sample(model.mesh, spacing))
 
         say("casting shadows")
@@ -112,28 +113,30 @@ class Lighting:
         say("lighting the surface")
         flux = self._flux(surface, sources, material.eta)
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        profiles = dipoles(material)
-        return LitScene(model, camera, sources, material.eta, transport, grid, profiles, coordinates, flux)
+        return LitScene(
+            model, camera, sources, material.eta, quality, transport, grid, profiles, coordinates, flux
+        )
 
-    def volume(self, exitance: Float32) -> moderngl.Texture3D:
+    def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload the result of transport."""
-        return self._run("layer volume", [exitance], lambda: self._layers.volume(exitance))
+        volume = self._run("layer volume", [exitance], lambda: self._layers.volume(exitance))
+        local = self._run(
+            "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
+        )
+        return Gather(volume, lit.grid.world_to_texture, lit.transport.SMOOTH, local, lit.eta)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
         path = environment.path
         assert path is not None
-        return self._run("probe", [path], lambda: Probe.from_pixels(read_radiance(path)))
+        return self._run("probe", [path], lambda: self._assets.probe(path))
 
     def _load(self, settings: ModelSettings) -> Model:
-        if settings.path is None:
-            mesh, warning = builtin_model(settings.size_mm, settings.up), None
-        else:
-            mesh, warning = load_model(settings.path, settings.size_mm, settings.up)
+        mesh, warning = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
 
     def _sample(self, mesh: Mesh, spacing: float) -> Surface:
-        samples = surface_samples(mesh, spacing)
+        samples = self._assets.samples(mesh, spacing)
         return Surface(samples, SampleBuffers(self._context, samples))
 
     def _lamps(self, scene: Scene, model: Model) -> list[LightSource]:
@@ -183,3 +186,9 @@ class Lighting:
             return irradiance * surface.samples.areas[:, None]
 
         return self._run("flux", [surface, *each], total)
+
+
+def _transport(quality: Quality, effort: str) -> Transport:
+    if quality.method == "layered":
+        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
+    return EwaldTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort)

@@ -119,9 +119,7 @@ def _read(path: Path) -> trimesh.Scene:
             raise InputError(f"{path} is empty; export the model again.")
         with _quiet():
             # Materials and texture seams are of no use here: textures would cost time, seams our normals.
-            return trimesh.load_scene(
-                path, file_type=suffix[1:], process=False, skip_materials=True, fix_texture=False
-            )
+            return trimesh.load_scene(path, file_type=suffix[1:], process=False, skip_materials=True, fix_texture=False)
     except InputError:
         raise
     except Exception as error:
@@ -197,9 +195,7 @@ def _check_vertices(path: Path, vertices: Array, faces: Ints) -> None:
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(vertices):
         wrong = low if low < 0 else high
-        raise InputError(
-            f"{path} has a face with vertex {wrong} but only {len(vertices)} vertices; export it again."
-        )
+        raise InputError(f"{path} has a face with vertex {wrong} but only {len(vertices)} vertices; export it again.")
     used, _ = compact(faces, len(vertices))
     bad = used[~np.isfinite(vertices[used]).all(axis=1)]
     if len(bad):
@@ -286,9 +282,7 @@ def _warning(path: Path, found: Flaws) -> str | None:
             " missing and the picture is too dark there"
         )
     if found.non_manifold_edges:
-        parts.append(
-            f"{found.non_manifold_edges} edges join more than two faces, so the shading may show seams there"
-        )
+        parts.append(f"{found.non_manifold_edges} edges join more than two faces, so the shading may show seams there")
     if found.inconsistent_edges:
         parts.append(
             f"faces disagree about which side is outside across {found.inconsistent_edges} edges, so some"

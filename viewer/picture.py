@@ -24,6 +24,7 @@ class Picture:
     image: moderngl.Framebuffer
     transparent: bool
     warnings: tuple[str, ...]
+    log_average: float  # luminance that the picture itself asks to be exposed for
 
 
 @dataclass(frozen=True, eq=False)

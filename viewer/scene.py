@@ -81,7 +81,11 @@ class Scene:
             raise InputError('display.background is "environment" but there is none; set environment.path too')
 
     def effective_lights(self) -> tuple[Light, ...]:
-        """Return the lights given, else the default pair where there is no environment."""
+        """Return the lights that shine: those given, else the default pair where there is no environment."""
+        return tuple(light for light in self.all_lights() if light.on)
+
+    def all_lights(self) -> tuple[Light, ...]:
+        """Return the lights given, off or on, else the default pair where there is no environment."""
         if self.lights is not None:
             return self.lights
         return DEFAULT_LIGHTS if self.environment.path is None else ()

@@ -166,6 +166,7 @@ class DirectionalLight:
         "number", (3.0, 3.0, 3.0), length=3, low=0, high=1e9,
         why="R, G, B irradiance at normal incidence; about pi makes a white surface radiance 1"
     )
+    on: bool = setting("boolean", True, why="whether the light shines; off keeps it for later")
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -185,6 +186,7 @@ class PointLight:
         "number", (1.2e5, 1.2e5, 1.2e5), length=3, low=0, high=1e15,
         why="R, G, B radiant intensity; the default gives irradiance 3 at 200 mm"
     )
+    on: bool = setting("boolean", True, why="whether the light shines; off keeps it for later")
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -228,20 +230,21 @@ class TransportSettings:
     TABLE: ClassVar[str] = "transport"
 
     method: str = setting(
-        "text", "layered", choices=("layered", "ewald", "diffusion"), unavailable=("ewald", "diffusion"),
-        why="layered: parallel layers convolved by FFT; ewald and diffusion are not available yet"
+        "text", "ewald", choices=("ewald", "layered", "diffusion"), unavailable=("diffusion",),
+        why="ewald: close to the diffusion integral at the cost of few layers; layered: the paper's parallel layers"
     )
-    layers: int = setting(
-        "integer", 8, low=1, high=128, why="layers over the object's depth; the eye asks for 4 to 8"
+    layers: int | None = setting(
+        "integer", None, optional=True, low=1, high=128, default_text="8 if layered, else as dense as the nodes",
+        why="layers over the object's depth (layered) or its z extent (ewald)"
     )
-    resolution: int = setting(
-        "integer", 128, unit="texels", low=16, high=1024,
-        why="texels along the longer side of a layer; interactive on two cores"
+    resolution: int | None = setting(
+        "integer", None, optional=True, unit="texels", low=16, high=1024,
+        default_text="128 if layered, else from error_target",
+        why="texels along the longer side of a layer (layered), nodes along the longest side of the object (ewald)"
     )
     error_target: float | None = setting(
-        "number", None, optional=True, low=1e-4, high=1,
-        not_yet="leave it out and choose layers and resolution",
-        why="wanted relative error; not available yet"
+        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02",
+        why="wanted rms error of exitance; chooses the resolution of ewald where none is given"
     )
 
     def __post_init__(self) -> None:
@@ -266,6 +269,10 @@ class DisplaySettings:
     background: str = setting(
         "text", "black", choices=("black", "transparent", "environment"),
         pattern="#[0-9a-fA-F]{6}", pattern_name="#rrggbb", why="what shows behind the object"
+    )
+    background_blur_deg: float = setting(
+        "number", 0.0, unit="deg", low=0, high=90,
+        why="blur of the environment behind the object; the light it casts stays"
     )
 
     def __post_init__(self) -> None:

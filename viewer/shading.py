@@ -5,10 +5,11 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
+from core.probe_blur import blurred
 from core.stages import Stages
 from viewer.camera import jittered
 from viewer.composite_pass import Composite, CompositePass, Gather
-from viewer.gbuffer_pass import GBufferPass
+from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
@@ -30,9 +31,18 @@ class Shading:
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+        self._seen: GBuffer | None = None
 
     def shade(
-        self, scene: Scene, lit: LitScene, gather: Gather, lighting: Lighting, offsets: Offsets, parts: bool
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        lighting: Lighting,
+        offsets: Offsets,
+        parts: bool,
+        show: str = "radiance",
+        exposure_for: float | None = None,
     ) -> Picture:
         """Draw a scene seen through its camera.
 
@@ -47,24 +57,44 @@ class Shading:
             Samples of a pixel.
         parts : bool
             Whether to keep what radiance is made of.
+        show : str
+            The part that the image shows; needs `parts` unless it is the radiance itself.
+        exposure_for : float, optional
+            Log-average luminance to expose for instead of the picture's own.
         """
         display = scene.display
         composite = self._pixels(scene, lit, gather, offsets, parts)
-        radiance = composite.textures["radiance"]
-        average = self._run("exposure", [composite], lambda: self._tonemap.log_average(radiance))
+        shown = composite.textures[show]
+        average = self._run("exposure", [composite, show], lambda: self._tonemap.log_average(shown))
+        exposed = average if exposure_for is None else exposure_for
         background = self._background(scene, lighting)
         image = self._run("image", [display.image_size], lambda: self._image(display.image_size))
         self._run(
             "tone map",
-            [composite, average, display, scene.environment, scene.camera, image],
-            lambda: self._tonemap.render(radiance, average, display, background, lit.camera, image),
+            [composite, show, exposed, display, scene.environment, scene.camera, image],
+            lambda: self._tonemap.render(
+                shown, exposed, display, background, lit.camera, image, directions=show == "normal"
+            ),
         )
-        return Picture(composite, image, display.background == "transparent", lit.model.warnings)
+        missed = () if lit.quality.warning is None else (lit.quality.warning,)
+        warnings = (*lit.model.warnings, *missed)
+        return Picture(composite, image, display.background == "transparent", warnings, average)
+
+    def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
+        """World position of the visible surface at a pixel (column, row from the top) of the last picture."""
+        if self._seen is None:
+            return None
+        texture, (x, y) = self._seen.position, pixel
+        if not (0 <= x < texture.width and 0 <= y < texture.height):
+            return None
+        box = (x, texture.height - 1 - y, 1, 1)
+        values = np.frombuffer(self._seen.framebuffer.read(viewport=box, components=4, dtype="f4"), np.float32)
+        return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
     def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> Composite:
         """Shade every pixel once a sample."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
-        gbuffer = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
+        gbuffer = self._seen = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))
         targets = run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
 
@@ -81,15 +111,18 @@ class Shading:
                 self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        depends_on = [lit.model, scene.camera, size, *lit.sources, gather.volume, gather.eta, scene.specular]
-        return run("composite", [targets, offsets, *depends_on], shade)
+        depends_on = [lit.model, scene.camera, size, *lit.sources, gather.volume, gather.local, gather.eta]
+        return run("composite", [targets, offsets, scene.specular, *depends_on], shade)
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment
         if scene.display.background != "environment":  # then the probe itself is never seen
             return Background(self._no_probe, 0.0, 0.0)
         probe = lighting.probe(environment)
-        texture = self._run("background", [probe], lambda: latlong_texture(self._context, probe.latlong))
+        blur = scene.display.background_blur_deg
+        texture = self._run(
+            "background", [probe, blur], lambda: latlong_texture(self._context, blurred(probe.latlong, blur))
+        )
         return Background(texture, environment.rotation_deg, environment.intensity)
 
     def _image(self, size: tuple[int, int]) -> moderngl.Framebuffer:

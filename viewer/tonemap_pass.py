@@ -51,8 +51,12 @@ class TonemapPass:
         background: Background,
         camera: Camera,
         out: moderngl.Framebuffer,
+        directions: bool = False,
     ) -> None:
-        """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere."""
+        """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.
+
+        `directions`: the object's pixels are unit vectors, drawn as (n + 1) / 2 and not tone-mapped.
+        """
         # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
         exposure = display.key / log_average if log_average > 0.0 else 0.0
         out.use()
@@ -70,6 +74,7 @@ class TonemapPass:
                 "u_background": colour,
                 "u_clip_to_probe": np.linalg.inv(camera.world_to_clip) @ to_probe,
                 "u_probe_intensity": background.intensity,
+                "u_directions": directions,
             }
         )
         self._triangle.render(vertices=3)

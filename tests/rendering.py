@@ -1,0 +1,108 @@
+"""What the tests of whole frames share: renderers of given meshes, scenes, masks, errors, oracles."""
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from scipy.ndimage import binary_erosion
+
+from core import fresnel
+from core.mesh import Mesh, face_cross
+from core.reference import RAY_OFFSET, Occluder
+from core.samples import SurfaceSamples
+from viewer.buffers import MeshBuffers
+from viewer.frame import Renderer
+from viewer.lighting import Model
+from viewer.picture import Frame
+from viewer.scene import DirectionalLight, Light, PointLight, Scene, apply_set
+
+Array = npt.NDArray[np.float64]
+
+FRONT, BACK = (0.3, 0.4, 1.0), (-0.3, 0.2, -1.0)  # towards the light; the cameras stand near +z
+OUTLIERS = 0.0025  # share of the pixels that may differ, as GPUs do at edges
+
+
+class MeshRenderer(Renderer):
+    """Renders one mesh, whatever model a scene names."""
+
+    def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
+        super().__init__(context)
+        self.model = Model(mesh, MeshBuffers(context, mesh), ())
+        self._lighting._load = lambda settings: self.model
+
+
+def scene_of(*assignments: str, lights: tuple[Light, ...] | None = (DirectionalLight(FRONT),)) -> Scene:
+    """A small scene; `assignments` as of ``--set``."""
+    small = ["display.image_size=[128, 128]", "camera.azimuth_deg=20"]
+    small += ["transport.method=layered", "transport.layers=8", "transport.resolution=64"]
+    return replace(apply_set(Scene(), [*small, *assignments]), lights=lights)
+
+
+def inside(frame: Frame, by: int = 2) -> npt.NDArray[np.bool_]:
+    """Pixels that the object covers wholly, with a margin."""
+    return np.asarray(binary_erosion(frame.alpha == 1.0, iterations=by))
+
+
+def outliers(actual: npt.ArrayLike, expected: npt.ArrayLike, rtol: float, atol: float = 0.0) -> float:
+    """Share of the rows with a value that differs by more than rtol of it plus atol."""
+    close = np.isclose(actual, expected, rtol=rtol, atol=atol)
+    return float(1.0 - close.reshape(len(close), -1).all(axis=1).mean())
+
+
+def relative_rms(actual: npt.ArrayLike, expected: npt.ArrayLike) -> Array:
+    """Rms of the difference over rms of the expected, per channel."""
+    actual, expected = np.asarray(actual, np.float64), np.asarray(expected, np.float64)
+    return np.sqrt(np.square(actual - expected).mean(axis=0) / np.square(expected).mean(axis=0))
+
+
+def random_samples(mesh: Mesh, count: int, seed: int = 0) -> tuple[SurfaceSamples, Array]:
+    """Area-uniform random points with interpolated normals, and the normals (count, 3) of their faces."""
+    rng = np.random.default_rng(seed)
+    cross = face_cross(mesh.vertices, mesh.faces)
+    area = np.linalg.norm(cross, axis=1)
+    face = rng.choice(len(area), count, p=area / area.sum())
+    u, v = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    weights = np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1)
+    corners = mesh.faces[face]
+    normals = (weights * mesh.normals[corners]).sum(axis=1)
+    samples = SurfaceSamples(
+        points=(weights * mesh.vertices[corners]).sum(axis=1).astype(np.float32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        areas=np.full(count, mesh.area / count, np.float32),
+    )
+    return samples, cross[face] / area[face, None]
+
+
+class RayCaster:
+    """Irradiance by rays against a mesh, for every kind of lamp."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._far = Occluder(mesh)
+        self._near = EmbreeScene()
+        TriangleMesh(scene=self._near, vertices=mesh.vertices, indices=mesh.faces)
+        self._offset = RAY_OFFSET * mesh.radius
+
+    def irradiance(self, points, normals, face_normals, light: Light, eta: float) -> Array:
+        """E that enters at points (n, 3), (2): (n, 3) float64."""
+        if isinstance(light, DirectionalLight):
+            return self._far.irradiance(points, normals, face_normals, light.direction, light.irradiance, eta)
+        return self._of_point_light(points, normals, face_normals, light, eta)
+
+    def _of_point_light(self, points, normals, face_normals, light: PointLight, eta: float) -> Array:
+        points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
+        origins = points + self._offset * np.asarray(face_normals, np.float64)
+        towards = np.asarray(light.position_mm) - origins
+        distance = np.linalg.norm(towards, axis=1)
+        # "OCCLUDED" tells hit from miss only along the whole ray; the nearest hit's distance stops at the light.
+        hits = self._near.run(
+            origins.astype(np.float32), (towards / distance[:, None]).astype(np.float32), output=True
+        )
+        blocked = (hits["primID"] >= 0) & (hits["tfar"] < distance)
+        to_light = np.asarray(light.position_mm) - points
+        distance2 = np.square(to_light).sum(axis=1)
+        cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, to_light) / np.sqrt(distance2))
+        entering = fresnel.transmittance(eta, cosine) * cosine / distance2 * ~blocked
+        return np.asarray(entering[:, None] * np.asarray(light.intensity))

@@ -1,0 +1,92 @@
+"""Files and what is computed of them alone, kept: meshes, their surface samples, light probes. No OpenGL in here.
+
+The window fills it in its worker thread, so that the thread that draws finds everything ready; what was used lately is
+still there when an edit is undone, even if the file is gone by then.
+"""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from typing import Any
+
+from core.environment import Probe
+from core.mesh import Mesh
+from core.samples import SurfaceSamples, surface_samples
+from viewer.images import read_radiance
+from viewer.model import builtin_model, load_model
+from viewer.settings import ModelSettings
+
+LoadedMesh = tuple[Mesh, str | None]
+
+
+class Assets:
+    """Keeps the last few of each kind. Any thread may ask; two that ask for the same at once both compute it.
+
+    Parameters
+    ----------
+    keep : int
+        Meshes, probes and sets of samples that are kept, each.
+    """
+
+    def __init__(self, keep: int = 1) -> None:
+        self._keep = keep
+        self._lock = threading.Lock()
+        self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
+
+    def mesh(self, settings: ModelSettings) -> LoadedMesh:
+        """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
+        return self._get("mesh", settings, lambda: _load(settings))  # type: ignore[no-any-return]
+
+    def probe(self, path: Path) -> Probe:
+        """Return a light probe; errors as `viewer.images.read_radiance`."""
+        return self._get("probe", path, lambda: Probe.from_pixels(read_radiance(path)))  # type: ignore[no-any-return]
+
+    def samples(self, mesh: Mesh, spacing: float) -> SurfaceSamples:
+        """Return surface samples of a mesh, see `core.samples.surface_samples`."""
+        # The mesh is kept with its samples: its identity cannot be taken over by another.
+        key = (id(mesh), spacing)
+        _, samples = self._get("samples", key, lambda: (mesh, surface_samples(mesh, spacing)))
+        return samples  # type: ignore[no-any-return]
+
+    def has_mesh(self, settings: ModelSettings) -> bool:
+        """Whether `mesh` would return at once."""
+        return self._has("mesh", settings)
+
+    def has_probe(self, path: Path) -> bool:
+        """Whether `probe` would return at once."""
+        return self._has("probe", path)
+
+    def has_samples(self, mesh: Mesh, spacing: float) -> bool:
+        """Whether `samples` would return at once."""
+        return self._has("samples", (id(mesh), spacing))
+
+    def forget(self, path: Path) -> None:
+        """Read a file again when it is next asked for."""
+        with self._lock:
+            for kept in self._kept.values():
+                for key in [key for key in kept if key == path or getattr(key, "path", None) == path]:
+                    del kept[key]
+
+    def _has(self, kind: str, key: Hashable) -> bool:
+        with self._lock:
+            return key in self._kept.get(kind, ())
+
+    def _get(self, kind: str, key: Hashable, compute: Callable[[], Any]) -> Any:
+        with self._lock:
+            kept = self._kept.setdefault(kind, OrderedDict())
+            if key in kept:
+                kept.move_to_end(key)
+                return kept[key]
+        value = compute()
+        with self._lock:
+            kept[key] = value
+            while len(kept) > self._keep:
+                kept.popitem(last=False)
+        return value
+
+
+def _load(settings: ModelSettings) -> LoadedMesh:
+    if settings.path is None:
+        return builtin_model(settings.size_mm, settings.up), None
+    return load_model(settings.path, settings.size_mm, settings.up)

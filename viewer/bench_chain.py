@@ -1,0 +1,90 @@
+"""Error of the whole renderer against equation (1): model file, shadow maps, transport, gather, every pass."""
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.ndimage import binary_erosion
+
+from core import materials
+from core.dipole import dipoles
+from core.mesh import Mesh
+from core.reference import Occluder
+from core.samples import surface_samples
+from viewer.bench_error import CAMERA, LIGHTS, REFERENCE_EDGE, Deviation, Scheme, parallel_exitance
+from viewer.bench_shapes import SHAPES
+from viewer.frame import Renderer
+from viewer.gl import headless_context
+from viewer.picture import Frame
+from viewer.scene import Scene
+from viewer.settings import (
+    DirectionalLight,
+    DisplaySettings,
+    MaterialSettings,
+    ModelSettings,
+    TransportSettings,
+)
+
+IMAGE = 512
+EDGE_PIXELS = 2  # left out along outlines, where a pixel's mean position is no surface point
+
+
+@dataclass(frozen=True)
+class ChainRow:
+    """One picture compared with the reference at random pixels."""
+
+    scheme: Scheme
+    shape: str
+    material: str
+    light: str
+    deviation: Deviation
+
+
+def chain_rows(
+    schemes: Sequence[Scheme], cases: Sequence[tuple[str, str, str]], n_points: int, seed: int = 0
+) -> Iterator[ChainRow]:
+    """Render each case (shape, material, light) by each scheme; rows come as they are ready."""
+    renderer = Renderer(headless_context())
+    with tempfile.TemporaryDirectory() as folder:
+        for shape, material, light in cases:
+            mesh = SHAPES[shape]()
+            path = Path(folder) / f"{shape}.ply"
+            corners = {"vertex_normals": mesh.normals, "process": False}
+            trimesh.Trimesh(mesh.vertices, mesh.faces, **corners).export(path)
+            pixels = reference = None
+            for scheme in schemes:
+                frame = renderer.render(_scene(path, mesh, material, light, scheme), samples=1)
+                if pixels is None:  # the first picture chooses them; all show the same surface
+                    pixels = _pixels(frame, n_points, seed)
+                    reference = _reference(mesh, frame.position[pixels], material, light)
+                assert reference is not None
+                deviation = Deviation.of(frame.exitance[pixels], reference)
+                yield ChainRow(scheme, shape, material, light, deviation)
+
+
+def _scene(path: Path, mesh: Mesh, material: str, light: str, scheme: Scheme) -> Scene:
+    return Scene(
+        model=ModelSettings(path=path, size_mm=float(np.ptp(mesh.bounds, axis=0).max())),
+        camera=replace(CAMERA, orthographic=False),
+        material=MaterialSettings(name=material),
+        lights=(DirectionalLight(LIGHTS[light].direction, (1.0, 1.0, 1.0)),),
+        transport=TransportSettings(method=scheme.method, layers=scheme.layers, resolution=scheme.resolution),
+        display=DisplaySettings(image_size=(IMAGE, IMAGE)),
+    )
+
+
+def _pixels(frame: Frame, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of n random pixels inside the outline."""
+    inside = np.argwhere(binary_erosion(frame.alpha > 0.0, iterations=EDGE_PIXELS))
+    chosen = np.random.default_rng(seed).choice(len(inside), n, replace=False)
+    return inside[chosen, 0], inside[chosen, 1]
+
+
+def _reference(mesh: Mesh, points: np.ndarray, material: str, light: str) -> np.ndarray:
+    found = materials.lookup(material)
+    sources = surface_samples(mesh, REFERENCE_EDGE)
+    flux = LIGHTS[light].irradiance(Occluder(mesh), sources, found.eta) * sources.areas[:, None]
+    return parallel_exitance(points, sources.points, flux, dipoles(found))

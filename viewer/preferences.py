@@ -1,0 +1,71 @@
+"""What the window remembers from one time to the next: its size, the last folder, recent files."""
+
+import contextlib
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+RECENT = 8
+SMALLEST, LARGEST = 320, 16384
+
+
+@dataclass
+class Preferences:
+    """Kept in the user's configuration folder; a file that cannot be read or written is done without."""
+
+    window_size: tuple[int, int] = (1440, 900)
+    folder: str = ""
+    recent: list[str] = field(default_factory=list)
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> "Preferences":
+        """Read the file, taking of it what makes sense."""
+        try:
+            content: Any = json.loads((path or _default_path()).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return cls()
+        known = cls()
+        if not isinstance(content, dict):
+            return known
+        size = content.get("window_size")
+        if isinstance(size, list) and len(size) == 2 and all(_is_side(side) for side in size):
+            known.window_size = (size[0], size[1])
+        if isinstance(content.get("folder"), str):
+            known.folder = content["folder"]
+        if isinstance(content.get("recent"), list):
+            known.recent = [name for name in content["recent"] if isinstance(name, str)][:RECENT]
+        return known
+
+    def save(self, path: Path | None = None) -> None:
+        """Write the file, whole or not at all."""
+        path = path or _default_path()
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
+            os.replace(temporary, path)
+
+    def opened(self, path: Path) -> None:
+        """Remember a file as the most recent one, and its folder."""
+        name = str(path)
+        self.recent = [name, *(other for other in self.recent if other != name)][:RECENT]
+        self.folder = str(path.parent)
+
+    def start_folder(self) -> Path:
+        """Return the folder that dialogs start in."""
+        remembered = Path(self.folder) if self.folder else None
+        return remembered if remembered is not None and remembered.is_dir() else Path.cwd()
+
+
+def _default_path() -> Path:
+    return Path(platformdirs.user_config_dir("milkglass", appauthor=False)) / "window.json"
+
+
+def _is_side(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and SMALLEST <= value <= LARGEST
+
+
