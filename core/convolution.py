@@ -11,6 +11,7 @@ Layers mix in one of two ways, whichever is cheaper:
 * many layers: a third transform across them, zero-padded to 2 n_l: one product a frequency.
 """
 
+import functools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -145,7 +146,7 @@ class LayerConvolver:
             for item in items[w::n]:
                 task(self._workers[w], item)
 
-        list(_pool().map(share, range(n)))
+        list(thread_pool().map(share, range(n)))
 
 
 class _Worker:
@@ -167,15 +168,11 @@ class _Worker:
         )
         filled = self._cube[: shape.n_layers]
         self._column_in = pyfftw.FFTW(filled, filled, axes=(1,), direction=forward, **options)
-        self._column_out = pyfftw.FFTW(
-            filled, filled, axes=(1,), direction=backward, normalise_idft=False, **options
-        )
+        self._column_out = pyfftw.FFTW(filled, filled, axes=(1,), direction=backward, normalise_idft=False, **options)
         if not shape.mixes_pairs:
             cube = self._cube
             self._depth_in = pyfftw.FFTW(cube, cube, axes=(0,), direction=forward, **options)
-            self._depth_out = pyfftw.FFTW(
-                cube, cube, axes=(0,), direction=backward, normalise_idft=False, **options
-            )
+            self._depth_out = pyfftw.FFTW(cube, cube, axes=(0,), direction=backward, normalise_idft=False, **options)
         half = (shape.n_layers + 1) // 2
         self._product = np.empty((half, shape.padded_height // 2 + 1, 2 * block), np.float32)
 
@@ -200,9 +197,7 @@ class _Worker:
         self._column_in.execute()
         if not self._shape.mixes_pairs:
             self._depth_in.execute()
-        values = self._cube.view(
-            np.float32
-        )  # (layers, rows, 2 columns): real and imaginary parts side by side
+        values = self._cube.view(np.float32)  # (layers, rows, 2 columns): real and imaginary parts side by side
         doubled = slice(2 * block.start, 2 * block.stop)
         middle = self._shape.padded_height // 2 + 1
         # The kernel is even: its spectrum's lower rows are the upper ones mirrored.
@@ -254,10 +249,7 @@ def _even_fast_length(n: int) -> int:
     return n
 
 
-_POOL: list[ThreadPoolExecutor] = []
-
-
-def _pool() -> ThreadPoolExecutor:
-    if not _POOL:
-        _POOL.append(ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="convolution"))
-    return _POOL[0]
+@functools.cache
+def thread_pool() -> ThreadPoolExecutor:
+    """Return the process's worker threads, one a core; FFTW and NumPy release the GIL."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="convolution")

@@ -46,6 +46,11 @@ class Dipole:
         """Depth of the real source, mm: the shortest length over which the profile bends."""
         return self.z_r
 
+    @property
+    def detail(self) -> float:
+        """z_r, shortened by absorption, mm: what little crosses a strong absorber was never far from its way."""
+        return self.z_r / (1.0 + 2.0 * self.sigma_tr * self.z_r)
+
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2."""
         rho2 = np.square(np.asarray(rho, np.float64))

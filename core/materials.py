@@ -121,7 +121,7 @@ def lookup(name: str) -> Material:
     InputError
         Naming the nearest materials, where there is none of that name.
     """
-    by_key = {_key(material.name): material for material in library()}
+    by_key = _by_key()
     found = by_key.get(_key(name))
     if found is not None:
         return found
@@ -148,6 +148,11 @@ def validity_notes(material: Material) -> list[str]:
     ]
     notes = [phrase.format(_named(channels)) for channels, phrase in findings if channels.any()]
     return [*notes, "eta assumed"] if material.source == "NGD06" else notes
+
+
+@functools.cache
+def _by_key() -> dict[str, Material]:
+    return {_key(material.name): material for material in library()}
 
 
 def _named(channels: npt.NDArray[np.bool_]) -> str:

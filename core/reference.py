@@ -17,7 +17,7 @@ from core.spectra import Profile
 Array = npt.NDArray[np.float64]
 
 RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
-_BLOCK = 1 << 21  # pairs (point, source) at a time: 16 MB an array
+_BLOCK = 1 << 17  # pairs (point, source) at a time: 1 MB an array stays in the cache
 
 
 def direct_exitance(
@@ -70,13 +70,44 @@ class Occluder:
         TriangleMesh(scene=self._scene, vertices=mesh.vertices, indices=mesh.faces)
         self._offset = RAY_OFFSET * mesh.radius
 
-    def visible(self, points: npt.ArrayLike, normals: npt.ArrayLike, directions: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def visible(
+        self, points: npt.ArrayLike, normals: npt.ArrayLike, directions: npt.ArrayLike
+    ) -> npt.NDArray[np.bool_]:
         """Whether rays from points (n, 3) just off the surface leave the mesh; directions (n, 3) or (3,)."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         directions = np.broadcast_to(np.asarray(directions, np.float64), points.shape)
         origins = (points + self._offset * normals).astype(np.float32)
         hits = self._scene.run(origins, np.ascontiguousarray(directions, np.float32))
         return np.asarray(hits < 0)
+
+    def reached(
+        self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike
+    ) -> npt.NDArray[np.bool_]:
+        """Whether nothing lies between points (n, 3) just off the surface and a position (3,)."""
+        origins = np.asarray(points, np.float64) + self._offset * np.asarray(normals, np.float64)
+        way = np.asarray(position, np.float64) - origins
+        distance = np.maximum(np.linalg.norm(way, axis=1), np.finfo(np.float64).tiny)
+        directions = (way / distance[:, None]).astype(np.float32)
+        # An occlusion query knows of the whole ray only; the nearest hit may lie beyond the position.
+        hits = self._scene.run(origins.astype(np.float32), directions, output=True)
+        return np.asarray((hits["primID"] < 0) | (hits["tfar"] > distance))
+
+    def point_irradiance(
+        self,
+        points: npt.ArrayLike,
+        normals: npt.ArrayLike,
+        face_normals: npt.ArrayLike,
+        position: npt.ArrayLike,
+        intensity: npt.ArrayLike,
+        eta: float,
+    ) -> Array:
+        """E of a point light at `position` (3,), mm, of radiant `intensity` (3,): (n, 3), otherwise as `irradiance`."""
+        points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
+        way = np.asarray(position, np.float64) - points
+        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), NEAREST**2)
+        cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, way) / np.sqrt(distance2))
+        entering = fresnel.transmittance(eta, cosine) * cosine / distance2 * self.reached(points, face_normals, position)
+        return np.asarray(entering[:, None] * np.asarray(intensity, np.float64))
 
     def irradiance(
         self,

@@ -34,12 +34,20 @@ class Stages:
         """Start a new frame: forget the timings, keep the results."""
         self.timings = {}
 
+    def has(self, name: str, depends_on: Iterable[object]) -> bool:
+        """Whether `run` would return what it kept."""
+        key, kept = tuple(depends_on), self._kept.get(name)
+        return kept is not None and len(kept[0]) == len(key) and all(map(_same, kept[0], key))
+
+    def forget(self, name: str) -> None:
+        """Drop a stage's result, because what it holds is no longer what it says."""
+        self._kept.pop(name, None)
+
     def run(self, name: str, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
         """Return the stage's result, computing it only if `depends_on` differs from the last time."""
         key = tuple(depends_on)
-        kept = self._kept.get(name)
-        if kept is not None and len(kept[0]) == len(key) and all(map(_same, kept[0], key)):
-            return kept[1]  # type: ignore[no-any-return]
+        if self.has(name, key):
+            return self._kept[name][1]  # type: ignore[no-any-return]
         self._kept.pop(name, None)  # free the old result before the new one is allocated
         outer, self._nested = self._nested, 0.0
         start = time.perf_counter()

@@ -1,9 +1,9 @@
 """Transport: from the flux of surface samples to a volume from which exitance is read at any surface point.
 
-M(x) = sum of W(x) O over nodes near x + local E(x): W spreads flux over the layers and gathers exitance from them, O is
-the deposited flux convolved with a kernel, and `local` is what the layers are too coarse for. Two methods:
+M(x) = sum of W(x) O over nodes near x + a local term: W spreads flux over the layers and gathers exitance from them, O
+is the deposited flux convolved with a kernel, and the local term is what the layers are too coarse for. Two methods:
 
-* `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, local 0.
+* `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, no local term.
 * `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines, the
   kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
 
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from core import ewald
-from core.convolution import ConvolutionShape, LayerConvolver
+from core.convolution import ConvolutionShape, LayerConvolver, thread_pool
 from core.layers import LayerGrid, deposit, fit_box, fit_layers, smooth_matrix, tent_matrix
 from core.mesh import Mesh
 from core.spectra import Profile, kernel_spectrum, layer_kernels
@@ -29,7 +29,24 @@ from core.stages import Stages
 Float32 = npt.NDArray[np.float32]
 Profiles = Sequence[Profile]
 
-TAIL = 0.05  # share of the reflectance that may wrap around the padded box (of `EwaldTransport`)
+SHEET_NODES = 64  # thicknesses at which a local term is tabulated
+TAIL = 0.02  # share of the reflectance that may wrap around the padded box (of `EwaldTransport`)
+
+
+@dataclass(frozen=True, eq=False)
+class LocalTerm:
+    """The part of exitance that is a factor on irradiance, M += factor(0) E(x) + factor(thickness) E(other side).
+
+    Attributes
+    ----------
+    factors : (n, 3) float64
+        rho_s per channel at n thicknesses evenly from 0 to `reach`; beyond it is 0.
+    reach : float
+        mm; 0 where there is no such part.
+    """
+
+    factors: npt.NDArray[np.float64]
+    reach: float
 
 
 class Transport(Protocol):
@@ -43,8 +60,8 @@ class Transport(Protocol):
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """W of points (n, 3) in grid coordinates: (nodes, n) sparse."""
 
-    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
-        """Factor on E(x) per channel."""
+    def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
+        """What the layers are too coarse for."""
 
     def exitance(
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
@@ -81,15 +98,14 @@ class _FftTransport:
     def exitance(
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
+        """Deposit, kernels, convolution; see `Transport.exitance`."""
         convolver = self._convolver(self._shape(grid, profiles, area))
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         spectra = stages.run(
             "spectra",
             (tuple(profiles), convolver, grid.texel, grid.layer_distance),
-            lambda: [
-                None if p.is_black else convolver.prepare(self._spectrum(p, grid, convolver.shape)) for p in profiles
-            ],
+            lambda: list(thread_pool().map(lambda p: self._prepared(p, grid, convolver), profiles)),
         )
 
         def convolve() -> Float32:
@@ -101,7 +117,11 @@ class _FftTransport:
 
         return stages.run("convolution", (layers, spectra), convolve)
 
+    def _prepared(self, profile: Profile, grid: LayerGrid, convolver: LayerConvolver) -> tuple[Float32, ...] | None:
+        return None if profile.is_black else convolver.prepare(self._spectrum(profile, grid, convolver.shape))
+
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """See `Transport.weights`."""
         raise NotImplementedError
 
     def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
@@ -140,13 +160,16 @@ class LayeredTransport(_FftTransport):
     resolution: int = 128
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        """Fit layers across the view to the mesh."""
         return fit_layers(mesh.vertices, rotation, self.n_layers, self.resolution)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """Tents."""
         return tent_matrix(grid, coordinates)
 
-    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
-        return 0.0, 0.0, 0.0
+    def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
+        """Nothing."""
+        return LocalTerm(np.zeros((1, 3)), 0.0)
 
     def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
         return ConvolutionShape(*grid.shape)
@@ -175,14 +198,19 @@ class EwaldTransport(_FftTransport):
     n_layers: int | None = None
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        """Fit layers to the mesh itself, whatever the view."""
         return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """Quadratic B-splines."""
         return smooth_matrix(grid, coordinates)
 
-    def local(self, grid: LayerGrid, profiles: Profiles) -> tuple[float, float, float]:
-        red, green, blue = (0.0 if p.is_black else ewald.local_coefficient(p, _window_width(grid)) for p in profiles)
-        return red, green, blue
+    def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
+        """The rho_s of `core.ewald.local_table`."""
+        s = _window_width(grid)
+        thickness = np.linspace(0.0, ewald.SHEET_REACH * s, SHEET_NODES)
+        factors = [np.zeros(SHEET_NODES) if p.is_black else ewald.local_table(p, s)(thickness) for p in profiles]
+        return LocalTerm(np.stack(factors, axis=-1), float(thickness[-1]))
 
     def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
         """Pad by the distance beyond which the tails of all sources together are negligible; at most by the extent."""
@@ -200,7 +228,7 @@ class EwaldTransport(_FftTransport):
         kernel = ewald.long_range(profile, _window_width(grid), float(rho[-1, -1, -1]))(rho)
         spectrum = kernel_spectrum(kernel, shape)
         for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
-            factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1))
+            factor = ewald.influence(np.asarray(2.0 * np.pi / padded * np.arange(padded // 2 + 1)))
             spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
         return spectrum
 

@@ -1,6 +1,6 @@
 #version 330
 // Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
-// Exitance is M = gathered + local * E: what the layers carry, and what they are too coarse for (core/transport.py).
+// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport.py).
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
 
@@ -8,10 +8,11 @@ uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;
 uniform sampler2D t_irradiance;
 uniform sampler2D t_specular;
+uniform sampler2D t_local;      // exitance, see irradiance_pixels.frag
 uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
 uniform mat4 u_world_to_texture;
 uniform bool u_smooth;          // gather with quadratic B-splines instead of tents
-uniform vec3 u_local;
+
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
 uniform float u_weight;         // 1 / samples of a pixel
@@ -48,11 +49,11 @@ void main() {
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
     vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
-    vec3 irradiance = texelFetch(t_irradiance, pixel, 0).rgb;
+    
     vec3 coordinates = (u_world_to_texture * vec4(position.xyz, 1.0)).xyz;
     vec3 gathered = u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0).rgb;
     // M >= 0; the FFT leaves noise of 1e-7 of the maximum where no light arrives
-    vec3 exitance = max(gathered + u_local * irradiance, 0.0);
+    vec3 exitance = max(gathered + texelFetch(t_local, pixel, 0).rgb, 0.0);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;
@@ -60,7 +61,7 @@ void main() {
     o_radiance = u_weight * vec4(subsurface + specular, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);
-    o_irradiance = u_weight * vec4(irradiance, 1.0);
+    o_irradiance = u_weight * vec4(texelFetch(t_irradiance, pixel, 0).rgb, 1.0);
     o_exitance = u_weight * vec4(exitance, 1.0);
     o_subsurface = u_weight * vec4(subsurface, 1.0);
     o_specular = u_weight * vec4(specular, 1.0);

@@ -1,7 +1,9 @@
 #version 330
-// Irradiance and highlight of one light at every pixel of the G-buffer; blended additively, light by light.
+// Irradiance, highlight and local exitance of one light at every pixel of the G-buffer; blended additively, light by
+// light. Local exitance is the term of core/transport.py: factor(0) E here + factor(thickness) E on the other side.
 // Highlight: Phong 1975, strength * irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray.
 #include "irradiance.glsl"
+#include "sheet.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;
@@ -11,13 +13,14 @@ uniform float u_shininess;
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_specular;
+layout(location = 2) out vec4 o_local;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
     vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
-    vec3 irradiance, specular = vec3(0.0);
+    vec3 irradiance, specular = vec3(0.0), through = vec3(0.0);
     if (u_light_kind == ENVIRONMENT) {
         irradiance = environment_irradiance(normal);
     } else {
@@ -28,7 +31,10 @@ void main() {
         // The lobe of a light below the horizon would shine through the surface.
         if (dot(normal, arrival.to_light) > 0.0 && lobe > 0.0)
             specular = u_strength * pow(lobe, u_shininess) * arrival.irradiance;
+        if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
+            through = light_through_sheet(position.xyz, normal);
     }
     o_irradiance = vec4(irradiance, 0.0);
     o_specular = vec4(specular, 0.0);
+    o_local = vec4(texelFetch(t_sheet, ivec2(0), 0).rgb * irradiance + through, 0.0);
 }

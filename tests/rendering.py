@@ -34,11 +34,20 @@ class MeshRenderer(Renderer):
         self._lighting._load = lambda settings: self.model
 
 
-def scene_of(*assignments: str, lights: tuple[Light, ...] | None = (DirectionalLight(FRONT),)) -> Scene:
+METHODS = {
+    "layered": ["transport.method=layered", "transport.layers=8", "transport.resolution=64"],
+    "ewald": ["transport.method=ewald", "transport.resolution=40"],
+}
+
+
+def scene_of(
+    *assignments: str,
+    method: str = "layered",
+    lights: tuple[Light, ...] | None = (DirectionalLight(FRONT),),
+) -> Scene:
     """A small scene; `assignments` as of ``--set``."""
     small = ["display.image_size=[128, 128]", "camera.azimuth_deg=20"]
-    small += ["transport.method=layered", "transport.layers=8", "transport.resolution=64"]
-    return replace(apply_set(Scene(), [*small, *assignments]), lights=lights)
+    return replace(apply_set(Scene(), [*small, *METHODS[method], *assignments]), lights=lights)
 
 
 def inside(frame: Frame, by: int = 2) -> npt.NDArray[np.bool_]:
@@ -97,9 +106,7 @@ class RayCaster:
         towards = np.asarray(light.position_mm) - origins
         distance = np.linalg.norm(towards, axis=1)
         # "OCCLUDED" tells hit from miss only along the whole ray; the nearest hit's distance stops at the light.
-        hits = self._near.run(
-            origins.astype(np.float32), (towards / distance[:, None]).astype(np.float32), output=True
-        )
+        hits = self._near.run(origins.astype(np.float32), (towards / distance[:, None]).astype(np.float32), output=True)
         blocked = (hits["primID"] >= 0) & (hits["tfar"] < distance)
         to_light = np.asarray(light.position_mm) - points
         distance2 = np.square(to_light).sum(axis=1)

@@ -12,7 +12,7 @@ import viewer
 from core.errors import InputError
 from viewer import cli, images
 from viewer.options import FLAGS
-from viewer.scene import Scene
+from viewer.scene import default_scene
 
 ROOT = Path(__file__).parents[1]
 NO_OPTIONS = dict.fromkeys(("model", "scene", "set", "light", *(flag.parameter for flag in FLAGS)))
@@ -36,7 +36,12 @@ def rendered(monkeypatch):
 
     def render(scene, *, samples, seed, progress=None):
         calls.append((scene, samples, seed))
-        return SimpleNamespace(save=save, timings={"layers": 1.25}, warnings=rendered.warnings)
+        return SimpleNamespace(
+            save=save,
+            timings={"layers": 1.25},
+            warnings=rendered.warnings,
+            quality=SimpleNamespace(summary="layered, 8 layers"),
+        )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
     use(monkeypatch, "frame", SimpleNamespace(render=render))
@@ -78,10 +83,9 @@ BAD_LINES = [
     ("view --layers 0", "--layers must be a whole number from 1 to 128, not 0."),
     ("view --layers 2.5", '--layers must be a whole number from 1 to 128, not "2.5".'),
     ("view --resolution 5000", "--resolution must be a whole number from 16 to 1024, not 5000."),
-    ("view --transport ewald", '--transport "ewald" is not available yet; use "layered".'),
-    ("view --transport diffusion", '--transport "diffusion" is not available yet; use "layered".'),
-    ("view --transport magic", '--transport must be "layered", not "magic".'),
-    ("view --error-target 0.02", "--error-target is not available yet; leave it out"),
+    ("view --transport diffusion", '--transport "diffusion" is not available yet; use "ewald" or "layered".'),
+    ("view --transport magic", '--transport must be one of "ewald", "layered", not "magic".'),
+    ("view --error-target 2", "--error-target must be a number from 0.001 to 0.5, not 2."),
     ("view --light sun:0,1,0", "--light sun:0,1,0: unknown kind of light; known are directional, point."),
     ("view --light pint:0,1,0", '--light pint:0,1,0: unknown kind of light; did you mean "point"?'),
     ("view --light point", "--light point: write point:x,y,z or point:x,y,z:r,g,b."),
@@ -181,7 +185,7 @@ def test_reference_is_never_overwritten_and_must_match(rendered, capsys):
 
 def test_milkglass_alone_without_a_display_writes_a_picture(rendered, capsys):
     assert cli.main([]) == 0
-    assert rendered.calls[0][0] == Scene()
+    assert rendered.calls[0][0] == default_scene()
     assert os.listdir() == ["milkglass.png"]
     out = capsys.readouterr().out
     assert "no display" in out
@@ -191,19 +195,19 @@ def test_milkglass_alone_without_a_display_writes_a_picture(rendered, capsys):
 @pytest.mark.parametrize("variable", ["DISPLAY", "WAYLAND_DISPLAY"])
 def test_window_where_there_is_a_display(variable, monkeypatch):
     shown = []
-    use(monkeypatch, "window", SimpleNamespace(run=shown.append))
+    use(monkeypatch, "window", SimpleNamespace(run=lambda scene, **_: shown.append(scene)))
     monkeypatch.setenv(variable, ":99")
     assert cli.main([]) == 0
     assert cli.main(["view", "--material", "jade"]) == 0
-    assert [scene.material.name for scene in shown] == ["Marble", "jade"]
+    assert [scene.material.name for scene in shown] == ["jade", "jade"]
 
 
 def test_bench_passes_its_options(monkeypatch):
     calls = []
     use(monkeypatch, "bench", SimpleNamespace(run=lambda *given: calls.append(given)))
     assert cli.main(["bench"]) == 0
-    assert cli.main(["bench", "--quick", "--output", "d"]) == 0
-    assert calls == [(False, None), (True, Path("d"))]
+    assert cli.main(["bench", "--quick", "--output", "d", "--model", "m.ply"]) == 0
+    assert calls == [(False, None, None), (True, Path("d"), Path("m.ply"))]
 
 
 @pytest.mark.parametrize("line", ["--help", "view --help", "render --help", "bench --help", "materials --help"])

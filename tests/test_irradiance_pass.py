@@ -101,6 +101,17 @@ def test_irradiance_scales_with_colour_and_by_the_inverse_square(context, passes
     np.testing.assert_allclose(sun[:, 1:], sun[:, :1] * [2.0, 3.0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("distance", [1e3, 1e5, 1.01e5, 1e7, 1e9])
+def test_a_far_point_light_is_a_directional_one(context, passes, shapes, distance):
+    """At 1e9 mm, the farthest that a scene may name, depths are told apart as well as near by."""
+    direction = np.array(FRONT) / np.linalg.norm(FRONT)
+    strength = 1e-6 * distance**2 / 1e3
+    light = PointLight(tuple(map(float, distance * direction)), (strength,) * 3)
+    gpu, _ = both(context, passes, shapes["knot"], light)
+    _, rays = both(context, passes, shapes["knot"], DirectionalLight(FRONT, (1e-9,) * 3))
+    assert error(gpu, rays) < 0.002 + 12.0 / distance
+
+
 # Samples and pixels
 
 

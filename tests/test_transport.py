@@ -27,10 +27,10 @@ def lit_ball() -> tuple[Mesh, SurfaceSamples, np.ndarray]:
 
 def exitance_at(points: np.ndarray, mesh: Mesh, samples: SurfaceSamples, flux: np.ndarray, material: Material,
                 n_layers: int, resolution: int) -> np.ndarray:  # fmt: skip
-    transport = LayeredTransport(n_layers, resolution)
+    transport = LayeredTransport(n_layers=n_layers, resolution=resolution)
     grid = transport.grid(mesh, np.eye(3))
     coordinates = grid.coordinates(samples.points).astype(np.float32)
-    volume = transport.exitance(grid, coordinates, flux, dipoles(material), Stages())
+    volume = transport.exitance(grid, coordinates, flux, dipoles(material), mesh.area, Stages())
     return gather(tent_matrix(grid, grid.coordinates(points)), volume)
 
 
@@ -74,14 +74,14 @@ def test_linear_in_light_and_black_channels_stay_black(lit_ball) -> None:  # typ
 
 def test_only_what_changed_runs_again(lit_ball) -> None:  # type: ignore[no-untyped-def]
     mesh, samples, flux = lit_ball
-    transport, stages = LayeredTransport(4, 32), Stages()
+    transport, stages = LayeredTransport(n_layers=4, resolution=32), Stages()
     grid = transport.grid(mesh, np.eye(3))
     coordinates = grid.coordinates(samples.points).astype(np.float32)
     marble, ketchup = (dipoles(materials.lookup(name)) for name in ("marble", "ketchup"))
 
     def ran(flux: np.ndarray, profiles: object) -> set[str]:
         stages.begin()
-        transport.exitance(grid, coordinates, flux, profiles, stages)  # type: ignore[arg-type]
+        transport.exitance(grid, coordinates, flux, profiles, mesh.area, stages)  # type: ignore[arg-type]
         return set(stages.timings)
 
     assert ran(flux, marble) == {"weights", "deposit", "spectra", "convolution"}

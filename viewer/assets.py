@@ -30,6 +30,7 @@ class Assets:
     """
 
     def __init__(self, keep: int = 1) -> None:
+        self.accept_finer = False  # whether lighting may use finer samples that are there: while something moves
         self._keep = keep
         self._lock = threading.Lock()
         self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
@@ -42,10 +43,10 @@ class Assets:
         """Return a light probe; errors as `viewer.images.read_radiance`."""
         return self._get("probe", path, lambda: Probe.from_pixels(read_radiance(path)))  # type: ignore[no-any-return]
 
-    def samples(self, mesh: Mesh, spacing: float) -> SurfaceSamples:
-        """Return surface samples of a mesh, see `core.samples.surface_samples`."""
+    def samples(self, mesh: Mesh, spacing: float, accept_finer: bool = False) -> SurfaceSamples:
+        """Return surface samples of a mesh, see `core.samples.surface_samples`; perhaps finer ones that are there."""
         # The mesh is kept with its samples: its identity cannot be taken over by another.
-        key = (id(mesh), spacing)
+        key = (id(mesh), self._spacing_at_hand(mesh, spacing) if accept_finer else spacing)
         _, samples = self._get("samples", key, lambda: (mesh, surface_samples(mesh, spacing)))
         return samples  # type: ignore[no-any-return]
 
@@ -67,6 +68,12 @@ class Assets:
             for kept in self._kept.values():
                 for key in [key for key in kept if key == path or getattr(key, "path", None) == path]:
                     del kept[key]
+
+    def _spacing_at_hand(self, mesh: Mesh, spacing: float) -> float:
+        with self._lock:
+            keys: list[Any] = list(self._kept.get("samples", ()))
+        finer = [own for identity, own in keys if identity == id(mesh) and own <= spacing]
+        return float(max(finer, default=spacing))
 
     def _has(self, kind: str, key: Hashable) -> bool:
         with self._lock:

@@ -14,8 +14,9 @@ from core.dipole import dipoles
 from core.mesh import Mesh
 from core.reference import Occluder
 from core.samples import surface_samples
-from viewer.bench_error import CAMERA, LIGHTS, REFERENCE_EDGE, Deviation, Scheme, parallel_exitance
+from viewer.bench_error import CAMERA, LIGHTS, REFERENCE_EDGE, Scheme, parallel_exitance
 from viewer.bench_shapes import SHAPES
+from viewer.deviation import Deviation
 from viewer.frame import Renderer
 from viewer.gl import headless_context
 from viewer.picture import Frame
@@ -25,7 +26,6 @@ from viewer.settings import (
     DisplaySettings,
     MaterialSettings,
     ModelSettings,
-    TransportSettings,
 )
 
 IMAGE = 512
@@ -71,7 +71,7 @@ def _scene(path: Path, mesh: Mesh, material: str, light: str, scheme: Scheme) ->
         camera=replace(CAMERA, orthographic=False),
         material=MaterialSettings(name=material),
         lights=(DirectionalLight(LIGHTS[light].direction, (1.0, 1.0, 1.0)),),
-        transport=TransportSettings(method=scheme.method, layers=scheme.layers, resolution=scheme.resolution),
+        transport=scheme.settings,
         display=DisplaySettings(image_size=(IMAGE, IMAGE)),
     )
 

@@ -8,23 +8,30 @@ the pixels of an orthographic picture.
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from scipy.sparse import csc_array
 
 from core import layers, materials
 from core.dipole import dipoles
+from core.fresnel import transmittance
+from core.layers import LayerGrid
 from core.materials import Material
 from core.mesh import Mesh
 from core.reference import Occluder, direct_exitance
 from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profile
 from core.stages import Stages
-from core.transport import LayeredTransport, Transport
+from core.transport import EwaldTransport, LayeredTransport, LocalTerm, Transport
 from viewer.bench_shapes import SHAPES
 from viewer.camera import place_camera
-from viewer.settings import CameraSettings
+from viewer.deviation import Deviation
+from viewer.quality import Quality, choose_quality, sample_spacing
+from viewer.settings import CameraSettings, TransportSettings
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
@@ -46,11 +53,30 @@ class BenchLight:
         entering = occluder.irradiance(
             samples.points, samples.normals, samples.normals, self.direction, np.ones(3), eta
         )
-        if self.stripe > 0.0:
-            across = np.cross([0.0, 1.0, 0.0], self.direction)
-            place = samples.points @ (across / np.linalg.norm(across)) / self.stripe
-            entering *= (np.floor(place) % 2.0 == 0.0)[:, None]
-        return entering
+        return np.asarray(entering * self._slats(samples.points)[:, None])
+
+    def across(self, entries: EmbreeScene, samples: SurfaceSamples, eta: float) -> tuple[Array, Array]:
+        """Thickness (n,) of the sheet between the samples and where light enters, mm, and E (n, 3) over there.
+
+        As sheet.glsl has it: for samples that face away from the light, both sides parallel; 0 for the others.
+        """
+        towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
+        cosine = np.maximum(0.0, -(samples.normals @ towards))
+        points = samples.points.astype(np.float64)
+        far = 2.0 * float(np.linalg.norm(points, axis=1).max()) + 1.0
+        origins = (points + far * towards).astype(np.float32)
+        down = np.tile(-towards.astype(np.float32), (len(points), 1))
+        way = far - np.asarray(entries.run(origins, down, query="DISTANCE"), np.float64)
+        entering = transmittance(eta, cosine) * cosine * self._slats(samples.points)
+        return np.maximum(0.0, way) * cosine, np.tile(entering[:, None], 3)
+
+    def _slats(self, points: Float32) -> Array:
+        """1 in the light and 0 in the shadow of the bars, (n,)."""
+        if self.stripe <= 0.0:
+            return np.ones(len(points))
+        across = np.cross([0.0, 1.0, 0.0], self.direction)
+        place = np.floor(points @ (across / np.linalg.norm(across)) / self.stripe)
+        return np.where(place % 2.0 == 0.0, 1.0, 0.0)
 
 
 LIGHTS = {
@@ -66,22 +92,32 @@ MATERIALS = ("marble", "skim milk", "whole milk", "ketchup", "wax")
 
 @dataclass(frozen=True)
 class Scheme:
-    """A transport method with its settings; `METHODS` makes it. 0 layers: as the method chooses."""
+    """A transport method with its settings, as a scene file has them."""
 
     method: str
-    layers: int
-    resolution: int
+    layers: int | None = None
+    resolution: int | None = None
+    error_target: float | None = None
+
+    @property
+    def settings(self) -> TransportSettings:
+        """Table of the scene."""
+        return TransportSettings(self.method, self.layers, self.resolution, self.error_target)
 
     def __str__(self) -> str:
-        return f"{self.method} {f'{self.layers} x ' if self.layers else ''}{self.resolution}"
+        sizes = [f"{n}" for n in (self.layers, self.resolution) if n is not None]
+        target = [] if self.error_target is None else [f"{100.0 * self.error_target:g} %"]
+        return " ".join([self.method, *([" x ".join(sizes)] if sizes else target)])
 
 
 # A further method is one more line here and its schemes below.
-METHODS: dict[str, Callable[[Scheme], Transport]] = {
-    "layered": lambda scheme: LayeredTransport(n_layers=scheme.layers, resolution=scheme.resolution),
+METHODS: dict[str, Callable[[Quality], Transport]] = {
+    "layered": lambda quality: LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution),
+    "ewald": lambda quality: EwaldTransport(n_layers=quality.layers, resolution=quality.resolution),
 }
 PAPER = Scheme("layered", 4, 256)
-SCHEMES = (PAPER, *(Scheme("layered", n, 128) for n in (8, 16, 32, 64, 128)))
+LAYERED = (PAPER, *(Scheme("layered", n, 128) for n in (8, 16, 32, 64, 128)))
+EWALD = tuple(Scheme("ewald", error_target=target) for target in (0.02, 0.01, 0.005))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +127,8 @@ class Target:
     Attributes
     ----------
     mesh, occluder
+    entries : EmbreeScene
+        Of the mesh; finds where light enters a sheet.
     rotation : (3, 3) float64
         World to view, row vectors.
     sources : SurfaceSamples
@@ -100,6 +138,7 @@ class Target:
 
     mesh: Mesh
     occluder: Occluder
+    entries: EmbreeScene
     rotation: Array
     sources: SurfaceSamples
     points: SurfaceSamples
@@ -115,7 +154,9 @@ class Target:
         rng = np.random.default_rng(seed)
         chosen = rng.choice(len(sources), n_points, replace=False, p=shown / shown.sum())
         points = SurfaceSamples(sources.points[chosen], sources.normals[chosen], sources.areas[chosen])
-        return cls(mesh, occluder, camera.rotation, sources, points)
+        entries = EmbreeScene()
+        TriangleMesh(scene=entries, vertices=mesh.vertices, indices=mesh.faces)
+        return cls(mesh, occluder, entries, camera.rotation, sources, points)
 
     def reference(self, light: BenchLight, material: Material) -> Array:
         """Sum equation (1) directly: (n, 3) exitance at the points."""
@@ -123,64 +164,55 @@ class Target:
         return parallel_exitance(self.points.points, self.sources.points, flux, dipoles(material))
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Transport placed on a shape: its layers, and the weights of samples and points on them."""
+
+    transport: Transport
+    grid: LayerGrid
+    coordinates: Float32
+    gather: csc_array
+
+
 class Run:
     """A scheme on one shape; keeps what the next light or material can use again, as the renderer does."""
 
-    scheme: Scheme
-    target: Target
-    stages: Stages = field(default_factory=Stages, init=False)
+    def __init__(self, scheme: Scheme, target: Target) -> None:
+        self.scheme, self.target, self.stages = scheme, target, Stages()
+        self._samples = surface_samples(target.mesh, sample_spacing(target.mesh, scheme.settings))
+        self._placed: dict[Quality, Placed] = {}
 
-    def __post_init__(self) -> None:
-        mesh = self.target.mesh
-        self._transport = METHODS[self.scheme.method](self.scheme)
-        self._grid = self._transport.grid(mesh, self.target.rotation)
-        self._samples = surface_samples(mesh, self._transport.sample_edge(mesh))
-        self._coordinates = self._grid.coordinates(self._samples.points).astype(np.float32)
-        self._gather = self._transport.weights(self._grid, self._grid.coordinates(self.target.points.points))
-
-    def exitance(self, light: BenchLight, material: Material) -> Float32:
-        """M at the target's points, (n, 3); `stages.timings` tells the cost of O, all that changes with light."""
+    def exitance(self, light: BenchLight, material: Material) -> Array:
+        """M at the target's points, (n, 3); `stages.timings` tells what transport did anew."""
         target, profiles = self.target, dipoles(material)
+        placed = self._place(choose_quality(self.scheme.settings, profiles, target.mesh))
         irradiance = light.irradiance(target.occluder, self._samples, material.eta)
         flux = (irradiance * self._samples.areas[:, None]).astype(np.float32)
         self.stages.begin()
-        nodes = self._transport.exitance(self._grid, self._coordinates, flux, profiles, target.mesh.area, self.stages)
-        smooth = layers.gather(self._gather, nodes)
-        here = light.irradiance(target.occluder, target.points, material.eta)
-        local = np.asarray(self._transport.local(self._grid, profiles))
-        return np.maximum(smooth + local * here, 0.0).astype(np.float32)
+        transport, grid = placed.transport, placed.grid
+        nodes = transport.exitance(grid, placed.coordinates, flux, profiles, target.mesh.area, self.stages)
+        term = self.stages.run("local", [transport, profiles], lambda: transport.local(grid, profiles))
+        return np.maximum(layers.gather(placed.gather, nodes) + self._local(term, light, material), 0.0)
 
+    def _local(self, term: LocalTerm, light: BenchLight, material: Material) -> Array:
+        """The part of exitance that layers are too coarse for, (n, 3)."""
+        target = self.target
+        value = term.factors[0] * light.irradiance(target.occluder, target.points, material.eta)
+        if term.reach > 0.0:
+            thickness, other_side = light.across(target.entries, target.points, material.eta)
+            nodes = np.linspace(0.0, term.reach, len(term.factors))
+            factors = np.stack([np.interp(thickness, nodes, f, right=0.0) for f in term.factors.T], axis=-1)
+            value += factors * (thickness > 0.0)[:, None] * other_side
+        return np.asarray(value)
 
-@dataclass(frozen=True)
-class Deviation:
-    """How far exitance is from the reference, per channel, as shares of the reference's rms over the points.
-
-    Attributes
-    ----------
-    rms, p99 : (3,) tuples
-        Root mean square and 99th percentile of |M - M_ref|.
-    ratio : (3,) tuple
-        Mean of M over mean of M_ref: below 1 where light is lost.
-    """
-
-    rms: tuple[float, ...]
-    p99: tuple[float, ...]
-    ratio: tuple[float, ...]
-
-    @classmethod
-    def of(cls, exitance: npt.ArrayLike, reference: Array) -> "Deviation":
-        """Compare (n, 3) arrays; a channel that is black in both has no error."""
-        M, M_ref = np.asarray(exitance, np.float64), reference
-        size = np.sqrt(np.mean(M_ref**2, axis=0))
-        size = np.where(size > 0.0, size, 1.0)
-        difference = np.abs(M - M_ref)
-        mean = M_ref.mean(axis=0)
-        return cls(
-            rms=tuple((np.sqrt(np.mean(difference**2, axis=0)) / size).tolist()),
-            p99=tuple((np.percentile(difference, 99.0, axis=0) / size).tolist()),
-            ratio=tuple(np.divide(M.mean(axis=0), mean, out=np.ones(3), where=mean > 0.0).tolist()),
-        )
+    def _place(self, quality: Quality) -> Placed:
+        if quality not in self._placed:
+            transport = METHODS[quality.method](quality)
+            grid = transport.grid(self.target.mesh, self.target.rotation)
+            coordinates = grid.coordinates(self._samples.points).astype(np.float32)
+            gather = transport.weights(grid, grid.coordinates(self.target.points.points))
+            self._placed[quality] = Placed(transport, grid, coordinates, gather)
+        return self._placed[quality]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pyfftw
 
 from core.convolution import ConvolutionShape, LayerConvolver
@@ -21,6 +22,8 @@ from viewer.frame import Renderer
 from viewer.gl import headless_context
 from viewer.scene import Scene
 from viewer.settings import DirectionalLight, MaterialSettings
+
+Kernel = tuple[npt.NDArray[np.float32], ...]
 
 EFFORTS = ("FFTW_MEASURE", "FFTW_ESTIMATE")  # ESTIMATE is the renderer's: the same bits in every process
 
@@ -55,8 +58,8 @@ class ConvolutionRow:
 
     @property
     def ratio(self) -> float:
-        """Ratio of the minima."""
-        return self.convolution.least / self.bare.least
+        """Median over the repeats of the ratio of two neighbours: what else runs meets both."""
+        return float(np.median(np.divide(self.convolution.times, self.bare.times)))
 
 
 @dataclass(frozen=True)
@@ -90,10 +93,12 @@ def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: 
         for effort in EFFORTS:
             convolver = LayerConvolver(shape, threads, effort)
             kernel = convolver.prepare(rng.random(shape.quadrant, dtype=np.float32))
-            ours = [
-                lambda c=c, k=k, m=maps: [c.convolve(channel, k) for channel in m] for c, k in [(convolver, kernel)]
-            ]
-            timings = interleaved([*ours, _bare_transforms(shape, threads, effort)], repeats)
+
+            def convolve(convolver: LayerConvolver = convolver, kernel: Kernel = kernel) -> None:
+                for channel in maps:  # noqa: B023 (runs before the maps change)
+                    convolver.convolve(channel, kernel)
+
+            timings = interleaved([convolve, _bare_transforms(shape, threads, effort)], repeats)
             yield ConvolutionRow(n, side, threads, effort, *timings)
 
 
@@ -126,14 +131,7 @@ def frame_rows(scene: Scene, setting: str, repeats: int) -> Iterator[FrameRow]:
     """Time frames of a loaded scene after changes of its camera, lights, material and all of them."""
     renderer = Renderer(headless_context())
     renderer.draw(scene)
-    changes: dict[str, Callable[[Scene, int], Scene]] = {
-        "exposure": lambda s, i: replace(s, display=replace(s.display, key=0.18 + 0.01 * i)),
-        "camera": _turned,
-        "lights": _relit,
-        "material": _thinned,
-        "camera, lights, material": lambda s, i: _thinned(_relit(_turned(s, i), i), i),
-    }
-    for change, apply in changes.items():
+    for change, apply in CHANGES.items():
         renderer.draw(apply(scene, 0))  # what the change allocates and plans for the first time
         totals: list[float] = []
         stages: dict[str, list[float]] = {}
@@ -174,6 +172,14 @@ def _thinned(scene: Scene, i: int) -> Scene:
     return replace(scene, material=settings)
 
 
+CHANGES: dict[str, Callable[[Scene, int], Scene]] = {
+    "exposure": lambda scene, i: replace(scene, display=replace(scene.display, key=0.18 + 0.01 * i)),
+    "camera": _turned,
+    "lights": _relit,
+    "material": _thinned,
+    "camera, lights, material": lambda scene, i: _thinned(_relit(_turned(scene, i), i), i),
+}
+
 # Peak memory: Linux keeps the parent's in ru_maxrss of a child, but not in VmHWM.
 _MEASURED = """
 import sys
@@ -201,16 +207,19 @@ class ProcessRow:
     megabytes: float
 
 
-def process_row(arguments: Sequence[str], setting: str, folder: Path, repeats: int) -> ProcessRow:
-    """Run `milkglass render` in processes of their own."""
+def process_row(scene: Scene, setting: str, folder: Path, repeats: int) -> ProcessRow:
+    """Run `milkglass render` of a scene in processes of their own; files go to `folder`."""
+    described, picture = folder / "scene.toml", folder / "picture.png"
+    scene.save(described)
     times, peak = [], 0.0
-    command = [sys.executable, "-c", _MEASURED, "render", *arguments, "--output", str(folder / "picture.png")]
+    command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(described), "--output", str(picture)]
     for _ in range(repeats):
         start = time.perf_counter()
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment())
         times.append(1e3 * (time.perf_counter() - start))
         if done.returncode != 0:
-            raise InputError(" ".join(done.stderr.split()) or "milkglass render failed in the benchmark")
+            last = done.stderr.strip().rpartition("\n")[2].removeprefix("milkglass: ")
+            raise InputError(f"milkglass render failed in the benchmark: {last}")
         peak = max(peak, float(done.stdout.split()[-1]))
     return ProcessRow(setting, Timing(tuple(times)), peak)
 

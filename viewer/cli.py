@@ -11,7 +11,7 @@ import typer
 
 from core.errors import InputError
 from viewer.options import scene_options
-from viewer.scene import Scene
+from viewer.scene import Scene, default_scene
 
 if TYPE_CHECKING:
     from viewer.picture import Frame
@@ -57,19 +57,32 @@ def default(
         typer.echo(f"milkglass {_version()}")
     elif context.invoked_subcommand is None:
         if has_display():
-            _run_window(Scene())
+            _run_window(default_scene())
         else:
-            _save(_render(Scene(), DEFAULT_SAMPLES, 0), [DEFAULT_PICTURE])
+            _save(_render(default_scene(), DEFAULT_SAMPLES, 0), [DEFAULT_PICTURE])
             typer.echo(f"There is no display for a window, so the default scene went to {DEFAULT_PICTURE}.")
 
 
 @app.command()
 @scene_options
-def view(scene: Scene) -> None:
+def view(
+    scene: Scene,
+    context: typer.Context,
+    record: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Record the interaction: frames and events.")
+    ] = None,
+    play: Annotated[str | None, typer.Option(metavar="FILE", help="Replay a recording, without a display too.")] = None,
+) -> None:
     """Show a model in a window."""
+    if play is not None:
+        from viewer import replay
+
+        replay.play(Path(play), in_window=has_display())
+        return
     if not has_display():
         raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
-    _run_window(scene)
+    path = context.params["scene"]
+    _run_window(scene, None if path is None else Path(path), None if record is None else Path(record))
 
 
 @app.command()
@@ -99,6 +112,7 @@ def render(
     _save(frame, output)
     if verbose:
         _print_timings(frame.timings)
+        typer.echo(frame.quality.summary)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -106,12 +120,15 @@ def render(
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
-    output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for the table and the plot.")] = None,
+    output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for tables and the plot.")] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Mesh of the frames; the built-in sculpture without one.")
+    ] = None,
 ) -> None:
-    """Measure speed against error, and write a table and a plot."""
+    """Measure speed against error, and write tables and a plot."""
     from viewer import bench as benchmark
 
-    benchmark.run(quick, None if output is None else Path(output))
+    benchmark.run(quick, None if output is None else Path(output), None if model is None else Path(model))
 
 
 @app.command()
@@ -131,10 +148,10 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _run_window(scene: Scene) -> None:
+def _run_window(scene: Scene, path: Path | None = None, record: Path | None = None) -> None:
     from viewer import window
 
-    window.run(scene)
+    window.run(scene, path=path, record=record)
 
 
 def _render(scene: Scene, samples: int, seed: int) -> "Frame":

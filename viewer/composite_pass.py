@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import moderngl
-import numpy as np
-import numpy.typing as npt
 
 from viewer.camera import Camera
+from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
 from viewer.irradiance_pass import PixelLight
@@ -20,30 +19,6 @@ class Composite:
 
     textures: dict[str, moderngl.Texture]
     framebuffer: moderngl.Framebuffer
-
-
-@dataclass(frozen=True, eq=False)
-class Gather:
-    """Where exitance is read, M = gather(volume) + local E.
-
-    Attributes
-    ----------
-    volume : 3-D texture
-    world_to_texture : (4, 4) float64
-        World space to the volume's texture coordinates, row vectors.
-    smooth : bool
-        Whether to gather with quadratic B-splines rather than tents.
-    local : 3-tuple
-        Factor on the pixel's own irradiance.
-    eta : float
-        On the way out.
-    """
-
-    volume: moderngl.Texture3D
-    world_to_texture: npt.NDArray[np.float64]
-    smooth: bool
-    local: tuple[float, float, float]
-    eta: float
 
 
 class CompositePass:
@@ -82,7 +57,7 @@ class CompositePass:
                 "t_exitance": gather.volume,
                 "u_world_to_texture": gather.world_to_texture,
                 "u_smooth": gather.smooth,
-                "u_local": gather.local,
+                "t_local": light.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,
                 "u_weight": weight,

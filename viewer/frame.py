@@ -12,7 +12,7 @@ import numpy.typing as npt
 from core.stages import Stages
 from viewer.assets import Assets
 from viewer.camera import pixel_offsets
-from viewer.composite_pass import Gather
+from viewer.gather import Gather
 from viewer.gl import check_image_size, headless_context, leave_framebuffer
 from viewer.lighting import Lighting, LitScene, Progress
 from viewer.picture import Frame, Picture, read_frame
@@ -130,6 +130,10 @@ class Renderer:
         """
         offsets = pixel_offsets(samples, seed)
         return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for)
+
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
+        """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
+        return self._shading.advance(scene, lit, gather, pixel_offsets(samples), parts)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""

@@ -17,6 +17,7 @@ T = TypeVar("T")
 
 INSTALL_HINT = "apt-get install libegl1 libgl1 libgl1-mesa-dri"
 GLSL_VERSION = 330
+SAMPLER_UNIT = 15
 
 
 @lru_cache(maxsize=1)
@@ -42,6 +43,21 @@ def headless_context() -> moderngl.Context:
     return prepare_context(context)
 
 
+def window_context() -> moderngl.Context:
+    """Return a context for the window whose own context is current in this thread.
+
+    Raises
+    ------
+    InputError
+        If it is older than OpenGL 3.3.
+    """
+    try:
+        context = moderngl.create_context(require=GLSL_VERSION)
+    except Exception as problem:  # glcontext raises bare Exception
+        raise InputError(f"the window has no OpenGL 3.3 ({problem}); install a driver") from None
+    return prepare_context(context)
+
+
 def prepare_context(context: moderngl.Context) -> moderngl.Context:
     """Set what every pass takes for granted; for windows' contexts too."""
     context.gc_mode = "auto"
@@ -56,6 +72,14 @@ def leave_framebuffer(context: moderngl.Context) -> None:
     So leave a framebuffer before it is released.
     """
     context.extra.use()
+
+
+def free_dropped(context: moderngl.Context) -> None:
+    """Free what was dropped while `gc_mode` is "context_gc", by whichever thread; for the one that draws."""
+    while context.objects:
+        dropped = context.objects.popleft()
+        if hasattr(dropped, "release"):  # moderngl queues what was released by hand too, and its own gc() trips over it
+            dropped.release()
 
 
 def driver_name(context: moderngl.Context) -> str:
@@ -116,6 +140,10 @@ class Program:
                 value.use(unit)
                 uniform.value = unit
                 unit += 1
+            elif isinstance(value, moderngl.Sampler):
+                # A sampler overrides what textures of its unit say of themselves: it gets a unit of its own.
+                value.use(SAMPLER_UNIT)
+                uniform.value = SAMPLER_UNIT
             elif isinstance(value, np.ndarray):
                 # NumPy's row-major rows arrive as GLSL's columns: v @ M becomes M * v.
                 uniform.write(np.ascontiguousarray(value, np.float32).tobytes())
@@ -150,9 +178,7 @@ def checked(context: moderngl.Context, allocate: Callable[[], T], what: str) -> 
     try:
         result = allocate()
     except Exception as problem:  # moderngl.Error and what drivers add
-        raise InputError(
-            f"the GPU cannot hold {what} ({problem}); ask for fewer pixels, layers or texels"
-        ) from None
+        raise InputError(f"the GPU cannot hold {what} ({problem}); ask for fewer pixels, layers or texels") from None
     if context.error == "GL_OUT_OF_MEMORY":
         raise InputError(f"the GPU has no memory left for {what}; ask for fewer pixels, layers or texels")
     return result
@@ -162,11 +188,17 @@ def latlong_texture(context: moderngl.Context, pixels: npt.NDArray[np.float32]) 
     """Upload a lat-long map (h, w, 3), row 0 at +y: linear filter, columns wrap around."""
     height, width, _ = pixels.shape
     values = np.ascontiguousarray(pixels, np.float32)
-    texture = checked(
-        context, lambda: context.texture((width, height), 3, values, dtype="f4"), "the environment"
-    )
+    texture = checked(context, lambda: context.texture((width, height), 3, values, dtype="f4"), "the environment")
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False
+    return texture
+
+
+def table_texture(context: moderngl.Context, values: npt.NDArray[np.floating]) -> moderngl.Texture:
+    """Upload a table (n, 3) as a texture of one row, read with a linear filter, clamped at its ends."""
+    texture = context.texture((len(values), 1), 3, np.ascontiguousarray(values, np.float32), dtype="f4")
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = False
     return texture
 
 

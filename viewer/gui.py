@@ -3,6 +3,7 @@
 Here are also its context, fonts, colours, and the translation of our events.
 """
 
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +41,12 @@ class Gui:
         imgui.set_current_context(self._context)
         io = imgui.get_io()
         io.set_ini_filename("")  # we remember what is worth remembering
-        io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard.value
-        io.config_nav_capture_keyboard = False
         io.config_input_text_cursor_blink = False  # blinking would redraw an idle window
         io.config_error_recovery_enable_assert = False
         io.backend_flags |= imgui.BackendFlags_.renderer_has_textures.value
         io.backend_flags |= imgui.BackendFlags_.has_mouse_cursors.value
         self._held: set[str] = set()
+        self._queue: deque[Event] = deque()
         self._time: float | None = None
         self._text_scale = 0.0
         self.size, self.pixels = (1, 1), (1, 1)
@@ -54,8 +54,35 @@ class Gui:
         self.bold = _font(BOLD)
 
     def feed(self, event: Event) -> None:
-        """Pass an event on to ImGui."""
-        imgui.set_current_context(self._context)
+        """Take an event for the next frames."""
+        if isinstance(event, Resized):
+            self.size, self.pixels = event.size, event.pixels
+            imgui.set_current_context(self._context)
+            self._scale(event.text_scale)
+        else:
+            self._queue.append(event)
+
+    @property
+    def has_events(self) -> bool:
+        """Whether events wait for another frame."""
+        return bool(self._queue)
+
+    def _feed_frame(self) -> None:
+        """Pass events on to ImGui, as many as one frame may see.
+
+        ImGui looks at keys once a frame: a Ctrl that is let go in the frame in which S went down would not be seen.
+        """
+        pressed = False
+        while self._queue:
+            event = self._queue[0]
+            if isinstance(event, Key):
+                is_modifier = event.name.partition("_")[2] in MODIFIERS
+                if is_modifier and pressed:
+                    return
+                pressed = pressed or (event.pressed and not is_modifier)
+            self._pass_on(self._queue.popleft())
+
+    def _pass_on(self, event: Event) -> None:
         io = imgui.get_io()
         if isinstance(event, MouseMoved):
             io.add_mouse_pos_event(event.x, event.y)
@@ -67,19 +94,17 @@ class Gui:
             self._key(event)
         elif isinstance(event, Typed):
             io.add_input_characters_utf8(event.text)
-        elif isinstance(event, Resized):
-            self.size, self.pixels = event.size, event.pixels
-            self._scale(event.text_scale)
         elif isinstance(event, Focused):
             self._focus(event.focused)
 
     def begin(self, now: float) -> None:
         """Start a frame; `now` in seconds, from any start."""
         imgui.set_current_context(self._context)
+        self._feed_frame()
         io = imgui.get_io()
-        io.display_size = self.size
+        io.display_size = imgui.ImVec2(*map(float, self.size))
         width, height = (max(1, side) for side in self.size)
-        io.display_framebuffer_scale = (self.pixels[0] / width, self.pixels[1] / height)
+        io.display_framebuffer_scale = imgui.ImVec2(self.pixels[0] / width, self.pixels[1] / height)
         # ImGui wants time to pass; a very long step would hold a key's repeat or a double click apart.
         io.delta_time = min(max(1e-4, now - self._time), 10.0) if self._time is not None else 1.0 / 60.0
         self._time = now
@@ -131,7 +156,7 @@ def _font(path: Path) -> Any:
     font = fonts.add_font_from_file_ttf(str(path), TEXT_SIZE)
     merged = imgui.ImFontConfig()
     merged.merge_mode = True
-    merged.glyph_offset = (0.0, 1.0)
+    merged.glyph_offset = imgui.ImVec2(0.0, 1.0)
     merged.glyph_min_advance_x = TEXT_SIZE
     fonts.add_font_from_file_ttf(str(ICONS), TEXT_SIZE * 0.86, merged)
     return font
@@ -146,7 +171,7 @@ def _set_style(style: Any) -> None:
     style.item_inner_spacing = (6, 4)
     style.indent_spacing = 14
     style.scrollbar_size = 11
-    style.grab_min_size = 9
+    style.grab_min_size = 5
     style.window_rounding = 6
     style.child_rounding = 4
     style.frame_rounding = 4
@@ -174,8 +199,8 @@ def _set_style(style: Any) -> None:
         "button": (0.215, 0.222, 0.235, 1.0),
         "button_hovered": (0.28, 0.29, 0.31, 1.0),
         "button_active": (red * 0.6, green * 0.6, blue * 0.6, 1.0),
-        "slider_grab": (red * 0.85, green * 0.85, blue * 0.85, 1.0),
-        "slider_grab_active": (red, green, blue, 1.0),
+        "slider_grab": (red * 0.7, green * 0.7, blue * 0.7, 1.0),
+        "slider_grab_active": (red * 0.85, green * 0.85, blue * 0.85, 1.0),
         "check_mark": (red, green, blue, 1.0),
         "text_selected_bg": (red, green, blue, 0.35),
         "nav_cursor": (red, green, blue, 1.0),

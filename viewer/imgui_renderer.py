@@ -24,7 +24,7 @@ class ImguiRenderer:
     """
 
     def __init__(self, context: moderngl.Context) -> None:
-        assert imgui.VERTEX_SIZE == VERTEX.itemsize
+        assert VERTEX.itemsize == imgui.VERTEX_SIZE
         self._context = context
         self._program = Program(context, "imgui.vert", "imgui.frag")
         self._own: dict[int, moderngl.Texture] = {}  # ImGui's: fonts
@@ -32,13 +32,14 @@ class ImguiRenderer:
         self._vertices = self._indices = None
         self._array: moderngl.VertexArray | None = None
 
-    def show(self, texture: moderngl.Texture) -> Any:
+    def show(self, texture: moderngl.Texture | moderngl.Renderbuffer) -> Any:
         """Return what ImGui's image functions take; to be called in every frame that shows the texture."""
+        assert isinstance(texture, moderngl.Texture)
         self._shown[texture.glo] = texture
         return imgui.ImTextureRef(texture.glo)
 
-    def draw(self, data: Any, target: moderngl.Framebuffer) -> None:
-        """Draw a frame's `imgui.get_draw_data()`, blended over what the target holds."""
+    def draw(self, data: Any, target: Any) -> None:
+        """Draw a frame's `imgui.get_draw_data()` into a `moderngl.Framebuffer`, blended over what it holds."""
         self._update_textures()
         scale = tuple(data.framebuffer_scale)
         lists = [commands for commands in data.cmd_lists if commands.idx_buffer.size()]
@@ -50,12 +51,8 @@ class ImguiRenderer:
         target.use()
         context.enable_only(moderngl.BLEND)
         # Colour over, and coverage that stays what a transparent screenshot needs.
-        context.blend_func = (
-            moderngl.SRC_ALPHA,
-            moderngl.ONE_MINUS_SRC_ALPHA,
-            moderngl.ONE,
-            moderngl.ONE_MINUS_SRC_ALPHA,
-        )
+        over = moderngl.ONE_MINUS_SRC_ALPHA
+        context.blend_func = moderngl.SRC_ALPHA, over, moderngl.ONE, over  # type: ignore[assignment]
         size = tuple(data.display_size)
         first = 0
         bound = None

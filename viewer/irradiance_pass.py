@@ -10,6 +10,7 @@ from pyrr import matrix33
 
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
 from viewer.settings import DirectionalLight, Light, SpecularSettings
@@ -99,20 +100,20 @@ class PixelIrradiancePass:
 
     def targets(self, size: tuple[int, int]) -> "PixelLight":
         """Allocate what `run` fills."""
-        irradiance, specular = float_targets(self._context, size, 2)
-        framebuffer = self._context.framebuffer([irradiance, specular])
-        return PixelLight(irradiance, specular, framebuffer)
+        irradiance, specular, local = float_targets(self._context, size, 3)
+        framebuffer = self._context.framebuffer([irradiance, specular, local])
+        return PixelLight(irradiance, specular, local, framebuffer)
 
     def run(
         self,
         gbuffer: GBuffer,
         sources: Sequence[LightSource],
-        eta: float,
+        gather: Gather,
         specular: SpecularSettings,
         camera: Camera,
         out: "PixelLight",
     ) -> None:
-        """Sum E and the Phong highlights of all lights at every pixel."""
+        """Sum E, the Phong highlights and the local exitance of all lights at every pixel."""
         out.framebuffer.use()
         out.framebuffer.clear()
         self._context.enable_only(moderngl.BLEND)
@@ -120,7 +121,10 @@ class PixelIrradiancePass:
         for source in sources:
             self._program.set(
                 {
-                    **source.uniforms(eta),
+                    **source.uniforms(gather.eta),
+                    **source.shadow.depth_uniforms(),
+                    "t_sheet": gather.local,
+                    "u_sheet_reach": gather.local_reach,
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "u_eye": tuple(camera.eye),
@@ -133,8 +137,12 @@ class PixelIrradiancePass:
 
 @dataclass(frozen=True, eq=False)
 class PixelLight:
-    """Irradiance and highlight of every pixel, RGBA float textures, and the framebuffer that draws into them."""
+    """RGBA float textures of every pixel's light, and the framebuffer that draws into them.
+
+    `local` is the exitance of `core.transport.LocalTerm`.
+    """
 
     irradiance: moderngl.Texture
     specular: moderngl.Texture
+    local: moderngl.Texture
     framebuffer: moderngl.Framebuffer

@@ -17,8 +17,8 @@ from core.transport import EwaldTransport, LayeredTransport, Profiles, Transport
 from viewer.assets import Assets
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
-from viewer.composite_pass import Gather
-from viewer.gl import latlong_texture
+from viewer.gather import Gather
+from viewer.gl import latlong_texture, table_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
 from viewer.quality import Quality, choose_quality, sample_spacing
@@ -99,13 +99,17 @@ class Lighting:
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
         quality = choose_quality(settings, profiles, model.mesh)
-        transport = run("transport", [quality], lambda: _transport(quality, self._effort))
+        sizes = quality.method, quality.layers, quality.resolution
+        transport = run("transport", sizes, lambda: _transport(quality, self._effort))
         grid = transport.grid(model.mesh, camera.rotation)
         self._layers.check_limits(grid)
 
         say("sampling the surface")
         spacing = sample_spacing(model.mesh, settings)
-        surface = run("samples", [model, spacing], lambda: self._sample(model.mesh, spacing))
+        # What is at hand may serve for several spacings: everything after depends on the samples themselves.
+        finer = self._assets.accept_finer
+        samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
+        surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
         say("casting shadows")
         sources = (*self._lamps(scene, model), *self._surround(scene.environment, material.eta))
@@ -113,9 +117,7 @@ class Lighting:
         say("lighting the surface")
         flux = self._flux(surface, sources, material.eta)
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        return LitScene(
-            model, camera, sources, material.eta, quality, transport, grid, profiles, coordinates, flux
-        )
+        return LitScene(model, camera, sources, material.eta, quality, transport, grid, profiles, coordinates, flux)
 
     def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload the result of transport."""
@@ -123,7 +125,9 @@ class Lighting:
         local = self._run(
             "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
         )
-        return Gather(volume, lit.grid.world_to_texture, lit.transport.SMOOTH, local, lit.eta)
+        table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
+        to_texture, smooth = lit.grid.world_to_texture, lit.transport.SMOOTH
+        return Gather(volume, to_texture, smooth, table, local.reach, lit.eta)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -134,10 +138,6 @@ class Lighting:
     def _load(self, settings: ModelSettings) -> Model:
         mesh, warning = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
-
-    def _sample(self, mesh: Mesh, spacing: float) -> Surface:
-        samples = self._assets.samples(mesh, spacing)
-        return Surface(samples, SampleBuffers(self._context, samples))
 
     def _lamps(self, scene: Scene, model: Model) -> list[LightSource]:
         """Directional and point lights, each with its shadow map."""

@@ -1,12 +1,10 @@
-"""A scene drawn while it changes: files and transport in a worker thread, every frame with the newest finished volume.
+"""A scene drawn while it changes: files and transport in a worker thread, frames with the newest finished volume.
 
-The thread that owns OpenGL calls `Live.draw` for each frame and never waits. It lights the scene as it is now, hands the
-light to the worker if the worker is free, and draws with the newest volume that came back: perhaps of the material of a
-moment ago, never of two at once, and always replaced as soon as the newer one is there.
+The thread that owns OpenGL calls `Live.draw` for each frame and never waits. It lights the scene as it is now, hands
+the light to the worker if the worker is free, and draws with the newest volume that came back: perhaps of the material
+of a moment ago, never of two at once, and always replaced as soon as the newer one is there.
 """
 
-import math
-import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -16,13 +14,15 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.layers import deposit, tent_matrix
+from core.layers import deposit
 from viewer.assets import Assets
 from viewer.camera import place_camera
-from viewer.composite_pass import Gather
+from viewer.dependence import angle, files, lighting_key, same_light, turned
 from viewer.frame import Renderer
-from viewer.lighting import LitScene, sample_spacing
+from viewer.gather import Gather
+from viewer.lighting import LitScene
 from viewer.picture import Picture
+from viewer.quality import sample_spacing
 from viewer.scene import Scene
 from viewer.settings import CameraSettings
 
@@ -30,12 +30,13 @@ Float32 = npt.NDArray[np.float32]
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
+RECURRING = ("deposit", "spectra", "convolution")  # what a moving light or material costs again and again
 SMALLEST_DRAFT = 32  # texels
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
 
 
 @dataclass(frozen=True)
-class Quality:
+class Detail:
     """How well a frame is drawn: `draft` while something moves; antialiasing samples of a pixel."""
 
     draft: bool = False
@@ -69,17 +70,21 @@ class Live:
         self.assets = assets or Assets(KEEP)
         self.renderer = Renderer(context, assets=self.assets)
         self.finished: Finished | None = None
+        self.picture: Picture | None = None
+        self.current = False  # whether the last picture is of the scene asked for, not of one before it
         self.stage_times: dict[str, float] = {}  # ms, of the last time that each ran
         self.ran: dict[str, float] = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
         self._job: Future[Any] | None = None
         self._load: Future[None] | None = None
+        self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._lit: LitScene | None = None
         self._lit_for: tuple[object, CameraSettings, bool] | None = None
         self._sent: LitScene | None = None
-        self._cost = 0.0  # seconds of transport a texel
+        self._cost: tuple[float, int, int] | None = None  # seconds of transport, with its resolution and layers
+        self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
 
     @property
     def loading(self) -> bool:
@@ -92,7 +97,7 @@ class Live:
         return self._job is not None or self._load is not None
 
     def draw(
-        self, scene: Scene, quality: Quality, show: str = "radiance", exposure_for: float | None = None
+        self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
     ) -> Picture | None:
         """Draw the newest state of a scene; None while there is nothing to show yet.
 
@@ -102,23 +107,40 @@ class Live:
             The scene's files or values cannot be used; raised once, by the frame that finds out.
         """
         self.renderer.stages.begin()
+        newest = self._newest(scene, detail)
+        if newest is None:
+            return None
+        picture = self.renderer.shade(
+            *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for
+        )
+        self._count(self.renderer.stages.timings)
+        self.picture = picture
+        return picture
+
+    def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
+        """Draw one of the samples of a pixel; True when `draw` with so many will find all of them there."""
+        self.renderer.stages.begin()
+        newest = self._newest(scene, Detail(False, samples))
+        done = newest is None or self.renderer.advance(*newest, samples=samples, parts=show != "radiance")
+        self._count(self.renderer.stages.timings)
+        return done
+
+    def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Gather] | None:
+        """Light the scene and keep the worker busy; returns what can be drawn now."""
         self._collect()
-        drawn = self._latest_ready(scene, quality)
+        self.current = False
+        drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
-        lit = self._light(drawn, quality)
+        lit = self._light(drawn, detail)
+        self.current = drawn is scene
         self._submit(lit)
         if self.finished is None:
             return None
         if lit.model is not self.finished.lit.model:  # its first volume is on the way: the old model until then
             lit = self.finished.lit
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
-        picture = self.renderer.shade(
-            drawn, replace(lit, camera=camera), self.finished.gather,
-            samples=quality.samples, parts=show != "radiance", show=show, exposure_for=exposure_for,
-        )  # fmt: skip
-        self._count(self.renderer.stages.timings)
-        return picture
+        return drawn, replace(lit, camera=camera), self.finished.gather
 
     def is_settled(self, scene: Scene) -> bool:
         """Whether what was drawn last is of this scene at full quality, with nothing more to come."""
@@ -128,7 +150,7 @@ class Live:
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
-            and self._lit_for == (_lighting_key(scene), _turned(scene.camera), False)
+            and self._lit_for == (lighting_key(scene), turned(scene.camera), False)
         )
 
     def wait(self, timeout: float = 60.0) -> None:
@@ -142,7 +164,7 @@ class Live:
         if self.finished is None:
             return None
         lit = self.finished.lit
-        return deposit(lit.grid, tent_matrix(lit.grid, lit.coordinates), lit.flux)
+        return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
 
     def close(self) -> None:
         """Let the worker finish and free it."""
@@ -150,14 +172,14 @@ class Live:
 
     # files
 
-    def _latest_ready(self, scene: Scene, quality: Quality) -> Scene | None:
+    def _latest_ready(self, scene: Scene, detail: Detail) -> Scene | None:
         """Return the scene if its files are loaded; else start loading them and stay with the last one."""
         if self._load is not None and self._load.done():
             load, self._load = self._load, None
             load.result()  # raises what loading raised
-        if self._has_files(scene, quality):
-            self._ready = scene
-        elif self._load is None:
+        if self._has_files(scene, detail):
+            self._ready, self._failed = scene, None
+        elif self._load is None and (self._failed is None or files(self._failed) != files(scene)):
             self._load = self._start(lambda: self._read(scene))
         if self._ready is None:
             return None
@@ -167,73 +189,93 @@ class Live:
         waiting = replace(self._ready, camera=scene.camera)
         return replace(waiting, display=replace(self._ready.display, image_size=size))
 
-    def _has_files(self, scene: Scene, quality: Quality) -> bool:
+    def _has_files(self, scene: Scene, detail: Detail) -> bool:
         if not self.assets.has_mesh(scene.model):
             return False
         probe = scene.environment.path
         if probe is not None and not self.assets.has_probe(probe):
             return False
         mesh, _ = self.assets.mesh(scene.model)
-        return quality.draft or self.assets.has_samples(mesh, sample_spacing(mesh, scene.transport))
+        return detail.draft or self.assets.has_samples(mesh, sample_spacing(mesh, scene.transport))
 
     def _read(self, scene: Scene) -> None:
+        self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
         self.assets.samples(mesh, sample_spacing(mesh, scene.transport))
+        self._failed = None
 
     # light and transport
 
-    def _light(self, scene: Scene, quality: Quality) -> LitScene:
+    def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
-        key, camera = _lighting_key(scene), _turned(scene.camera)
+        key, camera = lighting_key(scene), turned(scene.camera)
+        unchanged = False
         if self._lit is not None and self._lit_for is not None:
-            same_light = key == self._lit_for[0]
-            if same_light and quality.draft and _angle(camera, self._lit_for[1]) < DRAFT_TURN_DEG:
+            unchanged = key == self._lit_for[0]
+            if unchanged and detail.draft and angle(camera, self._lit_for[1]) < DRAFT_TURN_DEG:
                 return self._lit
-            if same_light and camera == self._lit_for[1] and not self._lit_for[2]:
+            if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
                 return self._lit
-        coarse = self._draft_resolution(scene) if quality.draft else scene.transport.resolution
-        drafted = coarse < scene.transport.resolution
-        if drafted:
+        if not detail.draft:
+            self._held = None
+        coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
+        if coarse is not None:
             scene = replace(scene, transport=replace(scene.transport, resolution=coarse))
+        self.assets.accept_finer = detail.draft
         lit = self.renderer.light(scene)
-        if self._lit is None or not _same_light(lit, self._lit):
+        if self._lit is None or not same_light(lit, self._lit):
             self._lit = lit
-        self._lit_for = (key, camera, drafted)
+        self._lit_for = (key, camera, coarse is not None)
         return self._lit
 
-    def _draft_resolution(self, scene: Scene) -> int:
-        """Return how many texels transport may have to be done in time."""
-        settings = scene.transport
-        seconds = self._cost * settings.layers * settings.resolution**2
-        if seconds <= DRAFT_SECONDS:
-            return settings.resolution
-        fitting = int(settings.resolution * math.sqrt(DRAFT_SECONDS / seconds))
-        return min(settings.resolution, max(SMALLEST_DRAFT, fitting // 8 * 8))
+    def _draft_resolution(self, scene: Scene) -> int | None:
+        """Return how many texels transport may have while something moves, None for what the scene asks for.
+
+        It is decided once a drag: where the grid stays, so do all the weights on it. Hence a resolution that would
+        follow the material is held, too.
+        """
+        if self._cost is None or self._lit is None:
+            return None
+        settings, held = scene.transport, self._held
+        if held is not None and held[:2] == (scene.model, settings):
+            return held[2]
+        seconds, resolution, layers = self._cost
+        automatic = settings.resolution is None and settings.method == self._lit.quality.method
+        wanted = settings.resolution or self._lit.quality.resolution
+        # Layers of their own number cost as many times a map; else they grow with the resolution.
+        power = 2.0 if settings.layers is not None else 3.0
+        seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
+        fitting = int(wanted * (DRAFT_SECONDS / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
+        chosen = wanted if automatic else None
+        if fitting < wanted:
+            chosen = min(wanted, max(SMALLEST_DRAFT, fitting))
+        self._held = scene.model, settings, chosen
+        return chosen
 
     def _submit(self, lit: LitScene) -> None:
         if self._job is None and self._sent is not lit:
             self._sent = lit
             self._job = self._start(lambda: self._scatter(lit))
 
-    def _scatter(self, lit: LitScene) -> tuple[LitScene, Float32, dict[str, float], float]:
+    def _scatter(self, lit: LitScene) -> tuple[LitScene, Float32, dict[str, float]]:
         """Run in the worker: nothing here touches OpenGL."""
         stages = self.renderer.transport_stages
         stages.begin()
-        start = time.perf_counter()
         exitance = self.renderer.scatter(lit)
-        return lit, exitance, dict(stages.timings), time.perf_counter() - start
+        return lit, exitance, dict(stages.timings)
 
     def _collect(self) -> None:
         """Take what the worker has finished."""
         if self._job is None or not self._job.done():
             return
         job, self._job = self._job, None
-        lit, exitance, timings, seconds = job.result()
+        lit, exitance, timings = job.result()
         self.finished = Finished(lit, self.renderer.gather(lit, exitance), exitance)
         if "convolution" in timings:
-            self._cost = seconds / (lit.grid.n_layers * max(lit.grid.width, lit.grid.height) ** 2)
+            seconds = 1e-3 * sum(timings.get(stage, 0.0) for stage in RECURRING)
+            self._cost = seconds, lit.quality.resolution, lit.grid.n_layers
         self.renderer.stages.timings.update(timings)
 
     def _start(self, work: Callable[[], Any]) -> Future[Any]:
@@ -245,35 +287,3 @@ class Live:
         if timings:
             self.ran = dict(timings)
             self.stage_times.update(timings)
-
-
-def _lighting_key(scene: Scene) -> tuple[object, ...]:
-    """Everything that light and transport depend on, but for where the camera stands."""
-    environment = scene.environment
-    return scene.model, scene.material.resolve(), scene.effective_lights(), environment, scene.transport
-
-
-def _turned(camera: CameraSettings) -> CameraSettings:
-    """Return what turns the layers, out of a camera."""
-    return CameraSettings(
-        azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg
-    )
-
-
-def _angle(a: CameraSettings, b: CameraSettings) -> float:
-    """Largest difference of the angles, degrees."""
-    turn = abs(a.azimuth_deg - b.azimuth_deg) % 360.0
-    return max(min(turn, 360.0 - turn), abs(a.elevation_deg - b.elevation_deg), abs(a.roll_deg - b.roll_deg))
-
-
-def _same_light(a: LitScene, b: LitScene) -> bool:
-    """Whether transport would have the same work: stages return the very same arrays where nothing changed."""
-    return (
-        a.model is b.model
-        and a.transport is b.transport
-        and a.grid == b.grid
-        and a.coordinates is b.coordinates
-        and a.flux is b.flux
-        and a.profiles == b.profiles
-        and a.sources == b.sources
-    )

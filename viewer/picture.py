@@ -10,6 +10,7 @@ import numpy.typing as npt
 from viewer.composite_pass import Composite
 from viewer.gl import read_rgba
 from viewer.images import check_output, write_exr, write_png
+from viewer.quality import Quality
 
 Float32 = npt.NDArray[np.float32]
 
@@ -24,6 +25,7 @@ class Picture:
     image: moderngl.Framebuffer
     transparent: bool
     warnings: tuple[str, ...]
+    quality: Quality
     log_average: float  # luminance that the picture itself asks to be exposed for
 
 
@@ -48,7 +50,9 @@ class Frame:
     timings : dict
         Stage -> ms, of the stages that ran.
     warnings : tuple of str
-        What the model's flaws do to the picture.
+        What the model's flaws do to the picture, and what its transport misses.
+    quality : Quality
+        Method and resolution of transport, with the error to expect.
     """
 
     radiance: Float32
@@ -62,6 +66,7 @@ class Frame:
     specular: Float32
     timings: dict[str, float]
     warnings: tuple[str, ...]
+    quality: Quality
 
     def channels(self) -> dict[str, Float32]:
         """EXR channel name -> (H, W) float32."""
@@ -105,6 +110,7 @@ def read_frame(picture: Picture, timings: dict[str, float]) -> Frame:
         image=read_image(picture),
         timings=timings,
         warnings=picture.warnings,
+        quality=picture.quality,
     )
 
 

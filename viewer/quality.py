@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from core.ewald import finest_spacing, predicted_error
+from core.ewald import spacing_for, predicted_error
 from core.mesh import Mesh
 from core.transport import Profiles
 from viewer.settings import TransportSettings
@@ -28,7 +28,7 @@ class Quality:
     predicted_error : float or None
         Of exitance, rms; None where no prediction exists (`layered`).
     error_target : float or None
-        What was asked for; None where the resolution was.
+        What was asked for, if it was.
     """
 
     method: str
@@ -38,8 +38,17 @@ class Quality:
     error_target: float | None = None
 
     @property
+    def summary(self) -> str:
+        """What was chosen, and the error to expect where a prediction exists, in a few words."""
+        if self.predicted_error is None:
+            return f"{self.method}, {self.layers} layers of {self.resolution} texels"
+        layers = "" if self.layers is None else f", {self.layers} layers"
+        error = f"about {100 * self.predicted_error:.2g} % error to expect"
+        return f"{self.method}, {self.resolution} nodes along the object{layers}, {error}"
+
+    @property
     def warning(self) -> str | None:
-        """One sentence where the target cannot be met."""
+        """One sentence where the target that was asked for cannot be met."""
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
         return (
@@ -54,14 +63,14 @@ def choose_quality(settings: TransportSettings, profiles: Profiles, mesh: Mesh) 
     if settings.method == "layered":
         return Quality("layered", settings.layers or DEFAULT_LAYERS, _finest(settings))
     longest = _longest_side(mesh)
-    shortest = min((p.mean_free_path for p in profiles if not p.is_black), default=longest)
+    detail = min((p.detail for p in profiles if not p.is_black), default=longest)
     if settings.resolution is not None:
-        predicted = predicted_error(longest / (settings.resolution - 1), shortest)
+        predicted = predicted_error(longest / (settings.resolution - 1), detail)
         return Quality("ewald", settings.layers, settings.resolution, predicted)
     target = settings.error_target or DEFAULT_ERROR_TARGET
-    resolution = int(min(max(longest / finest_spacing(target, shortest) + 2.0, COARSEST), FINEST))
-    predicted = predicted_error(longest / (resolution - 1), shortest)
-    return Quality("ewald", settings.layers, resolution, predicted, target)
+    resolution = int(min(max(longest / spacing_for(target, detail) + 2.0, COARSEST), FINEST))
+    predicted = predicted_error(longest / (resolution - 1), detail)
+    return Quality("ewald", settings.layers, resolution, predicted, settings.error_target)
 
 
 def sample_spacing(mesh: Mesh, settings: TransportSettings) -> float:

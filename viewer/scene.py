@@ -111,6 +111,15 @@ class Scene:
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
+    def to_toml(self) -> str:
+        """Return the text of a scene file; paths in it stay absolute."""
+        return _to_toml(self, Path(os.path.sep))
+
+    @classmethod
+    def from_toml(cls, text: str) -> "Scene":
+        """Read what `to_toml` returned."""
+        return _from_document(tomllib.loads(text), Path(os.path.sep))
+
     def save(self, path: str | Path) -> None:
         """Write a scene file, whole or not at all; paths in it become relative to it where possible."""
         # Through a link, write what it points to, and leave the link.
@@ -126,6 +135,11 @@ class Scene:
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink()
+
+
+def default_scene() -> Scene:
+    """Return what a newcomer sees: the sculpture in jade, exposed for the light that comes through it."""
+    return Scene(material=MaterialSettings(name="jade"), display=DisplaySettings(key=0.35))
 
 
 class Change(NamedTuple):

@@ -87,7 +87,7 @@ class Session:
         self.messages: list[Message] = []
         self.gesture: Hashable = None
         self._saved = scene
-        self._working = scene  # the last scene that could be drawn
+        self._working: Scene | None = None  # the last scene that could be drawn
         self._undo: list[_Step] = []
         self._redo: list[_Step] = []
 
@@ -171,17 +171,20 @@ class Session:
         """Remember a scene that could be drawn."""
         self._working = scene
 
-    def reject(self, error: Exception) -> None:
-        """Go back to the last scene that could be drawn, and say why."""
+    def reject(self, error: Exception) -> bool:
+        """Go back to the last scene that could be drawn, and say why; False if there has been none."""
+        if self._working is None:
+            return False
         self.fail(error)
         if self.scene == self._working:
-            return
-        while self._undo and self._undo[-1].before != self._working:
-            self._undo.pop()
-        if self._undo:
-            self._undo.pop()
+            return True
+        for i in reversed(range(len(self._undo))):
+            if self._undo[i].before == self._working:
+                del self._undo[i:]
+                break
         self._redo.clear()
         self._set(replace(self._working, camera=self.scene.camera))
+        return True
 
     def say(self, text: str) -> None:
         """Show a sentence."""
@@ -190,7 +193,7 @@ class Session:
     def fail(self, error: Exception | str) -> None:
         """Show a sentence on what went wrong."""
         text = " ".join(str(error).split()) or type(error).__name__
-        self.messages.append(Message(text[:1].upper() + text[1:], is_error=True))
+        self.messages.append(Message(text, is_error=True))
 
     # files
 

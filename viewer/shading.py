@@ -8,7 +8,8 @@ import numpy as np
 from core.probe_blur import blurred
 from core.stages import Stages
 from viewer.camera import jittered
-from viewer.composite_pass import Composite, CompositePass, Gather
+from viewer.composite_pass import Composite, CompositePass
+from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture
 from viewer.irradiance_pass import PixelIrradiancePass
@@ -25,13 +26,14 @@ class Shading:
 
     def __init__(self, context: moderngl.Context, stages: Stages) -> None:
         self._context = context
-        self._run = stages.run
+        self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
         self._irradiance = PixelIrradiancePass(context)
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
+        self._ahead: tuple[tuple[object, ...], int] = ((), 0)  # samples drawn before `shade` asks for them
 
     def shade(
         self,
@@ -78,7 +80,8 @@ class Shading:
         )
         missed = () if lit.quality.warning is None else (lit.quality.warning,)
         warnings = (*lit.model.warnings, *missed)
-        return Picture(composite, image, display.background == "transparent", warnings, average)
+        transparent = display.background == "transparent"
+        return Picture(composite, image, transparent, warnings, lit.quality, average)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position of the visible surface at a pixel (column, row from the top) of the last picture."""
@@ -91,28 +94,59 @@ class Shading:
         values = np.frombuffer(self._seen.framebuffer.read(viewport=box, components=4, dtype="f4"), np.float32)
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
+        """Draw one sample of every pixel ahead of `shade`, so that no frame waits for all; True when all are there."""
+        targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
+        if self._stages.has("composite", key):
+            return True
+        done = self._samples_done(key)
+        if done < len(offsets):
+            self._stages.forget("composite")
+            self._draw_sample(scene, lit, gather, offsets, done, targets)
+            self._ahead = (key, done + 1)
+        return done + 1 >= len(offsets)
+
     def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> Composite:
         """Shade every pixel once a sample."""
+        targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
+
+        def shade() -> Composite:
+            for i in range(self._samples_done(key), len(offsets)):
+                self._draw_sample(scene, lit, gather, offsets, i, targets)
+            self._ahead = ((), 0)
+            return replace(targets)  # the same textures, but a new object: what follows knows that they changed
+
+        return self._run("composite", key, shade)
+
+    def _pixel_work(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
+    ) -> tuple[Composite, tuple[object, ...]]:
+        """Where the pixels go, and everything that they depend on."""
+        size = scene.display.image_size
+        targets = self._run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
+        volume = gather.volume, gather.local, gather.eta
+        return targets, (targets, offsets, scene.specular, lit.model, scene.camera, size, *lit.sources, *volume)
+
+    def _samples_done(self, key: tuple[object, ...]) -> int:
+        return self._ahead[1] if self._ahead[0] == key else 0
+
+    def _draw_sample(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, i: int, targets: Composite
+    ) -> None:
+        """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
         gbuffer = self._seen = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))
-        targets = run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
-
-        def shade() -> Composite:
+        clip = jittered(camera, offsets[i], size)
+        run(
+            "gbuffer",
+            [lit.model, gbuffer, clip.tobytes()],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer),
+        )
+        if i == 0:
             targets.framebuffer.clear()
-            for offset in offsets:
-                clip = jittered(camera, offset, size)
-                run(
-                    "gbuffer",
-                    [lit.model, gbuffer, clip.tobytes()],
-                    lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer),  # noqa: B023 (runs at once)
-                )
-                self._irradiance.run(gbuffer, lit.sources, lit.eta, scene.specular, camera, light)
-                self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
-            return replace(targets)  # the same textures, but a new object: what follows knows that they changed
-
-        depends_on = [lit.model, scene.camera, size, *lit.sources, gather.volume, gather.local, gather.eta]
-        return run("composite", [targets, offsets, scene.specular, *depends_on], shade)
+        self._irradiance.run(gbuffer, lit.sources, gather, scene.specular, camera, light)
+        self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment

@@ -16,6 +16,9 @@ Array = npt.NDArray[np.float64]
 
 SIZE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 mm
 CUBE_MARGIN = 1.05  # of the bounding sphere: nearer lights need all six faces of a cube
+# Bounding-sphere radii beyond which a point light's rays are parallel to a fifth of a texel; beyond a thousand times as
+# many, a frustum's float32 depth no longer tells the object's front from its back.
+FAR = 1e4
 CUBE_FACES = (  # forward, up
     ((1, 0, 0), (0, 1, 0)),
     ((-1, 0, 0), (0, 1, 0)),
@@ -34,6 +37,8 @@ class ShadowMap:
     ----------
     texture : depth texture
         One view, or six tiles in 3 columns and 2 rows.
+    depths : sampler
+        Of the same texture, for its depths instead of comparisons with them.
     world_to_clip : (6, 4, 4) float64
         Row vectors; unused ones are 0.
     views : int
@@ -43,6 +48,7 @@ class ShadowMap:
     """
 
     texture: moderngl.Texture
+    depths: moderngl.Sampler
     world_to_clip: Array
     views: int
     texel: float
@@ -56,6 +62,13 @@ class ShadowMap:
             "u_shadow_texel": self.texel,
         }
 
+    def depth_uniforms(self) -> dict[str, object]:
+        """Values for sheet.glsl."""
+        views = self.world_to_clip[: self.views]
+        clip_to_world = np.zeros((6, 4, 4))
+        clip_to_world[: self.views] = np.linalg.inv(views)
+        return {"t_shadow_depth": self.depths, "u_shadow_clip_to_world": clip_to_world}
+
 
 class ShadowsPass:
     """Renders shadow maps."""
@@ -64,15 +77,19 @@ class ShadowsPass:
         self._context = context
         self._program = Program(context, "shadows.vert", "shadows.frag")
         self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
-        self.none = ShadowMap(self._texture((1, 1)), np.zeros((6, 4, 4)), 0, 0.0)
+        nothing = self._texture((1, 1))
+        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0)
 
     def render(self, buffers: MeshBuffers, mesh: Mesh, light: Light) -> ShadowMap:
         """Render the mesh's depth as the light sees it."""
         tiles = (1, 1)
         side = self._size
         if isinstance(light, DirectionalLight):
-            matrices, texel = _directional_view(mesh, light, side)
-        elif np.linalg.norm(light.position_mm) > CUBE_MARGIN * mesh.radius:
+            matrices, texel = _directional_view(mesh, light.direction, side)
+        elif (distance := float(np.linalg.norm(light.position_mm))) > FAR * mesh.radius:
+            matrices, texel = _directional_view(mesh, light.position_mm, side)
+            texel /= distance
+        elif distance > CUBE_MARGIN * mesh.radius:
             matrices, texel = _frustum_view(mesh, light.position_mm, side)
         else:
             tiles, side = (3, 2), self._size // 2
@@ -92,7 +109,7 @@ class ShadowsPass:
         framebuffer.release()
         padded = np.zeros((6, 4, 4))
         padded[: len(matrices)] = matrices
-        return ShadowMap(texture, padded, len(matrices), texel)
+        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel)
 
     def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
         texture = checked(self._context, lambda: self._context.depth_texture(size), "a shadow map")
@@ -101,10 +118,15 @@ class ShadowsPass:
         texture.repeat_x = texture.repeat_y = False
         return texture
 
+    def _depths(self, texture: moderngl.Texture) -> moderngl.Sampler:
+        sampler = self._context.sampler(False, False, filter=(moderngl.NEAREST, moderngl.NEAREST), texture=texture)
+        sampler.compare_func = ""
+        return sampler
 
-def _directional_view(mesh: Mesh, light: DirectionalLight, side: int) -> tuple[list[Array], float]:
-    """Orthographic box around the object, square texels."""
-    axes = _axes(-np.asarray(light.direction, np.float64))
+
+def _directional_view(mesh: Mesh, direction: tuple[float, float, float], side: int) -> tuple[list[Array], float]:
+    """Orthographic box around the object seen from a direction, square texels."""
+    axes = _axes(-np.asarray(direction, np.float64))
     low, high = _extent(mesh.vertices @ axes)
     half = 0.5 * float((high - low)[:2].max()) * side / (side - 4)  # two texels of margin all around
     centre = 0.5 * (low + high)

@@ -1,0 +1,64 @@
+// Thin sheets lit from behind: the light of the other side that the layers are too coarse to carry across.
+//
+// A surface that faces away from a light sees it through the object; the shadow map knows where the light entered. If
+// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport.py
+// applies to the irradiance over there (translucent shadow maps, Dachsbacher and Stamminger 2003, used for a remainder).
+
+uniform sampler2D t_shadow_depth;         // the texture of t_shadow, its depths
+uniform mat4 u_shadow_clip_to_world[6];
+uniform sampler2D t_sheet;                // factor over thickness, RGB; one row
+uniform float u_sheet_reach;              // thickness of its last texel, mm; 0: no local term
+
+// Point where light enters, world space, that the shadow map knows at a place of one of its views (NDC).
+vec3 light_entry(int view, vec2 place) {
+    vec2 tiles = u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
+    vec2 uv = (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / tiles;
+    float depth = textureLod(t_shadow_depth, uv, 0.0).r;
+    vec4 entry = u_shadow_clip_to_world[view] * vec4(place, 2.0 * depth - 1.0, 1.0);
+    return entry.xyz / entry.w;
+}
+
+// Share of the surroundings of an entry, a window's width away on four sides, that goes on as its plane does: 1 on a
+// sheet, about 1/2 at its rim, 0 in a sliver of light between folds.
+float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 ndc_a_mm) {
+    float sum = 0.0;
+    for (int i = 0; i < 4; ++i) {
+        vec2 side = width * ndc_a_mm * vec2(i < 2 ? 2 * i - 1 : 0, i < 2 ? 0 : 2 * i - 5);
+        float off = abs(dot(light_entry(view, place + side) - entry, normal));
+        sum += 1.0 - smoothstep(0.25, 1.0, off / width);
+    }
+    return 0.25 * sum;
+}
+
+// normal: outward at `position`, facing away from the light. Returns exitance.
+vec3 light_through_sheet(vec3 position, vec3 normal) {
+    bool point = u_light_kind == POINT;
+    vec3 to_light = point ? normalize(u_light_vector - position) : u_light_vector;
+    vec2 texel = 2.0 * (u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0)) / vec2(textureSize(t_shadow_depth, 0));
+    for (int view = 0; view < u_shadow_views; ++view) {
+        vec4 clip = u_shadow_world_to_clip[view] * vec4(position, 1.0);
+        if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) continue;
+        vec2 place = clip.xy / clip.w;
+        vec3 entry = light_entry(view, place);
+        float way = dot(entry - position, to_light);
+        if (way <= 0.0 || way >= u_sheet_reach) return vec3(0.0);
+        float thickness = way * -dot(normal, to_light);
+        vec3 other = cross(light_entry(view, place + vec2(2.0 * texel.x, 0.0)) - entry,
+                           light_entry(view, place + vec2(0.0, 2.0 * texel.y)) - entry);
+        other = normalize(other) * sign(dot(other, to_light));
+        // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
+        float parallel = smoothstep(0.6, 0.95, -dot(normal, other));
+        float distance = point ? max(length(u_light_vector - entry), 1e-6) : 1.0;
+        // Along a grazing ray the sides are far apart, however thin it looks from here.
+        float near = 1.0 - smoothstep(0.5, 1.0, way / u_sheet_reach);
+        float sheet = parallel * near
+            * flatness(view, place, entry, other, 0.25 * u_sheet_reach, texel / (u_shadow_texel * distance));
+        // The lesser cosine: at the edge of the light both sides fade, as they do where they are parallel.
+        float cosine = clamp(dot(other, to_light), 0.0, -dot(normal, to_light));
+        vec3 irradiance = fresnel_transmittance(u_eta, cosine) * cosine * u_light_colour / (distance * distance);
+        float nodes = float(textureSize(t_sheet, 0).x);
+        float s = (thickness / u_sheet_reach * (nodes - 1.0) + 0.5) / nodes;
+        return sheet * textureLod(t_sheet, vec2(s, 0.5), 0.0).rgb * irradiance;
+    }
+    return vec3(0.0);
+}

@@ -1,0 +1,209 @@
+"""What keys, buttons and dropped files do, by name."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from core.errors import InputError
+from viewer import navigation
+from viewer.file_dialog import FileDialog, Request
+from viewer.images import PROBE_SUFFIXES, write_png
+from viewer.model import supported_suffixes
+from viewer.picture import read_image
+from viewer.preferences import Preferences
+from viewer.scene import Change
+from viewer.session import Session
+from viewer.settings import CameraSettings
+from viewer.view import ViewArea
+
+SCENE_SUFFIXES = (".toml",)
+SIDES = {
+    "view_front": (0.0, 0.0),
+    "view_back": (180.0, 0.0),
+    "view_right": (90.0, 0.0),
+    "view_left": (-90.0, 0.0),
+    "view_top": (0.0, 90.0),
+    "view_bottom": (0.0, -90.0),
+}
+
+
+class Clipboard:
+    """Text that is kept for pasting; the window's own where there is one."""
+
+    text = ""
+
+    def get(self) -> str:
+        """Return the text, empty if there is none."""
+        return self.text
+
+    def set(self, text: str) -> None:
+        """Take a text."""
+        self.text = text
+
+
+class Actions:
+    """Runs actions by name: ``actions.run("undo")``.
+
+    Attributes
+    ----------
+    closing : bool
+        Whether the window should close.
+    capture : Path or None
+        Where the next frame is to be written, as it is seen.
+    """
+
+    def __init__(self, session: Session, view: ViewArea, preferences: Preferences, clipboard: Clipboard) -> None:
+        self.dialog = FileDialog()
+        self.closing = False
+        self.capture: Path | None = None
+        self.help_shown = False
+        self.panel_shown = True
+        self.on_dismiss: Callable[[], object] = lambda: None
+        self._session, self._view = session, view
+        self._preferences, self._clipboard = preferences, clipboard
+
+    def run(self, name: str) -> None:
+        """Do what a name of `viewer.shortcuts` says, or "open PATH"."""
+        if name in SIDES:
+            self._session.look(navigation.seen_from(self._session.scene.camera, *SIDES[name]))
+        elif name.startswith("open "):
+            self.open(Path(name.removeprefix("open ")))
+        elif hasattr(self, f"_{name}"):
+            getattr(self, f"_{name}")()
+        else:  # undo, redo, keep, flip, toggle_split
+            getattr(self._session, name)()
+
+    def open(self, path: Path) -> None:
+        """Open a model, a light probe or a scene; a bad one leaves everything as it was."""
+        suffix = path.suffix.lower()
+        if not path.is_file():
+            self._session.fail(f"{path} is not a file; it may have been moved or deleted")
+            return
+        self._session.gesture = None
+        if suffix in SCENE_SUFFIXES:
+            opened = self._session.open(path)
+        elif suffix in PROBE_SUFFIXES:
+            opened = self._light_by(path)
+        elif suffix in supported_suffixes():
+            opened = self._session.edit("model", path=str(path))
+        else:
+            known = "a mesh, a light probe (.hdr, .exr) or a scene (.toml)"
+            self._session.fail(f"{path.name} is none of {known} that can be opened here")
+            return
+        if opened:
+            self._preferences.opened(path)
+
+    def write_capture(self, pixels: npt.NDArray[np.uint8]) -> None:
+        """Write the window's picture that `capture` asked for."""
+        path, self.capture = self.capture, None
+        assert path is not None
+        self._write(path, pixels)
+
+    # view
+
+    def _toggle_orthographic(self) -> None:
+        camera = self._session.scene.camera
+        self._session.look(replace(camera, orthographic=not camera.orthographic))
+
+    def _reset_view(self) -> None:
+        self._session.look(CameraSettings())
+
+    def _copy_view(self) -> None:
+        self._clipboard.set(self._session.view_text())
+        self._session.say("copied the view as text")
+
+    def _paste_view(self) -> None:
+        self._session.paste_view(self._clipboard.get())
+
+    def _toggle_exposure_lock(self) -> None:
+        view, picture = self._session.view, self._view.picture
+        locked = view.exposure_lock is not None or picture is None
+        view.exposure_lock = None if locked or picture is None else picture.log_average
+
+    # files
+
+    def _open_file(self) -> None:
+        suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *SCENE_SUFFIXES)
+        self._ask(Request("Open a model, a light probe or a scene", suffixes, self.open))
+
+    def _open_model(self) -> None:
+        self._ask(Request("Open a model", supported_suffixes(), self.open))
+
+    def _open_probe(self) -> None:
+        self._ask(Request("Light with a probe", PROBE_SUFFIXES, self.open))
+
+    def _save(self) -> None:
+        if self._session.path is None:
+            self._save_as()
+        else:
+            self._save_to(self._session.path)
+
+    def _save_as(self) -> None:
+        suggested = "scene.toml" if self._session.path is None else self._session.path.name
+        self._ask(Request("Save the scene", SCENE_SUFFIXES, self._save_to, suggested))
+
+    def _save_to(self, path: Path) -> None:
+        session = self._session
+        if session.save(path, self._view.size, self._exposed_key()):
+            self._preferences.opened(path)
+
+    def _exposed_key(self) -> float:
+        """Return the key that exposes by itself as the lock does now."""
+        key, lock, picture = self._session.scene.display.key, self._session.view.exposure_lock, self._view.picture
+        if lock is None or picture is None or lock <= 0.0 or picture.log_average <= 0.0:
+            return key
+        return min(100.0, max(1e-4, key * picture.log_average / lock))
+
+    def _light_by(self, path: Path) -> bool:
+        changes = [Change("environment", "path", str(path), "environment.path")]
+        if self._session.scene.display.background == "black":
+            changes.append(Change("display", "background", "environment", "display.background"))
+        return self._session.change(changes)
+
+    def _screenshot(self) -> None:
+        self.capture = self._free_name()
+
+    def _screenshot_object(self) -> None:
+        try:
+            picture = self._view.transparent()
+        except InputError as error:
+            self._session.fail(error)
+            return
+        if picture is not None:
+            self._write(self._free_name(), read_image(picture))
+
+    def _write(self, path: Path, pixels: npt.NDArray[np.uint8]) -> None:
+        try:
+            write_png(path, pixels)
+        except InputError as error:
+            self._session.fail(error)
+        else:
+            self._session.say(f"wrote {path}")
+
+    def _free_name(self) -> Path:
+        """Return the first name that is not taken, in the last folder."""
+        folder = self._preferences.start_folder()
+        taken = {path.name for path in folder.glob("milkglass-*.png")}
+        number = next(i for i in range(1, len(taken) + 2) if f"milkglass-{i:03d}.png" not in taken)
+        return folder / f"milkglass-{number:03d}.png"
+
+    def _ask(self, request: Request) -> None:
+        self.dialog.open(request, self._preferences.start_folder())
+
+    # window
+
+    def _toggle_help(self) -> None:
+        self.help_shown = not self.help_shown
+
+    def _toggle_panel(self) -> None:
+        self.panel_shown = not self.panel_shown
+
+    def _dismiss(self) -> None:
+        self.help_shown = False
+        self.on_dismiss()
+
+    def _quit(self) -> None:
+        self.closing = True

@@ -1,0 +1,244 @@
+"""Everything in the window but the window itself: events in, frames out, in any framebuffer.
+
+`viewer.window` feeds it from GLFW; tests and replays feed it without a display.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from viewer.actions import Actions, Clipboard
+from viewer.events import Closed, Drawn, Dropped, Event, Key, MouseButton
+from viewer.gl import free_dropped
+from viewer.gui import Gui, imgui
+from viewer.imgui_renderer import ImguiRenderer
+from viewer.overlays import Messages, draw_help, draw_status
+from viewer.panel import WIDTH, Panel
+from viewer.panel_controls import Box
+from viewer.preferences import Preferences
+from viewer.scene import Scene
+from viewer.session import Session
+from viewer.shortcuts import pressed_actions
+from viewer.view import ViewArea
+
+FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
+TOOLTIP_SECONDS = 0.75  # after the pointer has come to rest
+RATE_WEIGHT = 0.2  # of the newest frame in the rate that is shown
+GREY = (0.085, 0.09, 0.095)
+
+
+class App:
+    """The window's contents.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    scene : Scene
+    path : Path, optional
+        The scene file that it came from.
+    preferences : Preferences, optional
+    wake : callable, optional
+        Called from any thread when a frame should be drawn.
+    clipboard : Clipboard, optional
+    clock : callable, optional
+        Seconds, from any start.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        *,
+        path: Path | None = None,
+        preferences: Preferences | None = None,
+        wake: Callable[[], object] = lambda: None,
+        clipboard: Clipboard | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        # Objects are freed by the thread that draws, whichever thread drops them.
+        context.gc_mode = "context_gc"
+        self.session = Session(scene, path)
+        self.preferences = preferences or Preferences()
+        self.clock = clock
+        self.frames_per_second = 0.0
+        self._context = context
+        self._gui = Gui()
+        self._painter = ImguiRenderer(context)
+        self.view = ViewArea(context, self._gui, self._painter, self.session, wake)
+        self.panel = Panel(self.session, self._gui)
+        self.actions = Actions(self.session, self.view, self.preferences, clipboard or Clipboard())
+        self._messages = Messages()
+        self.actions.on_dismiss = self._messages.clear
+        self._frames_due = FRAMES_AN_EVENT
+        self._last_event = self.clock()
+        self._tooltip_due = False
+        self._gestures = 0
+        self._last_frame: float | None = None
+
+    @property
+    def messages(self) -> list[str]:
+        """Sentences that are shown."""
+        return self._messages.texts
+
+    @property
+    def title(self) -> str:
+        """What the window is called."""
+        name = self.session.path.name if self.session.path is not None else _model_name(self.session.scene)
+        return f"{name}{' *' if self.session.modified else ''} - milkglass"
+
+    def handle(self, event: Event) -> None:
+        """Take an event."""
+        self._frames_due, self._last_event, self._tooltip_due = FRAMES_AN_EVENT, self.clock(), True
+        if isinstance(event, MouseButton | Key):
+            if event.pressed or isinstance(event, MouseButton):
+                self._gestures += 1
+            self.session.gesture = self._gestures
+        if isinstance(event, Dropped):
+            for dropped in event.paths:
+                self.actions.open(Path(dropped))
+        elif isinstance(event, Closed):
+            self.actions.closing = True
+        elif not isinstance(event, Drawn):
+            self._gui.feed(event)
+
+    def wake(self) -> None:
+        """Draw a frame soon: something is ready."""
+        self._frames_due = max(self._frames_due, 1)
+
+    def next_frame(self) -> float | None:
+        """Seconds until a frame is due, 0 for now, None if only an event can make one."""
+        if self._frames_due > 0:
+            return 0.0
+        now = self.clock()
+        waits = [self.view.next_change(now)]
+        end = self._messages.next_end()
+        waits.append(None if end is None else max(0.0, end - now))
+        if self._tooltip_due:
+            waits.append(max(0.0, self._last_event + TOOLTIP_SECONDS - now))
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def frame(self, target: moderngl.Framebuffer) -> None:
+        """Draw a frame into a framebuffer."""
+        now = self.clock()
+        self._frames_due = max(0, self._frames_due - 1)
+        if now >= self._last_event + TOOLTIP_SECONDS:
+            self._tooltip_due = False
+        if min(self._gui.pixels) <= 0 or min(self._gui.size) <= 0:  # minimised
+            return
+        self._gui.begin(now)
+        self._keys()
+        view_box, panel_box = self._boxes()
+        if self.actions.panel_shown:
+            self.panel.draw(panel_box, self.view.live, self.frames_per_second, self.preferences.recent)
+            for request in list(self.panel.requests):
+                self.actions.run(request)
+        self._draw_view(view_box, now)
+        self.actions.dialog.draw()
+        self._messages.take(self.session.messages, now)
+        self._messages.draw(view_box)
+        if self.actions.help_shown:
+            draw_help(self._gui, view_box)
+        data = self._gui.end()
+        if self._gui.has_events:
+            self._frames_due = FRAMES_AN_EVENT
+        target.use()
+        target.clear(*GREY)
+        self._painter.draw(data, target)
+        free_dropped(self._context)
+        self._count(now)
+        if self.actions.capture is not None:
+            self.actions.write_capture(read_pixels(target))
+            self._frames_due = FRAMES_AN_EVENT
+        if self.session.messages:
+            self._frames_due = FRAMES_AN_EVENT
+
+    def settle(self, target: moderngl.Framebuffer, limit: float = 60.0) -> None:
+        """Draw frames until nothing more changes; for tests and replays."""
+        end = time.monotonic() + limit
+        while time.monotonic() < end:
+            self.frame(target)
+            for live in self.view.lives():
+                live.wait(limit)
+            due = self.next_frame()
+            if self.view.at_rest() and self._frames_due == 0:
+                return
+            if due is None or due > 0.0:
+                time.sleep(min(0.02, due or 0.02))
+
+    def close(self) -> None:
+        """Stop the worker and free what ImGui holds."""
+        self.view.close()
+        self._painter.release()
+        self._gui.close()
+        free_dropped(self._context)
+        self._context.gc_mode = "auto"
+
+    def mouse_cursor(self) -> str:
+        """Return which pointer fits, by its name in `imgui.MouseCursor_`."""
+        return str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
+
+    def _boxes(self) -> tuple[Box, Box]:
+        width, height = self._gui.size
+        panel = 0.0
+        if self.actions.panel_shown:
+            panel = min(0.6 * width, WIDTH * imgui.get_font_size())
+        split = width - panel
+        return (0.0, 0.0, split, float(height)), (split, 0.0, float(width), float(height))
+
+    def _keys(self) -> None:
+        if imgui.get_io().want_text_input or self.actions.dialog.is_open:
+            return
+        for action in pressed_actions():
+            self.actions.run(action)
+
+    def _draw_view(self, box: Box, now: float) -> None:
+        flags = imgui.WindowFlags_
+        bare = flags.no_decoration.value | flags.no_move.value | flags.no_background.value
+        bare |= flags.no_bring_to_front_on_focus.value | flags.no_nav.value | flags.no_scroll_with_mouse.value
+        imgui.set_next_window_pos((box[0], box[1]))
+        imgui.set_next_window_size((box[2] - box[0], box[3] - box[1]))
+        imgui.push_style_var(imgui.StyleVar_.window_padding.value, (0.0, 0.0))
+        imgui.begin("view", None, bare)
+        imgui.pop_style_var()
+        self.view.draw(box, now)
+        left, right = self._status()
+        draw_status(box, left, right)
+        imgui.end()
+
+    def _status(self) -> tuple[str, str]:
+        live = self.view.live
+        left = ""
+        if live.finished is not None:
+            mesh = live.finished.lit.model.mesh
+            scene = self.session.scene
+            left = f"{_model_name(scene)}   {len(mesh.faces):,} triangles   {scene.model.size_mm:g} mm"
+        if live.loading:
+            return left, f"loading {_model_name(self.session.scene)} ..."
+        if live.finished is None:
+            return left, "light spreads ..."
+        return left, f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
+
+    def _count(self, now: float) -> None:
+        """Keep the rate of pictures while they come one after another."""
+        if self.view.changed and self._last_frame is not None and 0.0 < now - self._last_frame < 1.0:
+            rate = 1.0 / (now - self._last_frame)
+            old = self.frames_per_second or rate
+            self.frames_per_second = old + RATE_WEIGHT * (rate - old)
+        elif self.view.at_rest():
+            self.frames_per_second = 0.0
+        self._last_frame = now if self.view.changed else None
+
+
+def _model_name(scene: Scene) -> str:
+    return scene.model.path.name if scene.model.path is not None else str(scene.model.builtin_name)
+
+
+def read_pixels(target: moderngl.Framebuffer) -> npt.NDArray[np.uint8]:
+    """Read a framebuffer back: (height, width, 3) uint8, top row first."""
+    width, height = target.size
+    pixels = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(height, width, 3)
+    return np.ascontiguousarray(pixels[::-1])

@@ -1,0 +1,42 @@
+"""What a picture depends on, for deciding what to do again."""
+
+from viewer.lighting import LitScene
+from viewer.scene import Scene
+from viewer.settings import CameraSettings
+
+
+def files(scene: Scene) -> tuple[object, ...]:
+    """Everything that has to be read or sampled before a scene can be lit."""
+    return scene.model, scene.environment.path, scene.transport
+
+
+def lighting_key(scene: Scene) -> tuple[object, ...]:
+    """Everything that light and transport depend on, but for where the camera stands."""
+    environment = scene.environment
+    return scene.model, scene.material.resolve(), scene.effective_lights(), environment, scene.transport
+
+
+def turned(camera: CameraSettings) -> CameraSettings:
+    """Return what turns the layers, out of a camera."""
+    return CameraSettings(
+        azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg
+    )
+
+
+def angle(a: CameraSettings, b: CameraSettings) -> float:
+    """Largest difference of the angles, degrees."""
+    turn = abs(a.azimuth_deg - b.azimuth_deg) % 360.0
+    return max(min(turn, 360.0 - turn), abs(a.elevation_deg - b.elevation_deg), abs(a.roll_deg - b.roll_deg))
+
+
+def same_light(a: LitScene, b: LitScene) -> bool:
+    """Whether transport would have the same work: stages return the very same arrays where nothing changed."""
+    return (
+        a.model is b.model
+        and a.transport is b.transport
+        and a.grid == b.grid
+        and a.coordinates is b.coordinates
+        and a.flux is b.flux
+        and a.profiles == b.profiles
+        and a.sources == b.sources
+    )

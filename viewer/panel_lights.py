@@ -1,0 +1,262 @@
+"""The panel's part for the lights: a list, and for each its direction on a small sphere, colour and brightness."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from viewer.camera import place_camera
+from viewer.declaration import Setting, settings_of
+from viewer.gui import ACCENT, icons, imgui
+from viewer.navigation import direction_angles, direction_of, turn_matrix
+from viewer.panel_controls import RESET_HINT, TYPE_HINT, Controls, Reach, explained, plain
+from viewer.session import Session
+from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light, PointLight
+
+SPHERE = 4.0  # diameter, in rows
+NEW_LIGHT = DirectionalLight((0.5, 0.7, 0.5))
+BRIGHT = {"irradiance": Reach(0.01, 100.0, True, "%.2f"), "intensity": Reach(100.0, 1e7, True, "%.0f")}
+_KIND = Setting("text", "directional is the sun, point is near and weaker with distance", choices=tuple(LIGHT_KINDS))
+
+
+class LightsPanel:
+    """Draws the lights."""
+
+    def __init__(self, session: Session, controls: Controls) -> None:
+        self._session = session
+        self._controls = controls
+
+    def draw(self) -> None:
+        """Draw it in the current ImGui window."""
+        lights = list(self._session.scene.all_lights())
+        for i, light in enumerate(lights):
+            imgui.push_id(i)
+            edited = self._light(i, light)
+            imgui.pop_id()
+            if edited is not None:
+                lights[i : i + 1] = edited
+                self._session.edit_lights(lights)
+                return
+        if imgui.button(f"{icons.ICON_FA_PLUS}  Add light"):
+            self._session.edit_lights([*lights, NEW_LIGHT])
+        self._controls.mark("lights.add")
+        if self._session.scene.lights is not None:
+            imgui.same_line()
+            if imgui.button("Default lights"):
+                self._session.put(replace(self._session.scene, lights=None))
+            self._controls.mark("lights.default")
+            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
+                self._controls.tooltip("", "Back to the pair that lights a new scene: from behind, and a fill.")
+
+    def _light(self, i: int, light: Light) -> list[Light] | None:
+        """Draw one light; returns what takes its place, None if nothing changed."""
+        name = f"lights.{i}"
+        flags = imgui.TreeNodeFlags_.framed.value | imgui.TreeNodeFlags_.allow_overlap.value
+        flags |= imgui.TreeNodeFlags_.default_open.value if i == 0 else 0
+        right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+        shown = imgui.tree_node_ex(f"{light.KIND.capitalize()} {i + 1}###light", flags)
+        self._controls.mark(name)
+        action = self._buttons(name, light, right)
+        new = light if not shown else self._rows(name, light)
+        if shown:
+            imgui.tree_pop()
+        if action == "remove":
+            return []
+        if action == "duplicate":
+            return [light, light]
+        if action == "toggle":
+            return [replace(light, on=not light.on)]
+        return None if new == light else [new]
+
+    def _buttons(self, name: str, light: Light, right: float) -> str:
+        """Draw the buttons at the right end of a light's heading."""
+        controls, side = self._controls, imgui.get_frame_height()
+        buttons = (
+            ("toggle", icons.ICON_FA_LIGHTBULB if light.on else icons.ICON_FA_POWER_OFF, "On or off"),
+            ("duplicate", icons.ICON_FA_CLONE, "Duplicate"),
+            ("remove", icons.ICON_FA_TRASH, "Remove"),
+        )
+        imgui.same_line(right - len(buttons) * side)
+        chosen = ""
+        for action, icon, tip in buttons:
+            lit = action == "toggle" and light.on
+            if lit:
+                imgui.push_style_color(imgui.Col_.text_disabled.value, (1.0, 0.85, 0.5, 1.0))
+            if controls.icon(f"{name}.{action}", icon, tip, quiet=not lit, on=False):
+                chosen = action
+            if lit:
+                imgui.pop_style_color()
+            imgui.same_line(0.0, 0.0)
+        imgui.new_line()
+        return chosen
+
+    def _rows(self, name: str, light: Light) -> Light:
+        controls = self._controls
+        chosen: list[str] = []
+        kind = controls.value(
+            f"{name}.kind", "Kind", _KIND, light.KIND, default=DirectionalLight.KIND,
+            on_reset=lambda: chosen.append(DirectionalLight.KIND),
+        )  # fmt: skip
+        chosen += [] if kind is None else [kind]
+        if chosen:
+            light = _as_kind(light, chosen[-1])
+        new: Light = self._direction(name, light) if isinstance(light, DirectionalLight) else self._place(name, light)
+        return self._colour(name, new)
+
+    def _direction(self, name: str, light: DirectionalLight) -> DirectionalLight:
+        default = _default(name, DirectionalLight, "direction", NEW_LIGHT.direction)
+        self._controls.begin_row("Direction", True)
+        dragged = self._sphere(f"{name}.sphere", light)
+
+        new = light if dragged is None else replace(light, direction=dragged)
+        was_reset: list[bool] = []
+        tip = explained(settings_of(light)["direction"], None)
+        tip += "\nDrag the sphere: it shows the light as the camera sees it; hollow is behind.\n" + RESET_HINT
+        self._controls.end_row(
+            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), new.direction != default
+        )
+        if was_reset:
+            new = replace(light, direction=default)
+        azimuth, elevation = direction_angles(new.direction)
+        for key, label, value, default_angle in (
+            ("azimuth", "Azimuth", azimuth, direction_angles(default)[0]),
+            ("elevation", "Elevation", elevation, direction_angles(default)[1]),
+        ):
+            turned = self._angle(f"{name}.{key}", label, value, default_angle)
+            if turned is not None:
+                angles = (turned, elevation) if key == "azimuth" else (azimuth, turned)
+                # straight up has no azimuth: stay a hair off, so that it is kept
+                new = replace(light, direction=direction_of(angles[0], min(89.99, max(-89.99, angles[1]))))
+        return new
+
+    def _angle(self, name: str, label: str, value: float, default: float) -> float | None:
+        result: list[float] = []
+        span = 180.0 if label == "Azimuth" else 90.0
+        self._controls.begin_row(label, True)
+        new = self._controls.sliders.number(name, value, -span, span, f"{value:.1f}°")
+        if new is not None:
+            result.append(new)
+        tip = f"{'Around the up axis, 0 is +z' if span > 90 else 'Above the horizon'}; unit deg.\n{TYPE_HINT}"
+        differs = abs(value - default) > 0.05
+        self._controls.end_row(name, label, tip, lambda: result.append(default), differs)
+        return result[-1] if result else None
+
+    def _place(self, name: str, light: PointLight) -> PointLight:
+        declared = settings_of(light)["position_mm"]
+        position = list(light.position_mm)
+        for axis, letter in enumerate("XYZ"):
+            reset: list[float] = []
+            default = _as_kind(NEW_LIGHT, PointLight.KIND).position_mm[axis]
+            self._controls.begin_row(letter, True)
+            flags = imgui.SliderFlags_.none.value
+            changed, new = imgui.drag_float(f"##{name}.{letter}", position[axis], 1.0, 0.0, 0.0, "%.1f mm", flags)
+            if changed:
+                position[axis] = plain(new)
+            tip = f"{explained(declared, None)}\nDrag, or {TYPE_HINT[0].lower()}{TYPE_HINT[1:]}"
+            differs = position[axis] != default
+            self._controls.end_row(f"{name}.{letter}", letter, tip, partial(reset.append, default), differs)
+            position[axis] = reset[-1] if reset else position[axis]
+        return replace(light, position_mm=(position[0], position[1], position[2]))
+
+    def _colour(self, name: str, light: Light) -> Light:
+        """Colour and brightness, whose product is what the scene keeps."""
+        key = "irradiance" if isinstance(light, DirectionalLight) else "intensity"
+        declared, value = settings_of(light)[key], getattr(light, key)
+        default = _default(name, type(light), key, getattr(_as_kind(NEW_LIGHT, light.KIND), key))
+        default_colour = tuple(plain(channel / max(default)) for channel in default)
+        brightness = max(value)
+        colour = tuple(channel / brightness for channel in value) if brightness > 0.0 else (1.0, 1.0, 1.0)
+        chosen: dict[str, Any] = {}
+        self._controls.begin_row("Colour", True)
+        flags = imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.no_inputs.value
+        changed, new = imgui.color_edit3(f"##{name}.colour", list(colour), flags)
+        if changed and max(new) > 0.0:
+            chosen["colour"] = tuple(plain(channel / max(new)) for channel in new)
+        tip = f"Linear RGB, the brightest channel is 1. Click to choose.\n{RESET_HINT}"
+        self._controls.end_row(
+            f"{name}.colour", "Colour", tip, lambda: chosen.update(colour=default_colour),
+            max(abs(a - b) for a, b in zip(colour, default_colour, strict=True)) > 1e-4,
+        )  # fmt: skip
+        label = key.capitalize()
+        new_brightness = self._controls.value(
+            f"{name}.{key}", label, replace(declared, length=None), brightness, default=max(default),
+            on_reset=lambda: chosen.update(brightness=max(default)), reach=BRIGHT[key],
+        )  # fmt: skip
+        if new_brightness is not None:
+            chosen["brightness"] = max(new_brightness, 0.0)
+        if not chosen:
+            return light
+        bright = chosen.get("brightness", brightness)
+        red, green, blue = (plain(bright * channel) for channel in chosen.get("colour", colour))
+        if isinstance(light, DirectionalLight):
+            return replace(light, irradiance=(red, green, blue))
+        return replace(light, intensity=(red, green, blue))
+
+    def _sphere(self, name: str, light: DirectionalLight) -> tuple[float, float, float] | None:
+        """Draw the light on a ball seen by the camera; a drag turns it, as a trackball."""
+        side = SPHERE * imgui.get_frame_height()
+        corner = imgui.get_cursor_screen_pos()
+        imgui.invisible_button(f"##{name}", (side, side))
+        rotation = place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation
+        direction = np.array(light.direction) / np.linalg.norm(light.direction)
+        _draw_ball((corner.x, corner.y), side, direction @ rotation, light)
+        if not imgui.is_item_active():
+            return None
+        delta = imgui.get_io().mouse_delta
+        if delta.x == 0.0 and delta.y == 0.0:
+            return None
+        step = 180.0 / side
+        turn = turn_matrix(rotation[:, 1], step * delta.x) @ turn_matrix(rotation[:, 0], step * delta.y)
+        x, y, z = (direction @ turn).tolist()
+        return plain(x), plain(y), plain(z)
+
+
+def _draw_ball(corner: tuple[float, float], side: float, direction: Any, light: Light) -> None:
+    """Shade a ball by the light: rings of growing brightness around the point that faces it."""
+    draw: Any = imgui.get_window_draw_list()
+    radius = 0.5 * side - 2.0
+    centre = (corner[0] + 0.5 * side, corner[1] + 0.5 * side)
+    draw.add_circle_filled(centre, radius, _colour(0.10, 0.105, 0.115), 48)
+    facing = max(0.0, float(direction[2]))
+    for i in range(12):
+        share = (i + 1) / 12.0
+        inner = radius * (1.0 - share)
+        offset = 0.92 * radius * share
+        grey = (0.10 + 0.42 * share * (0.25 + 0.75 * facing)) if facing > 0.0 else 0.10
+        place = (centre[0] + offset * float(direction[0]), centre[1] - offset * float(direction[1]))
+        draw.add_circle_filled(place, inner, _colour(grey, grey, grey * 1.02), 40)
+    draw.add_circle(centre, radius, _colour(0.33, 0.34, 0.36), 48, 1.0)
+    spot = (centre[0] + 0.9 * radius * float(direction[0]), centre[1] - 0.9 * radius * float(direction[1]))
+    colour = _colour(*ACCENT) if light.on else _colour(0.5, 0.5, 0.5)
+    if direction[2] >= 0.0:
+        draw.add_circle_filled(spot, 5.0, colour)
+    else:
+        draw.add_circle(spot, 4.5, colour, 0, 2.0)
+
+
+def _colour(red: float, green: float, blue: float) -> Any:
+    return imgui.get_color_u32((red, green, blue, 1.0))
+
+
+def _as_kind(light: Light, kind: str) -> Any:
+    """Return a light of another kind that shines about the same from about the same place."""
+    if kind == light.KIND:
+        return light
+    if isinstance(light, DirectionalLight):
+        distance = 200.0  # mm; two of a hand-sized object away
+        x, y, z = (distance * np.array(light.direction) / np.linalg.norm(light.direction)).tolist()
+        red, green, blue = (channel * distance**2 for channel in light.irradiance)
+        return PointLight((plain(x), plain(y), plain(z)), (red, green, blue), light.on)
+    distance = max(float(np.linalg.norm(light.position_mm)), 1.0)
+    direction = light.position_mm if any(light.position_mm) else (0.0, 1.0, 0.0)
+    red, green, blue = (channel / distance**2 for channel in light.intensity)
+    return DirectionalLight(direction, (red, green, blue), light.on)
+
+
+def _default(name: str, kind: type, key: str, otherwise: Any) -> Any:
+    """Return what a light's value is reset to: the default light's of the same place in the list."""
+    i = int(name.split(".")[1])
+    if i < len(DEFAULT_LIGHTS) and isinstance(DEFAULT_LIGHTS[i], kind):
+        return getattr(DEFAULT_LIGHTS[i], key)
+    return otherwise
