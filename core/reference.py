@@ -17,6 +17,7 @@ from core.spectra import Profile
 Array = npt.NDArray[np.float64]
 
 RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
+NEAREST = 1e-6  # mm; a light on the surface itself would be infinitely bright
 _BLOCK = 1 << 17  # pairs (point, source) at a time: 1 MB an array stays in the cache
 
 
@@ -80,9 +81,7 @@ class Occluder:
         hits = self._scene.run(origins, np.ascontiguousarray(directions, np.float32))
         return np.asarray(hits < 0)
 
-    def reached(
-        self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike
-    ) -> npt.NDArray[np.bool_]:
+    def reached(self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Whether nothing lies between points (n, 3) just off the surface and a position (3,)."""
         origins = np.asarray(points, np.float64) + self._offset * np.asarray(normals, np.float64)
         way = np.asarray(position, np.float64) - origins
@@ -106,7 +105,9 @@ class Occluder:
         way = np.asarray(position, np.float64) - points
         distance2 = np.maximum(np.einsum("ij,ij->i", way, way), NEAREST**2)
         cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, way) / np.sqrt(distance2))
-        entering = fresnel.transmittance(eta, cosine) * cosine / distance2 * self.reached(points, face_normals, position)
+        entering = (
+            fresnel.transmittance(eta, cosine) * cosine / distance2 * self.reached(points, face_normals, position)
+        )
         return np.asarray(entering[:, None] * np.asarray(intensity, np.float64))
 
     def irradiance(

@@ -5,19 +5,17 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 import numpy.typing as npt
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from scipy.ndimage import binary_erosion
 
-from core import fresnel
 from core.mesh import Mesh, face_cross
-from core.reference import RAY_OFFSET, Occluder
+from core.reference import Occluder
 from core.samples import SurfaceSamples
 from viewer.buffers import MeshBuffers
 from viewer.frame import Renderer
 from viewer.lighting import Model
 from viewer.picture import Frame
-from viewer.scene import DirectionalLight, Light, PointLight, Scene, apply_set
+from viewer.scene import DirectionalLight, Light, Scene, apply_set
+from viewer.visible_error import VisiblePoints
 
 Array = npt.NDArray[np.float64]
 
@@ -85,31 +83,28 @@ def random_samples(mesh: Mesh, count: int, seed: int = 0) -> tuple[SurfaceSample
     return samples, cross[face] / area[face, None]
 
 
+def surface_points(mesh: Mesh, count: int, seed: int = 0) -> Array:
+    """Random points on faces chosen alike, (count, 3)."""
+    rng = np.random.default_rng(seed)
+    faces = mesh.faces[rng.choice(len(mesh.faces), count)]
+    return np.einsum("ni,nij->nj", rng.dirichlet((1, 1, 1), count), mesh.vertices[faces].astype(np.float64))
+
+
+def seen_at(points: Array) -> VisiblePoints:
+    """Points as a picture that is black there would show them."""
+    place = np.arange(len(points))
+    return VisiblePoints(place, place, points, np.zeros_like(points))
+
+
 class RayCaster:
     """Irradiance by rays against a mesh, for every kind of lamp."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._far = Occluder(mesh)
-        self._near = EmbreeScene()
-        TriangleMesh(scene=self._near, vertices=mesh.vertices, indices=mesh.faces)
-        self._offset = RAY_OFFSET * mesh.radius
+        self._occluder = Occluder(mesh)
 
     def irradiance(self, points, normals, face_normals, light: Light, eta: float) -> Array:
         """E that enters at points (n, 3), (2): (n, 3) float64."""
+        where = points, normals, face_normals
         if isinstance(light, DirectionalLight):
-            return self._far.irradiance(points, normals, face_normals, light.direction, light.irradiance, eta)
-        return self._of_point_light(points, normals, face_normals, light, eta)
-
-    def _of_point_light(self, points, normals, face_normals, light: PointLight, eta: float) -> Array:
-        points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
-        origins = points + self._offset * np.asarray(face_normals, np.float64)
-        towards = np.asarray(light.position_mm) - origins
-        distance = np.linalg.norm(towards, axis=1)
-        # "OCCLUDED" tells hit from miss only along the whole ray; the nearest hit's distance stops at the light.
-        hits = self._near.run(origins.astype(np.float32), (towards / distance[:, None]).astype(np.float32), output=True)
-        blocked = (hits["primID"] >= 0) & (hits["tfar"] < distance)
-        to_light = np.asarray(light.position_mm) - points
-        distance2 = np.square(to_light).sum(axis=1)
-        cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, to_light) / np.sqrt(distance2))
-        entering = fresnel.transmittance(eta, cosine) * cosine / distance2 * ~blocked
-        return np.asarray(entering[:, None] * np.asarray(light.intensity))
+            return self._occluder.irradiance(*where, light.direction, light.irradiance, eta)
+        return self._occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)

@@ -26,6 +26,7 @@ from viewer.bench_error import (
 )
 from viewer.bench_report import scheme_times
 from viewer.bench_shapes import SHAPES, ball
+from viewer.deviation import Deviation
 from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(

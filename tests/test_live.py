@@ -157,6 +157,23 @@ def test_missing_model_and_bad_probe_leave_the_scene_as_it_was(driver, tmp_path)
     assert np.array_equal(driver.picture(), picture)
 
 
+def test_an_unforeseen_error_is_shown_and_the_window_goes_on(driver, monkeypatch, caplog):
+    scene = driver.session.scene
+
+    def broken(scene, progress=None):
+        raise RuntimeError("the driver has a bad day")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(driver.view.live.renderer, "light", broken)
+        driver.session.edit("material", name="ketchup")
+        driver.frames(2)
+    assert driver.session.scene == scene
+    assert driver.app.messages == ["the driver has a bad day"]
+    driver.session.edit("material", name="ketchup")
+    driver.settle()
+    assert driver.view.live.is_settled(driver.view._sized(driver.session.scene))
+
+
 def test_file_deleted_while_open_does_not_matter(driver, model, tmp_path):
     other = write_knot(tmp_path / "other.ply")
     driver.drop(other)

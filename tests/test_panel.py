@@ -136,6 +136,19 @@ def test_library_is_searched_and_chosen_with_the_keyboard(driver):
     assert np.any(driver.picture() != picture)
 
 
+def test_text_fields_use_the_clipboard(driver):
+    driver.app.actions.clipboard.set("skim")
+    driver.click("material.name")
+    driver.key("left_ctrl", "v")
+    assert "material=Skimmilk" in driver.app.panel.controls.boxes
+    assert "material=jade" not in driver.app.panel.controls.boxes
+    driver.key("left_ctrl", "a")
+    driver.type("x")
+    driver.key("left_ctrl", "a")
+    driver.key("left_ctrl", "c")
+    assert driver.app.actions.clipboard.get() == "x"
+
+
 def test_moved_coefficient_makes_an_own_material_and_its_reset_the_librarys_again(driver):
     driver.click("material.sigma_a.G", 0.8)
     own = driver.session.scene.material

@@ -47,9 +47,8 @@ path = "uffizi.hdr"
 rotation_deg = 0.0
 intensity = 1.0
 [transport]
-method = "layered"
-layers = 8
-resolution = 128
+method = "ewald"
+resolution = 60
 [display]
 image_size = [1024, 1024]
 key = 0.18
@@ -84,6 +83,7 @@ def test_example_of_the_design_loads(tmp_path):
         model=ModelSettings(path=tmp_path / "dragon.ply"),
         lights=(DirectionalLight((0.4, 0.5, 0.77)),),
         environment=EnvironmentSettings(tmp_path / "uffizi.hdr"),
+        transport=TransportSettings("ewald", resolution=60),
     )
     assert scene == expected
     assert scene.effective_lights() == expected.lights
@@ -203,10 +203,9 @@ BAD_FILES = [
     ("[[lights]]\nkind = 'directional'\ndirection = [0, 0.0, 0]", "lights[0].direction must not be the zero vector"),
     ("[[lights]]\nkind = 'point'\nposition_mm = [1, 2, 3]\n[[lights]]\nkind = 'point'\nposition = [1, 2, 3]",
      'unknown key lights[1]."position"; did you mean "position_mm"?'),
-    ("[transport]\nmethod = 'ewald'", 'transport.method "ewald" is not available yet; use "layered"'),
-    ("[transport]\nmethod = 'diffusion'", 'transport.method "diffusion" is not available yet; use "layered"'),
-    ("[transport]\nmethod = 'magic'", 'transport.method must be "layered", not "magic"'),
-    ("[transport]\nerror_target = 0.02", "transport.error_target is not available yet; leave it out"),
+    ("[transport]\nmethod = 'diffusion'", 'transport.method "diffusion" is not available yet; use "ewald" or "layered"'),
+    ("[transport]\nmethod = 'magic'", 'transport.method must be one of "ewald", "layered", not "magic"'),
+    ("[transport]\nerror_target = 2", "transport.error_target must be a number from 0.001 to 0.5, not 2"),
     ("[transport]\nlayers = 8.0", "transport.layers must be a whole number from 1 to 128, not 8.0"),
     ("[transport]\nlayers = 129", "transport.layers must be a whole number from 1 to 128, not 129"),
     ("[display]\nimage_size = [15, 16]", "display.image_size must be 2 whole numbers from 16 to 16384, not [15, 16]"),
@@ -288,7 +287,7 @@ def test_set_drops_what_it_replaces():
         ("display.key=", '--set display.key must be a number from 0.0001 to 100, not ""'),
         ("lights=[{kind='point'}]", "--set lights[0].position_mm is missing"),
         ("material.sigma_a=[1,1,1]", "material.sigma_a is given without material.sigma_s_prime"),
-        ("transport.method=ewald", '--set transport.method "ewald" is not available yet'),
+        ("transport.method=diffusion", '--set transport.method "diffusion" is not available yet'),
         ("material.name=", "unknown material ''"),
     ],
 )

@@ -30,7 +30,7 @@ from viewer.settings_docs import settings_markdown
         (lambda: DirectionalLight((0.0, 0.0, 0.0)), "lights.direction must not be the zero vector"),
         (lambda: PointLight(None), "lights.position_mm must be 3 numbers"),
         (lambda: MaterialSettings(), "material has neither"),
-        (lambda: TransportSettings(layers=None), "transport.layers must be a whole number"),
+        (lambda: TransportSettings(layers="8"), "transport.layers must be a whole number"),
         (lambda: TransportSettings(layers=10**400), "transport.layers must be a whole number"),
         (lambda: SpecularSettings(strength=10**400), "specular.strength must be a number"),
         (lambda: Scene(camera=3), "camera must be a CameraSettings, not a int"),

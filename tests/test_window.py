@@ -15,6 +15,7 @@ import pytest
 from tests.driving import Driver, headless_picture, small_scene, write_knot
 from viewer.events import Closed, Drawn, Dropped, Key, Recorder, Resized
 from viewer.images import read_image
+from viewer.replay import play
 from viewer.scene import Scene
 
 pytestmark = pytest.mark.window
@@ -153,25 +154,30 @@ def remembered(tmp_path) -> Path:
     return path
 
 
-def test_open_orbit_slide_save_screenshot_quit(display, context, tmp_path, scene_file, remembered):
+def test_open_orbit_slide_save_screenshot_quit_replay(display, context, tmp_path, scene_file, remembered, monkeypatch):
     twin = Driver(Scene.load(scene_file), SIZE)  # knows where the panel's controls are
     slider, view = twin.place("material.sigma_a.G", 0.3), (0.5 * twin.app._boxes()[0][2], 0.5 * SIZE[1])
     twin.close()
 
-    window = RealWindow(display, tmp_path, "--scene", str(scene_file))
+    record = tmp_path / "record.jsonl"
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file), "--record", str(record))
     try:
-        window.opened()
+        number = window.opened()
         window.rest()
         window.drag(view, (60, 20))
         window.drag(slider, (40, 0))
         window.hands("mousemove", int(view[0]), int(view[1]))
         window.hands("key", "ctrl+s")
         window.until(lambda: Scene.load(scene_file).material.name is None)
+        window.hands("key", "Escape")  # "saved scene.toml" would lie over the picture
         window.rest()
         start = window.ticks()
         time.sleep(2.0)
         assert window.ticks() - start <= 1  # an idle window uses no CPU
         seen = window.screenshot(1)
+        window.hands("windowsize", number, SIZE[0] + 90, SIZE[1] - 70)
+        window.rest()
+        assert window.screenshot(2).shape == (SIZE[1] - 70, SIZE[0] + 90, 3)
         assert window.quit() == 0
     finally:
         window.stop()
@@ -186,8 +192,12 @@ def test_open_orbit_slide_save_screenshot_quit(display, context, tmp_path, scene
     picture = headless_picture(saved, (width, height))[: height - STATUS]
     assert np.mean(np.abs(picture.astype(int) - seen[: height - STATUS, :width]).max(axis=-1) > 1) < 1e-3
     content = json.loads(remembered.read_text())
-    assert content["window_size"] == list(SIZE)
+    assert content["window_size"] == [SIZE[0] + 90, SIZE[1] - 70]
     assert content["recent"] == [str(scene_file)]
+
+    monkeypatch.chdir(tmp_path)  # the replay's F12 writes there
+    replayed = play(record, in_window=False)
+    assert (replayed.material, replayed.camera) == (saved.material, saved.camera)
 
 
 def test_recorded_drop_of_a_mesh_and_a_probe_is_replayed_in_the_window(display, tmp_path, model, remembered):

@@ -63,7 +63,7 @@ class Actions:
         self.panel_shown = True
         self.on_dismiss: Callable[[], object] = lambda: None
         self._session, self._view = session, view
-        self._preferences, self._clipboard = preferences, clipboard
+        self._preferences, self.clipboard = preferences, clipboard
 
     def run(self, name: str) -> None:
         """Do what a name of `viewer.shortcuts` says, or "open PATH"."""
@@ -112,11 +112,11 @@ class Actions:
         self._session.look(CameraSettings())
 
     def _copy_view(self) -> None:
-        self._clipboard.set(self._session.view_text())
+        self.clipboard.set(self._session.view_text())
         self._session.say("copied the view as text")
 
     def _paste_view(self) -> None:
-        self._session.paste_view(self._clipboard.get())
+        self._session.paste_view(self.clipboard.get())
 
     def _toggle_exposure_lock(self) -> None:
         view, picture = self._session.view, self._view.picture

@@ -73,6 +73,7 @@ class App:
         self.actions = Actions(self.session, self.view, self.preferences, clipboard or Clipboard())
         self._messages = Messages()
         self.actions.on_dismiss = self._messages.clear
+        self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
         self._frames_due = FRAMES_AN_EVENT
         self._last_event = self.clock()
         self._tooltip_due = False

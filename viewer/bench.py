@@ -14,7 +14,7 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import Progress
 
-from viewer import bench_chain, bench_error, bench_report, bench_speed
+from viewer import bench_chain, bench_error, bench_report, bench_rivals, bench_speed
 from viewer.bench_error import EWALD, LAYERED, LIGHTS, MATERIALS, PAPER, Scheme
 from viewer.bench_shapes import SHAPES
 from viewer.scene import Scene
@@ -44,6 +44,8 @@ class Plan:
     materials: tuple[str, ...] = MATERIALS
     lights: tuple[str, ...] = tuple(LIGHTS)
     points: int = 300
+    # sums over samples beside the transport: shape, material, light
+    rivals: tuple[tuple[str, str, str], ...] = (("knot", "marble", "back"), ("ball", "skim milk", "front"))
     # error of the renderer: shape, material, light
     pictures: tuple[tuple[str, str, str], ...] = (
         ("ball", "skim milk", "front"),
@@ -63,6 +65,7 @@ QUICK = Plan(
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
     points=100,
+    rivals=FULL.rivals[:1],
     pictures=FULL.pictures[1:2],
 )
 
@@ -125,6 +128,10 @@ def _errors(plan: Plan, report: bench_report.Report) -> None:
         count = len(plan.schemes) * len(plan.shapes) * len(plan.materials) * len(plan.lights)
         errors = _watched(bench_error.error_rows(*sets, plan.points), count, "error of the transport")
         bench_report.report_errors(report, errors)
+    if plan.rivals:
+        rivals = bench_rivals.rival_rows(plan.rivals, DEFAULT, plan.points)
+        count = len(plan.rivals) * (len(bench_rivals.TOLERANCES) + 2)
+        bench_report.report_rivals(report, _watched(rivals, count, "sums over samples"))
     if plan.pictures:
         pictures = bench_chain.chain_rows(plan.picture_schemes, plan.pictures, plan.points)
         count = len(plan.picture_schemes) * len(plan.pictures)

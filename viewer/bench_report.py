@@ -16,6 +16,7 @@ from core.errors import InputError
 from viewer.bench_chain import ChainRow
 from viewer.bench_error import PAPER, ErrorRow, Scheme
 from viewer.bench_speed import ConvolutionRow, FrameRow, ProcessRow, Timing
+from viewer.deviation import Deviation
 
 TARGETS = {4: 2.0, 8: 3.0}  # layers -> wanted ratio to the bare transforms
 LIGHT_STAGES = ("deposit", "convolution")  # what transport does anew when a light changes

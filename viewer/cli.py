@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 DEFAULT_PICTURE = "milkglass.png"
 SUFFIXES = (".png", ".exr")
 DEFAULT_SAMPLES = 4
+DEFAULT_REPORT_POINTS = 300
 DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.compare says what it means
 
 app = typer.Typer(
@@ -103,13 +104,23 @@ def render(
         int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")
     ] = DEFAULT_SAMPLES,
     seed: Annotated[int, typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the samples.")] = 0,
+    report: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.json", help="Error against a reference in float64; a map beside it, .png."),
+    ] = None,
+    report_points: Annotated[
+        int, typer.Option(metavar="N", min=1, max=100_000, help="Random visible points of the report.")
+    ] = DEFAULT_REPORT_POINTS,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
 ) -> None:
     """Write pictures of a model without a window."""
-    _check_outputs(scene, output, reference)
+    _check_outputs(scene, output, reference, report)
     compared = None if reference is None else _counterpart(reference, output)
-    frame = _render(scene, samples, seed)
-    _save(frame, output)
+    if report is None:
+        frame = _render(scene, samples, seed)
+        _save(frame, output)
+    else:
+        frame = _render_with_report(scene, samples, seed, output, report, report_points)
     if verbose:
         _print_timings(frame.timings)
         typer.echo(frame.quality.summary)
@@ -170,10 +181,29 @@ def _render(scene: Scene, samples: int, seed: int) -> "Frame":
     return picture
 
 
-def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
+def _render_with_report(
+    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int
+) -> "Frame":
+    """Write pictures and the report of their error, all of them or, where one step fails before, none."""
+    from viewer import report_command
+
+    frame, report = report_command.run(scene, samples, seed, points)
+    for warning in frame.warnings:
+        _say(f"warning: {warning}")
+    _save(frame, outputs)
+    report.save(path)
+    typer.echo(report_command.summary(report, path))
+    return frame
+
+
+def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, report: str | None = None) -> None:
     """Refuse outputs that cannot be written or would overwrite an input, before any work."""
     from viewer import images
 
+    if report is not None:
+        from viewer.report_command import check_report
+
+        check_report(report, scene, outputs, reference)
     inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
     for output in outputs:
         images.check_output(output, SUFFIXES)

@@ -36,7 +36,6 @@ class Setting:
     nonzero : True where a vector must have a direction
     default_text : the default as documented, where the field's own default does not say it
     pattern : regular expression accepted beside the choices, with `pattern_name` for messages
-    not_yet : for a key that is known but not built yet, what to do instead
     """
 
     kind: Kind
@@ -52,7 +51,6 @@ class Setting:
     default_text: str = ""
     pattern: str = ""
     pattern_name: str = ""
-    not_yet: str = ""
 
     def checked(self, value: object, label: str) -> Any:
         """Return the value in its stored form (float, int, bool, str, Path or a tuple of them).
@@ -69,8 +67,6 @@ class Setting:
         """
         if value is None and self.optional:
             return None
-        if self.not_yet:
-            raise InputError(f"{label} is not available yet; {self.not_yet}")
         elements = [value] if self.length is None else _elements(value)
         converted = [_CONVERTERS[self.kind](element) for element in elements]
         if len(converted) != (self.length or 1) or not all(map(self._accepts, converted)):

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.environment import Probe
 from core.stages import Stages
 from viewer.assets import Assets
 from viewer.camera import pixel_offsets
@@ -17,6 +18,7 @@ from viewer.gl import check_image_size, headless_context, leave_framebuffer
 from viewer.lighting import Lighting, LitScene, Progress
 from viewer.picture import Frame, Picture, read_frame
 from viewer.scene import Scene
+from viewer.settings import EnvironmentSettings
 from viewer.shading import Shading
 
 Float32 = npt.NDArray[np.float32]
@@ -59,9 +61,7 @@ class Renderer:
         Where meshes and probes come from, and stay for the next scene.
     """
 
-    def __init__(
-        self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None
-    ) -> None:
+    def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None) -> None:
         self.context = context
         # Two sets of stages, because transport may run in a thread of its own.
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
@@ -105,7 +105,9 @@ class Renderer:
 
     def scatter(self, lit: LitScene) -> Float32:
         """Transport: exitance at the nodes of the layers. Uses no OpenGL, so any one thread may run it."""
-        return lit.transport.exitance(lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages)
+        return lit.transport.exitance(
+            lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
+        )
 
     def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload exitance as the volume that pixels read."""
@@ -134,6 +136,10 @@ class Renderer:
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
         return self._shading.advance(scene, lit, gather, pixel_offsets(samples), parts)
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Return the light probe of an environment that has one."""
+        return self._lighting.probe(environment)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""

@@ -4,6 +4,7 @@ Here are also its context, fonts, colours, and the translation of our events.
 """
 
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -70,9 +71,10 @@ class Gui:
     def _feed_frame(self) -> None:
         """Pass events on to ImGui, as many as one frame may see.
 
-        ImGui looks at keys once a frame: a Ctrl that is let go in the frame in which S went down would not be seen.
+        ImGui looks at keys once a frame: a Ctrl that is let go in the frame in which S went down would not be seen,
+        nor would the end of a drag whose button goes up in the same frame.
         """
-        pressed = False
+        pressed = moved = False
         while self._queue:
             event = self._queue[0]
             if isinstance(event, Key):
@@ -80,7 +82,12 @@ class Gui:
                 if is_modifier and pressed:
                     return
                 pressed = pressed or (event.pressed and not is_modifier)
+            if isinstance(event, MouseButton) and moved:
+                return
+            moved = moved or isinstance(event, MouseMoved)
             self._pass_on(self._queue.popleft())
+            if isinstance(event, MouseButton):
+                return
 
     def _pass_on(self, event: Event) -> None:
         io = imgui.get_io()
@@ -109,6 +116,12 @@ class Gui:
         io.delta_time = min(max(1e-4, now - self._time), 10.0) if self._time is not None else 1.0 / 60.0
         self._time = now
         imgui.new_frame()
+
+    def share_clipboard(self, get: Callable[[], str], put: Callable[[str], object]) -> None:
+        """Let text fields copy and paste through a clipboard."""
+        platform: Any = imgui.get_platform_io()
+        platform.platform_get_clipboard_text_fn = lambda _: get()
+        platform.platform_set_clipboard_text_fn = lambda _, text: put(text)
 
     def end(self) -> Any:
         """Finish the frame and return its draw data."""

@@ -75,7 +75,7 @@ class Controls:
         current = getattr(self.session.scene, table)
         declared, value = settings_of(current)[key], getattr(current, key)
         default = default_of(table, key)
-        if declared.not_yet or (value is None and automatic is None):
+        if value is None and automatic is None:
             return
         changed = self.value(
             name, label, declared, value, default=default, on_reset=lambda: self._put(table, key, default),

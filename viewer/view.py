@@ -1,5 +1,6 @@
 """The part of the window that shows the object: pictures at the quality of the moment, and the mouse on them."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -19,6 +20,7 @@ from viewer.session import SHOWN, Session
 from viewer.view_drawing import checkerboard, developed, fitted
 from viewer.view_mouse import ViewMouse
 
+LOG = logging.getLogger("milkglass")
 SAMPLES = 4  # antialiasing of a picture at rest, as `milkglass render`
 DRAFT_UNTIL = 0.18  # seconds after the last change by a drag
 FINE_AFTER = 0.35  # seconds after the last change
@@ -157,10 +159,14 @@ class ViewArea:
         show = SHOWN[session.view.show] or "radiance"
         try:
             picture = self.live.draw(scene, self.detail, show, self._exposure() if show == "radiance" else None)
-        except (InputError, MemoryError, moderngl.Error) as error:
+        except Exception as error:  # whatever a file or a driver does, the window stays and says so
+            failed = session.scene
             if not session.reject(error):
                 raise
-            self._wake()
+            if not isinstance(error, InputError):
+                LOG.exception("a picture could not be drawn")
+            if session.scene != failed:
+                self._wake()
             return
         if self.live.current:
             session.works(session.scene)
@@ -191,7 +197,7 @@ class ViewArea:
         kept = self._sized(replace(session.kept, camera=session.scene.camera))
         try:
             self._other.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)
-        except (InputError, MemoryError, moderngl.Error) as error:
+        except Exception as error:
             session.fail(error)
             session.kept, session.view.split = None, None
 

@@ -72,7 +72,7 @@ class Window:
             self._preferences.opened(path)
         self._handle = _open(self._preferences.window_size)
         context = window_context()
-        self._screen = context.detect_framebuffer()
+        self._screen = context.detect_framebuffer(0)
         self._context = context
         self._recorder = None if record is None else Recorder(record, scene.to_toml())
         self.app = App(
@@ -183,8 +183,10 @@ class Window:
         pixels = glfw.get_framebuffer_size(self._handle)
         if min(pixels) > 0:
             self._size = (int(size[0]), int(size[1]))
+            # moderngl takes the size of a framebuffer that it did not make from the viewport.
             self._screen.viewport = (0, 0, pixels[0], pixels[1])
-            self._screen = self._context.detect_framebuffer()
+            self._screen.use()
+            self._screen = self._context.detect_framebuffer(0)
         # On macOS and Wayland window coordinates are scaled already, on X11 and Windows they are pixels.
         scaled = pixels[0] / size[0] if size[0] else 1.0
         content = glfw.get_window_content_scale(self._handle)[0]

@@ -1,0 +1,95 @@
+"""Sums over surface samples beside the default transport: time for the same error.
+
+The direct sum and Jensen and Buhler's hierarchical sum (`core.hierarchical`) over the samples of the reference, all
+cores for each. They give exitance at single points; a picture needs it at the mesh's vertices at least, the transport's
+volume gives it everywhere. What is timed is what a new light costs: the tree is built anew, the kernels stay.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from core import materials
+from core.dipole import dipoles
+from core.hierarchical import build_tree, tree_exitance
+from viewer.bench_error import LIGHTS, Run, Scheme, Target, parallel_exitance
+from viewer.bench_shapes import SHAPES
+from viewer.deviation import Deviation
+
+Array = npt.NDArray[np.float64]
+T = TypeVar("T")
+
+TOLERANCES = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02)
+STAGES = ("deposit", "convolution")  # of the transport, for a new light
+
+
+@dataclass(frozen=True)
+class RivalRow:
+    """One way to exitance. Times in ms.
+
+    Attributes
+    ----------
+    fixed : float
+        Whatever the number of points.
+    per_point : float
+    vertices : int
+        Of the mesh.
+    """
+
+    method: str
+    deviation: Deviation
+    fixed: float
+    per_point: float
+    vertices: int
+
+    @property
+    def at_vertices(self) -> float:
+        """Time for exitance at every vertex of the mesh."""
+        return self.fixed + self.per_point * self.vertices
+
+
+def rival_rows(cases: Sequence[tuple[str, str, str]], scheme: Scheme, n_points: int) -> Iterator[tuple[str, RivalRow]]:
+    """Measure shape, material and light by every method; the name of the case and a row as they are ready."""
+    for shape, name, light_name in cases:
+        target, material, light = Target.of(SHAPES[shape](), n_points), materials.lookup(name), LIGHTS[light_name]
+        case, vertices, profiles = f"{shape}, {name}, {light_name}", len(target.mesh.vertices), dipoles(material)
+        sources, points = target.sources, target.points.points
+        flux = light.irradiance(target.occluder, sources, material.eta) * sources.areas[:, None]
+        reference, taken = _timed(lambda: parallel_exitance(points, sources.points, flux, profiles))
+        yield case, RivalRow("direct sum", Deviation.of(reference, reference), 0.0, taken / n_points, vertices)
+        tree, built = _timed(lambda: build_tree(sources.points, flux, sources.areas))
+        for tolerance in TOLERANCES:
+            found, taken = _timed(
+                lambda: _in_parallel(points, lambda share: tree_exitance(share, tree, profiles, tolerance))
+            )
+            label = f"hierarchical, {tolerance:g} sr"
+            yield case, RivalRow(label, Deviation.of(found, reference), built, taken / n_points, vertices)
+        run = Run(scheme, target)
+        run.exitance(LIGHTS["front" if light_name == "back" else "back"], material)  # kernels and plans are kept
+        deviation = Deviation.of(run.exitance(light, material), reference)
+        yield case, RivalRow(str(scheme), deviation, sum(run.stages.timings.get(s, 0.0) for s in STAGES), 0.0, vertices)
+
+
+def fastest_at(rows: Sequence[RivalRow], rms: float) -> RivalRow | None:
+    """Return the fastest hierarchical sum whose worst channel errs by no more than `rms`."""
+    good = [r for r in rows if r.method.startswith("hierarchical") and max(r.deviation.rms) <= rms]
+    return min(good, key=lambda row: row.at_vertices, default=None)
+
+
+def _timed(task: Callable[[], T]) -> tuple[T, float]:
+    start = time.perf_counter()
+    result = task()
+    return result, 1e3 * (time.perf_counter() - start)
+
+
+def _in_parallel(points: npt.NDArray[np.float32], task: Callable[[npt.NDArray[np.float32]], Array]) -> Array:
+    """Give each core a share of the points."""
+    threads = os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        return np.concatenate(list(pool.map(task, np.array_split(points, threads))))

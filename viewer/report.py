@@ -1,0 +1,179 @@
+"""Error report of a scene: `milkglass render --report FILE.json`, the numbers and a map of where the error sits.
+
+The picture is drawn once more with one sample a pixel, whose positions lie exactly on the surface; transport is the
+picture's own.
+"""
+
+import json
+import os
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.errors import InputError
+from viewer.deviation import Deviation
+from viewer.error_map import error_map
+from viewer.frame import Renderer
+from viewer.images import Pixels8, check_output, write_png
+from viewer.irradiance_pass import world_to_probe
+from viewer.lighting import LitScene
+from viewer.picture import read_frame
+from viewer.scene import Scene
+from viewer.visible_error import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
+
+SUFFIX = ".json"
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What was measured, as JSON and as a picture.
+
+    Attributes
+    ----------
+    content : dict
+        See the README; lengths in mm, times in ms.
+    map : (h, w, 3) uint8
+    deviation : Deviation
+    """
+
+    content: dict[str, Any]
+    map: Pixels8
+    deviation: Deviation
+
+    def save(self, path: str | Path) -> None:
+        """Write ``path`` and, beside it, the map with the suffix .png; both or none.
+
+        Raises
+        ------
+        InputError
+            For another suffix than .json or a place that cannot be written.
+        """
+        check_report_path(path)
+        target = Path(os.path.realpath(path))
+        temporary = target.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
+        try:
+            temporary.write_text(json.dumps(self.content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+            write_png(map_path(path), self.map)
+            os.replace(temporary, target)
+        except OSError as error:
+            raise InputError(f"{path} could not be written: {error.strerror}.") from error
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def map_path(path: str | Path) -> Path:
+    """Where the map goes."""
+    return Path(path).with_suffix(".png")
+
+
+def check_report_path(path: str | Path) -> None:
+    """Raise InputError if a report cannot be written at path, to be called before any work is done."""
+    check_output(path, (SUFFIX,))
+    check_output(map_path(path), (".png",))
+
+
+def error_report(
+    renderer: Renderer,
+    scene: Scene,
+    *,
+    points: int = DEFAULT_POINTS,
+    seed: int = 0,
+    timings: Mapping[str, float] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Report:
+    """Measure the error of a scene's picture at random visible points.
+
+    Parameters
+    ----------
+    renderer : Renderer
+        What it has computed for the scene is used again.
+    scene : Scene
+    points : int
+        Wanted number, >= 1; a picture with fewer pixels of the object gives those.
+    seed : int
+        Of the choice of points.
+    timings : mapping, optional
+        Stage -> ms to tell instead of the stages that ran here, where a picture was drawn before.
+    progress : callable, optional
+        Called with the finished share of the reference, in [0, 1].
+
+    Raises
+    ------
+    InputError
+        As `Renderer.render`; if the picture does not show the object.
+    """
+    picture = renderer.draw(scene, samples=1, parts=True)
+    frame = read_frame(picture, renderer.timings)
+    lit = renderer.light(scene)
+    start = time.perf_counter()
+    seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
+    illumination = illumination_of(renderer, scene)
+    error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress)
+    seconds = time.perf_counter() - start
+    content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
+    return Report(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
+
+
+def illumination_of(renderer: Renderer, scene: Scene) -> Illumination:
+    """Gather a scene's lights for `viewer.visible_error.measure`; reads the probe, if any, or has it already."""
+    environment = scene.environment
+    probe = None if environment.path is None else renderer.probe(environment)
+    eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
+    return Illumination.of(scene.effective_lights(), eta, probe, to_probe, environment.intensity)
+
+
+def _content(
+    scene: Scene,
+    lit: LitScene,
+    error: VisibleError,
+    seed: int,
+    seconds: float,
+    timings: Mapping[str, float],
+    warnings: tuple[str, ...],
+) -> dict[str, Any]:
+    quality, grid, material = lit.quality, lit.grid, scene.material.resolve()
+    size = np.sqrt(np.square(error.reference).mean(axis=0))
+    return {
+        "model": {
+            "path": None if scene.model.path is None else Path(scene.model.path).name,
+            "builtin": scene.model.builtin_name,
+            "size_mm": scene.model.size_mm,
+        },
+        "material": {
+            "name": material.name,
+            "sigma_s_prime": list(material.sigma_s_prime),
+            "sigma_a": list(material.sigma_a),
+            "eta": material.eta,
+        },
+        "transport": {
+            "method": quality.method,
+            "layers": grid.n_layers,
+            "resolution": quality.resolution,
+            "nodes": [grid.width, grid.height, grid.n_layers],
+            "spacing_mm": grid.texel,
+            "layer_distance_mm": grid.layer_distance,
+            "error_target": quality.error_target,
+            "predicted_error": quality.predicted_error,
+        },
+        "error": {
+            "of": "exitance, over the rms of the reference",
+            "rms": list(error.deviation.rms),
+            "p99": list(error.deviation.p99),
+            "mean_ratio": list(error.deviation.ratio),
+            "rms_together": error.deviation.rms_together,
+        },
+        "reference": {
+            "points": len(error.reference),
+            "seed": seed,
+            "sources": error.n_sources,
+            "rms_exitance": size.tolist(),
+            "seconds": round(seconds, 3),
+        },
+        "timings_ms": {stage: round(time, 3) for stage, time in timings.items()},
+        "warnings": list(warnings),
+    }

@@ -1,0 +1,62 @@
+"""`milkglass render --report`: paths checked first, a progress bar on a terminal, a line that sums it up."""
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from core.errors import InputError
+from viewer.scene import Scene
+
+if TYPE_CHECKING:
+    from viewer.picture import Frame
+    from viewer.report import Report
+
+
+def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
+    """Refuse a report that cannot be written, or that would overwrite a picture or an input."""
+    from viewer.report import check_report_path, map_path
+
+    check_report_path(path)
+    others = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    named = [(f"--output {output}", output) for output in outputs]
+    for written in (path, map_path(path)):
+        for role, other in [*named, *((f"the {role}", other) for role, other in others.items() if other is not None)]:
+            if os.path.realpath(other) == os.path.realpath(written):
+                raise InputError(f"--report {path} would write {written} over {role}; choose another name")
+
+
+def run(scene: Scene, samples: int, seed: int, points: int) -> "tuple[Frame, Report]":
+    """Render a scene and measure its error; a progress bar shows on a terminal only."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from viewer.frame import Renderer
+    from viewer.gl import headless_context
+    from viewer.report import error_report
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("starting", total=None)
+        renderer = Renderer(headless_context())
+        frame = renderer.render(
+            scene, samples=samples, seed=seed, progress=lambda words: progress.update(task, description=words)
+        )
+        progress.update(task, description="summing the reference", total=1.0, completed=0.0)
+        report = error_report(
+            renderer,
+            scene,
+            points=points,
+            seed=seed,
+            timings=frame.timings,
+            progress=lambda share: progress.update(task, completed=share),
+        )
+    return frame, report
+
+
+def summary(report: "Report", path: str) -> str:
+    """One line for the terminal."""
+    rms, p99 = (
+        ", ".join(f"{100.0 * share:.2f}" for share in shares) for shares in (report.deviation.rms, report.deviation.p99)
+    )
+    points = report.content["reference"]["points"]
+    return f"Error of exitance at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."

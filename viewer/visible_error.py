@@ -1,0 +1,201 @@
+"""Error of a picture's exitance at some of its visible points, against equation (1) summed in float64.
+
+Arrays in, arrays out and no OpenGL, so that a window may run `measure` in a thread of its own: what it takes is chosen
+from a picture by `visible_points` and from a scene by `Illumination`.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.dipole import dipoles
+from core.environment import Probe, irradiance_table, lookup
+from core.errors import InputError
+from core.materials import Material
+from core.mesh import Mesh
+from core.reference import Occluder, direct_exitance
+from core.reference_sources import Sources, graded_sources
+from core.spectra import Profile
+from viewer.deviation import Deviation
+from viewer.settings import DirectionalLight, Light
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_POINTS = 300
+BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
+
+
+@dataclass(frozen=True, eq=False)
+class VisiblePoints:
+    """Random pixels of a picture that show the object, and what is there.
+
+    Attributes
+    ----------
+    rows, columns : (n,) int
+        Row 0 at the top.
+    positions : (n, 3) float64
+        World space, mm.
+    exitance : (n, 3) float64
+        M of the picture.
+    """
+
+    rows: npt.NDArray[np.intp]
+    columns: npt.NDArray[np.intp]
+    positions: Array
+    exitance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Illumination:
+    """All that lights an object.
+
+    Attributes
+    ----------
+    lights : directional and point lights
+    table : (h, 2h, 3) float array or None
+        Irradiance of the environment over normals, F_t included, see `core.environment.irradiance_table`.
+    to_probe : (3, 3) float64
+        World to the environment's frame, row vectors.
+    intensity : float
+        Of the environment.
+    """
+
+    lights: tuple[Light, ...]
+    table: npt.NDArray[np.floating] | None
+    to_probe: Array
+    intensity: float
+
+    @classmethod
+    def of(
+        cls,
+        lights: tuple[Light, ...],
+        eta: float,
+        probe: Probe | None = None,
+        to_probe: npt.ArrayLike = np.eye(3),
+        intensity: float = 1.0,
+    ) -> "Illumination":
+        """Tabulate the environment for a relative index of refraction."""
+        table = None if probe is None else irradiance_table(probe.sh, eta)
+        return cls(lights, table, np.asarray(to_probe, np.float64), intensity)
+
+    def irradiance(self, occluder: Occluder, sources: Sources, eta: float) -> Array:
+        """E that enters at sources, (n, 3): shadows cast by rays; the environment is not occluded, as in pictures."""
+        entering = np.zeros((len(sources), 3))
+        where = sources.points, sources.normals, sources.face_normals
+        for light in self.lights:
+            if isinstance(light, DirectionalLight):
+                entering += occluder.irradiance(*where, light.direction, light.irradiance, eta)
+            else:
+                entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
+        if self.table is not None:
+            entering += self.intensity * lookup(self.table, sources.normals @ self.to_probe)
+        return entering
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleError:
+    """What `measure` finds.
+
+    Attributes
+    ----------
+    seen : VisiblePoints
+    reference : (n, 3) float64
+        Equation (1) at the points.
+    deviation : Deviation
+    n_sources : int
+        Pieces of the surface summed for a point.
+    """
+
+    seen: VisiblePoints
+    reference: Array
+    deviation: Deviation
+    n_sources: int
+
+    @property
+    def at_points(self) -> Array:
+        """|M - M_ref| of the worst channel over the reference's rms in that channel, (n,)."""
+        size = np.sqrt(np.square(self.reference).mean(axis=0))
+        error = np.abs(self.seen.exitance - self.reference) / np.where(size > 0.0, size, 1.0)
+        return np.asarray(error.max(axis=1))
+
+
+def visible_points(
+    alpha: npt.NDArray[np.floating],
+    position: npt.NDArray[np.floating],
+    exitance: npt.NDArray[np.floating],
+    count: int = DEFAULT_POINTS,
+    seed: int = 0,
+) -> VisiblePoints:
+    """Choose pixels that show the object, each as likely, without repeats; all if there are fewer than `count`.
+
+    Parameters
+    ----------
+    alpha : (H, W) array
+        1 where the pixel shows the object. Other pixels are not chosen.
+    position, exitance : (H, W, 3) arrays
+        Of a picture of one sample a pixel: the mean over several is no point of the surface.
+    count : int
+        >= 1.
+    seed : int
+
+    Raises
+    ------
+    InputError
+        If no pixel shows the object.
+    """
+    rows, columns = np.nonzero(alpha >= 1.0)
+    if len(rows) == 0:
+        raise InputError("the picture does not show the object, so it has no error; move the camera or enlarge it")
+    chosen = np.random.default_rng(seed).choice(len(rows), min(count, len(rows)), replace=False)
+    rows, columns = rows[chosen], columns[chosen]
+    found = position[rows, columns].astype(np.float64), exitance[rows, columns].astype(np.float64)
+    return VisiblePoints(rows, columns, *found)
+
+
+def measure(
+    seen: VisiblePoints,
+    mesh: Mesh,
+    illumination: Illumination,
+    material: Material,
+    progress: Callable[[float], None] | None = None,
+    threads: int = 0,
+) -> VisibleError:
+    """Sum equation (1) at visible points and compare.
+
+    Parameters
+    ----------
+    seen : from `visible_points`
+    mesh, illumination, material
+        What the picture shows.
+    progress : callable, optional
+        Called with the finished share, in [0, 1]; what it raises ends the work.
+    threads : int
+        0 takes all cores.
+    """
+    profiles = dipoles(material)
+    bright = [p.mean_free_path for p in profiles if not p.is_black]
+    occluder, count = Occluder(mesh), len(seen.positions)
+    reference, n_sources = np.zeros((count, 3)), 0
+    order = np.argsort(seen.positions[:, 1], kind="stable")  # neighbours share fine sources
+    for start in range(0, count, BATCH) if bright else ():
+        batch = order[start : start + BATCH]
+        points = seen.positions[batch]
+        sources = graded_sources(mesh, points, min(bright))
+        flux = illumination.irradiance(occluder, sources, material.eta) * sources.areas[:, None]
+        reference[batch] = _exitance(points, sources.points, flux, profiles, threads)
+        n_sources = max(n_sources, len(sources))
+        if progress is not None:
+            progress(min(1.0, (start + BATCH) / count))
+    return VisibleError(seen, reference, Deviation.of(seen.exitance, reference), n_sources)
+
+
+def _exitance(points: Array, sources: Array, flux: Array, profiles: tuple[Profile, ...], threads: int) -> Array:
+    """`core.reference.direct_exitance`, a share of the points a core."""
+    threads = threads or os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        shares = np.array_split(points, 4 * threads)
+        return np.concatenate(list(pool.map(lambda share: direct_exitance(share, sources, flux, profiles), shares)))
