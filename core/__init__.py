@@ -2,17 +2,19 @@
 
 The pipeline, one module a stage::
 
-    mesh          arrays of a triangle mesh in world space, its normals and its flaws
+    mesh          arrays of a triangle mesh in world space and its flaws; normals beside it
     samples       points on the whole surface, each with normal and area dA
     environment   diffuse irradiance of a light probe, Fresnel transmittance included
-    layers        flux of the samples spread over n_l parallel layers, (3) (4)
-    spectra       kernels between layers and their spectra, (5)
+    layers        flux of the samples spread over parallel layers, (3) (4)
+    spectra       kernels between layers and their spectra, (5); ewald: the kernels of the split
     convolution   every pair of layers convolved by FFT, (6)
-    transport     layers + spectra + convolution behind one interface: the layer volume
+    transport     layers + spectra + convolution behind one interface: exitance at the nodes, a local term
     tonemap       float64 reference of the display transform
-    reference     equation (1) summed directly in float64, ray-cast visibility
 
-beside ``materials`` (coefficients), ``dipole`` (R_d) and ``fresnel``. Numbers in brackets are the
+Beside it ``materials`` (coefficients), ``dipole`` (R_d), ``fresnel``, ``stages`` (run only what changed),
+``sculpture`` and ``implicit`` (the built-in object), ``probe_maps``, ``probe_blur`` and ``spherical_harmonics`` (light
+probes); and to judge it all, ``reference`` (equation (1) summed directly in float64, visibility by rays),
+``reference_sources`` (where its sources lie) and ``hierarchical`` (the sum with an octree). Numbers in brackets are the
 equations of Echevarria et al., "Screen-space subsurface scattering rendering", CEIG 2010.
 
 core does NOT draw, open windows or files other than its own tables, print, or know OpenGL.

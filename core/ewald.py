@@ -25,10 +25,10 @@ SHEET_REACH = 4.0  # widths beyond which the two sides of a sheet see each other
 MAX_NODES = 1 << 20  # of the radial table
 
 # Spacing over the finest detail of the profiles -> rms error of exitance over rms exitance in the worst channel: the
-# worst of a ball, a torus knot and plates of 0.5 and 1 mm at 20 mm, the first two at 100 mm, six materials, light from
-# the front and from behind. Interpolated in logarithms.
+# worst of a ball, a torus knot and plates of 0.5 and 1 mm at 20 mm, the first two and the sculpture at 100 mm, six
+# materials, light from the front and from behind. Interpolated in logarithms.
 ERROR_CURVE = np.array(
-    [[0.5, 0.003], [0.7, 0.005], [1.0, 0.01], [1.7, 0.02], [3.5, 0.035], [5.5, 0.07], [9.5, 0.14], [20.0, 0.2]]
+    [[0.5, 0.004], [0.7, 0.006], [1.0, 0.012], [1.7, 0.02], [2.8, 0.042], [4.5, 0.05], [5.5, 0.075], [9.5, 0.14]]
 )
 
 

@@ -31,7 +31,7 @@ from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
+    pictures=(), rivals=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
 
@@ -114,6 +114,19 @@ def test_error_falls_with_layers_and_the_split_beats_the_paper(coarse_reference)
     assert all(0.0 < light <= everything for light, everything in times.values())
 
 
+def test_rivals_are_the_same_sum(tmp_path, coarse_reference):
+    bench.run_plan(replace(NOTHING, rivals=(("plate", "skim milk", "back"),), points=20), tmp_path)
+    rows = rows_of(tmp_path / "rivals.csv")
+    assert_finite(rows)
+    methods = [row["method"] for row in rows]
+    assert methods[0] == "direct sum"
+    assert methods[-1] == str(EWALD[0])
+    errors = [float(row["rms_g"]) for row in rows]
+    assert errors[0] == 0.0
+    assert errors[-2] < errors[1] / 3.0  # the tolerances fall
+    assert errors[-1] < 0.02
+
+
 def test_points_are_visible_and_the_reference_is_the_direct_sum():
     target = Target.of(ball(subdivisions=3), 40, edge=1.0)
     towards = target.rotation[:, 2]  # +z of view space points to the eye
@@ -136,12 +149,22 @@ def test_stripes_are_bars_and_gaps_of_one_width():
 def test_light_across_a_plate_has_its_thickness_and_the_irradiance_of_the_other_side():
     target = Target.of(SHAPES["plate"](), 30, edge=0.6)
     light = BenchLight("behind", (0.2, 0.1, -1.0))
-    front = target.points.normals[:, 2] > 0.5
-    assert front.sum() > 20
-    thickness, other_side = light.across(target.entries, target.points, 1.5)
+    reach = 4.0
+    # farther from the rim than the rays that look whether the sheet goes on
+    inner = np.abs(target.points.points[:, :2]).max(axis=1) < 8.5
+    front = (target.points.normals[:, 2] > 0.5) & inner
+    assert front.sum() > 15
+    thickness, other_side = light.across(target.rays, target.points, 1.5, reach)
     np.testing.assert_allclose(thickness[front], 1.0, rtol=1e-4)
     lit = light.irradiance(target.occluder, target.sources, 1.5)[target.sources.normals[:, 2] < -0.5]
     np.testing.assert_allclose(other_side[front], np.broadcast_to(lit[0], (front.sum(), 3)), rtol=1e-5)
+
+
+def test_the_far_side_of_a_ball_is_no_sheet():
+    """At the edge of the light both sides are close, but not parallel."""
+    target = Target.of(ball(subdivisions=4), 200, edge=1.0)
+    _, other_side = BenchLight("behind", (0.2, 0.1, -1.0)).across(target.rays, target.points, 1.5, 4.0)
+    assert other_side.max() < 0.01
 
 
 def test_deviation_of_known_arrays():

@@ -1,6 +1,7 @@
 """The dipole: closed forms against numerical integrals and against published reflectances."""
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ def integral(profile: Dipole, e: float, upper: float = np.inf) -> float:
     edges = [0.0, 1.0, 10.0, 100.0, 1e4, 1e7, np.inf]
     edges = [min(edge, upper / z) for edge in edges]
     return sum(
-        quad(integrand, a, b, epsabs=1e-12, epsrel=1e-10, limit=200)[0] for a, b in zip(edges, edges[1:]) if b > a
+        quad(integrand, a, b, epsabs=1e-12, epsrel=1e-10, limit=200)[0] for a, b in pairwise(edges) if b > a
     )
 
 
@@ -60,7 +61,11 @@ def test_totals_and_spectrum_at_a_layer_distance(e: float) -> None:
     assert integral(profile, e, upper=0.7) == pytest.approx(float(profile.total_within(0.7, e)), rel=1e-7)
     assert float(profile.spectrum(0.0, e)) == pytest.approx(float(profile.total(e)), rel=1e-14)
     for k in (0.5, 3.0):  # Hankel transform
-        value = quad(lambda r: 2 * np.pi * r * float(profile.radial(np.hypot(r, e))) * j0(k * r), 0, 60, limit=2000)[0]
+
+        def integrand(r: float, k: float = k) -> float:
+            return float(2 * np.pi * r * profile.radial(np.hypot(r, e)) * j0(k * r))
+
+        value = quad(integrand, 0, 60, limit=2000)[0]
         assert value == pytest.approx(float(profile.spectrum(k, e)), abs=2e-6)
 
 

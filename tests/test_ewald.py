@@ -214,18 +214,18 @@ def test_constant_light_on_a_wide_plane_leaves_as_constant_light(spacing_of_mean
 def test_phase_of_the_grid_changes_little(solids, shape, name):
     """Nodes moved by fractions of their spacing against the object, at the spacing of the default target.
 
-    Under 1.5 % rms in every channel of the ball (measured 1.1). A plate along the nodes meets them all at one offset,
-    where errors do not average out: 2.5 % between two phases (measured, whole milk B), 2 % from the direct sum at any.
+    Under 1.5 % rms in every channel: measured .4 on the ball, 1.1 on a plate along the nodes, which meets them all at
+    one offset, where errors do not average out. For the same reason the plate is up to 1.9 % from the direct sum.
     """
     resolution = {"marble": 43, "whole milk": 55, "skin1": 53, "ketchup": 79}[name]
     lit = Lit(solids[shape], materials.lookup(name))
     phases = [(0.0, 0.0, 0.0), (0.25, 0.1, 0.4), (0.5, 0.5, 0.5), (-0.3, 0.45, -0.2)]
     moved = [lit.split(resolution, phase) for phase in phases]
     for other in moved[1:]:
-        assert np.all(relative_rms(other, moved[0]) < {"ball": 0.015, "plate": 0.027}[shape])
+        assert np.all(relative_rms(other, moved[0]) < {"ball": 0.006, "plate": 0.015}[shape])
     expected = lit.direct()
     for M in moved:
-        assert np.all(relative_rms(M, expected) < {"ball": 0.008, "plate": 0.022}[shape])
+        assert np.all(relative_rms(M, expected) < {"ball": 0.004, "plate": 0.022}[shape])
 
 
 def test_the_grid_moves_with_the_object(solids):

@@ -54,13 +54,13 @@ def oracles(shapes):
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("shape", ["ball", "knot", "plate"])
 def test_the_default_stays_under_two_per_cent_in_every_channel(renderer_of, oracles, shape, material, direction):
-    """Measured at most 1.5 % (whole milk B, plate from behind); ball and knot stay under 0.8 %."""
+    """Measured at most 1.6 % (jade R, knot from behind), from the front .6 %, and at most .9 % over all channels."""
     scene = scene_of(f"material.name={material}", lights=(DirectionalLight(direction),))
     renderer = renderer_of(shape)
     frame = renderer.render(scene, samples=1)
     assert renderer.light(scene).quality.warning is None
     errors = oracles[shape].errors(frame, scene)
-    assert np.all(errors < (0.02 if shape == "plate" else 0.012)), errors
+    assert np.all(errors < (0.02 if direction is BACK else 0.01)), errors
 
 
 def test_point_light_and_two_lights_together(renderer_of, oracles):
@@ -75,13 +75,13 @@ def test_point_light_and_two_lights_together(renderer_of, oracles):
 def test_sheets_from_two_spacings_to_a_tenth_lit_from_behind(context, material):
     """The other side's light that the nodes cannot carry across comes through the sheet term.
 
-    At the default target, thickness 2, 1, 1/2, 1/4 and 1/10 of 0.51 mm: measured at most 1.8 % (whole milk B at 1/2).
-    At 40 nodes, where whole milk's mean free path is half a spacing: at most 2.3 %.
+    At the default target, thickness 2, 1, 1/2, 1/4 and 1/10 of 0.51 mm: measured at most 1.5 % (jade R at 2).
+    At 40 nodes, where whole milk's mean free path is half a spacing: at most 1.5 % too.
     """
     for share in (2.0, 1.0, 0.5, 0.25, 0.1):
         mesh = plate(20.0, share * 20.0 / 39.0)
         renderer, oracle = MeshRenderer(context, mesh), Oracle(mesh)
-        for settings, limit in (((), 0.02), (("transport.resolution=40",), 0.025)):
+        for settings, limit in (((), 0.02), (("transport.resolution=40",), 0.02)):
             scene = scene_of(f"material.name={material}", *settings, lights=(DirectionalLight(BACK),))
             frame = renderer.render(scene, samples=1)
             errors = oracle.errors(frame, scene, frame.normal[..., 2] > 0.5)
@@ -92,7 +92,7 @@ def test_sheets_from_two_spacings_to_a_tenth_lit_from_behind(context, material):
 def test_a_smaller_error_target_takes_more_nodes_and_errs_less(renderer_of, oracles, shape):
     errors, nodes = [], []
     for target in (0.05, 0.02, 0.01):
-        scene = scene_of("material.name=wholemilk", f"transport.error_target={target}")
+        scene = scene_of("material.name=marble", f"transport.error_target={target}")
         renderer = renderer_of(shape)
         frame = renderer.render(scene, samples=1)
         quality = renderer.light(scene).quality
@@ -107,7 +107,7 @@ def test_a_smaller_error_target_takes_more_nodes_and_errs_less(renderer_of, orac
 
 def test_a_target_out_of_reach_says_what_to_expect(renderer_of):
     """Spectralon's mean free path is 0.05 mm: 80 nodes along 20 mm are 0.25 mm apart."""
-    frame = renderer_of("ball").render(scene_of("material.name=spectralon"), samples=1)
+    frame = renderer_of("ball").render(scene_of("material.name=spectralon", "transport.error_target=0.02"), samples=1)
     (warning,) = frame.warnings
     assert "instead of 2 %" in warning
     assert "transport.resolution" in warning

@@ -283,9 +283,9 @@ def test_tooltip_says_unit_range_and_default(driver):
 def test_panel_text_is_drawn_and_only_where_the_panel_is(driver):
     from viewer.app import read_pixels
 
-    shown = read_pixels(driver.target)
+    shown = read_pixels(driver.target, driver.target.size)
     driver.key("tab")
-    hidden = read_pixels(driver.target)
+    hidden = read_pixels(driver.target, driver.target.size)
     assert not driver.app.actions.panel_shown
     panel = shown[:, -370:].astype(int)
     assert np.ptp(panel) > 180  # letters are light, the ground is dark

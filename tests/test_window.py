@@ -7,10 +7,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from tests.driving import Driver, headless_picture, small_scene, write_knot
 from viewer.events import Closed, Drawn, Dropped, Key, Recorder, Resized
@@ -55,18 +57,21 @@ def display() -> Iterator[str]:
         server.wait()
 
 
+def environment_of(display: str, folder: Path) -> dict[str, str]:
+    """For a process with a window that remembers things in a folder of its own."""
+    return os.environ | {
+        "DISPLAY": display, "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": str(ROOT),
+    }  # fmt: skip
+
+
 class RealWindow:
     """`milkglass view` in a process of its own, and a person's hands."""
 
     def __init__(self, display: str, folder: Path, *options: str) -> None:
         self.folder = folder
-        self.environment = os.environ | {
-            "DISPLAY": display, "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": str(ROOT),
-        }  # fmt: skip
+        self.environment = environment_of(display, folder)
         command = [sys.executable, "-m", "viewer.cli", "view", *options]
-        self.process = subprocess.Popen(
-            command, cwd=folder, env=self.environment, stderr=subprocess.PIPE, text=True
-        )
+        self.process = subprocess.Popen(command, cwd=folder, env=self.environment, stderr=subprocess.PIPE, text=True)
 
     def hands(self, *words: object) -> str:
         done = subprocess.run(["xdotool", *map(str, words)], env=self.environment, capture_output=True, text=True)
@@ -228,6 +233,57 @@ def test_recorded_drop_of_a_mesh_and_a_probe_is_replayed_in_the_window(display, 
     shot = read_image(tmp_path / "milkglass-001.png")
     assert np.ptp(shot[: SIZE[1] // 4, : SIZE[0] // 4].astype(int)) > 20  # the probe shows beside the object
     assert json.loads(remembered.read_text())["recent"][:2] == [str(tmp_path / "probe.exr"), str(other)]
+
+
+def test_drops_reopening_and_minimising_through_glfws_own_callbacks(display, context, tmp_path, scene_file, remembered):
+    from viewer.images import write_exr
+
+    trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "öther.stl")
+    rng = np.random.default_rng(5)
+    write_exr(tmp_path / "probe.exr", {name: rng.random((8, 16), np.float32) for name in "RGB"})
+    command = [sys.executable, str(ROOT / "tests" / "in_window.py"), str(tmp_path)]
+    environment = environment_of(display, tmp_path)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+
+    shots = {}
+    for name in ("start", "mesh", "probe", "changed", "reopened", "restored", "with pixels"):
+        scene = Scene.load(tmp_path / f"{name}.toml")
+        width, height = scene.display.image_size
+        shots[name] = np.asarray(read_image(tmp_path / f"{name}.png"))[: height - STATUS, :width].astype(int)
+        rendered = headless_picture(scene, (width, height))[: height - STATUS]
+        assert np.mean(np.abs(rendered - shots[name]).max(axis=-1) > 1) < 1e-3, name
+    for one, two in pairwise(("start", "mesh", "probe", "changed", "reopened")):
+        assert np.mean(np.abs(shots[one] - shots[two]).max(axis=-1) > 5) > 0.05, (one, two)
+    for same in ("reopened", "restored", "with pixels"):
+        assert np.array_equal(shots[same], shots["probe"]), same
+    for name, found in json.loads((tmp_path / "found.json").read_text()).items():
+        assert found["drawn"] == 0, name
+        assert found["seconds"] < 0.3, name  # of 1.5: nothing is drawn, nothing goes round in circles
+
+
+def test_a_saved_scene_is_reopened_with_the_dialog(display, tmp_path, scene_file, remembered):
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file))
+    try:
+        window.opened()
+        window.rest()
+        start = window.screenshot(1)
+        window.hands("key", "Escape")
+        window.hands("key", "7")  # from above
+        window.rest()
+        changed = window.screenshot(2)
+        window.hands("key", "ctrl+o")
+        time.sleep(0.3)
+        window.hands("type", "--delay", 30, scene_file.name)
+        window.hands("key", "Return", "Escape")
+        window.rest()
+        reopened = window.screenshot(3)
+        assert window.quit() == 0
+    finally:
+        window.stop()
+    region = np.s_[: SIZE[1] - STATUS, : SIZE[0] // 3]  # of the view
+    assert np.any(start[region] != changed[region])
+    assert np.array_equal(start[region], reopened[region])
 
 
 def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):

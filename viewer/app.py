@@ -148,11 +148,11 @@ class App:
             self._frames_due = FRAMES_AN_EVENT
         target.use()
         target.clear(*GREY)
-        self._painter.draw(data, target)
+        self._painter.draw(data, target, self._gui.pixels)
         free_dropped(self._context)
         self._count(now)
         if self.actions.capture is not None:
-            self.actions.write_capture(read_pixels(target))
+            self.actions.write_capture(read_pixels(target, self._gui.pixels))
             self._frames_due = FRAMES_AN_EVENT
         if self.session.messages:
             self._frames_due = FRAMES_AN_EVENT
@@ -238,8 +238,9 @@ def _model_name(scene: Scene) -> str:
     return scene.model.path.name if scene.model.path is not None else str(scene.model.builtin_name)
 
 
-def read_pixels(target: moderngl.Framebuffer) -> npt.NDArray[np.uint8]:
-    """Read a framebuffer back: (height, width, 3) uint8, top row first."""
-    width, height = target.size
-    pixels = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(height, width, 3)
+def read_pixels(target: moderngl.Framebuffer, size: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Read a framebuffer of (width, height) pixels back: (height, width, 3) uint8, top row first."""
+    width, height = size
+    data = target.read(viewport=(0, 0, width, height), components=3, alignment=1)
+    pixels = np.frombuffer(data, np.uint8).reshape(height, width, 3)
     return np.ascontiguousarray(pixels[::-1])

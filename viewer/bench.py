@@ -1,7 +1,8 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Three parts: speed as ratios within one run (`viewer.bench_speed`), error of the transport against equation (1)
-(`viewer.bench_error`) and error of the whole renderer (`viewer.bench_chain`).
+Four parts: speed as ratios within one run (`viewer.bench_speed`), error of the transport against equation (1)
+(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and error of the whole renderer
+(`viewer.bench_chain`).
 """
 
 import os
@@ -131,7 +132,7 @@ def _errors(plan: Plan, report: bench_report.Report) -> None:
     if plan.rivals:
         rivals = bench_rivals.rival_rows(plan.rivals, DEFAULT, plan.points)
         count = len(plan.rivals) * (len(bench_rivals.TOLERANCES) + 2)
-        bench_report.report_rivals(report, _watched(rivals, count, "sums over samples"))
+        bench_rivals.report_rivals(report, _watched(rivals, count, "sums over samples"))
     if plan.pictures:
         pictures = bench_chain.chain_rows(plan.picture_schemes, plan.pictures, plan.points)
         count = len(plan.picture_schemes) * len(plan.pictures)

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from scipy.sparse import csc_array
 
 from core import layers, materials
@@ -28,6 +26,7 @@ from core.spectra import Profile
 from core.stages import Stages
 from core.transport import EwaldTransport, LayeredTransport, LocalTerm, Transport
 from viewer.bench_shapes import SHAPES
+from viewer.bench_sheet import SheetRays
 from viewer.camera import place_camera
 from viewer.deviation import Deviation
 from viewer.quality import Quality, choose_quality, sample_spacing
@@ -55,20 +54,15 @@ class BenchLight:
         )
         return np.asarray(entering * self._slats(samples.points)[:, None])
 
-    def across(self, entries: EmbreeScene, samples: SurfaceSamples, eta: float) -> tuple[Array, Array]:
+    def across(self, rays: SheetRays, samples: SurfaceSamples, eta: float, reach: float) -> tuple[Array, Array]:
         """Thickness (n,) of the sheet between the samples and where light enters, mm, and E (n, 3) over there.
 
-        As sheet.glsl has it: for samples that face away from the light, both sides parallel; 0 for the others.
+        As sheet.glsl has it: for samples that face away from the light; 0 where there is no sheet.
         """
         towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
-        cosine = np.maximum(0.0, -(samples.normals @ towards))
-        points = samples.points.astype(np.float64)
-        far = 2.0 * float(np.linalg.norm(points, axis=1).max()) + 1.0
-        origins = (points + far * towards).astype(np.float32)
-        down = np.tile(-towards.astype(np.float32), (len(points), 1))
-        way = far - np.asarray(entries.run(origins, down, query="DISTANCE"), np.float64)
-        entering = transmittance(eta, cosine) * cosine * self._slats(samples.points)
-        return np.maximum(0.0, way) * cosine, np.tile(entering[:, None], 3)
+        other = rays.other_side(samples.points, samples.normals, towards, reach)
+        entering = transmittance(eta, other.cosine) * other.cosine * other.share * self._slats(samples.points)
+        return other.thickness, np.tile(entering[:, None], 3)
 
     def _slats(self, points: Float32) -> Array:
         """1 in the light and 0 in the shadow of the bars, (n,)."""
@@ -126,9 +120,7 @@ class Target:
 
     Attributes
     ----------
-    mesh, occluder
-    entries : EmbreeScene
-        Of the mesh; finds where light enters a sheet.
+    mesh, occluder, rays
     rotation : (3, 3) float64
         World to view, row vectors.
     sources : SurfaceSamples
@@ -138,7 +130,7 @@ class Target:
 
     mesh: Mesh
     occluder: Occluder
-    entries: EmbreeScene
+    rays: SheetRays
     rotation: Array
     sources: SurfaceSamples
     points: SurfaceSamples
@@ -154,9 +146,7 @@ class Target:
         rng = np.random.default_rng(seed)
         chosen = rng.choice(len(sources), n_points, replace=False, p=shown / shown.sum())
         points = SurfaceSamples(sources.points[chosen], sources.normals[chosen], sources.areas[chosen])
-        entries = EmbreeScene()
-        TriangleMesh(scene=entries, vertices=mesh.vertices, indices=mesh.faces)
-        return cls(mesh, occluder, entries, camera.rotation, sources, points)
+        return cls(mesh, occluder, SheetRays(mesh), camera.rotation, sources, points)
 
     def reference(self, light: BenchLight, material: Material) -> Array:
         """Sum equation (1) directly: (n, 3) exitance at the points."""
@@ -199,7 +189,7 @@ class Run:
         target = self.target
         value = term.factors[0] * light.irradiance(target.occluder, target.points, material.eta)
         if term.reach > 0.0:
-            thickness, other_side = light.across(target.entries, target.points, material.eta)
+            thickness, other_side = light.across(target.rays, target.points, material.eta, term.reach)
             nodes = np.linspace(0.0, term.reach, len(term.factors))
             factors = np.stack([np.interp(thickness, nodes, f, right=0.0) for f in term.factors.T], axis=-1)
             value += factors * (thickness > 0.0)[:, None] * other_side

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from core import materials
 from core.dipole import dipoles
 from core.hierarchical import build_tree, tree_exitance
 from viewer.bench_error import LIGHTS, Run, Scheme, Target, parallel_exitance
+from viewer.bench_report import Report
 from viewer.bench_shapes import SHAPES
 from viewer.deviation import Deviation
 
@@ -56,30 +58,73 @@ class RivalRow:
 
 def rival_rows(cases: Sequence[tuple[str, str, str]], scheme: Scheme, n_points: int) -> Iterator[tuple[str, RivalRow]]:
     """Measure shape, material and light by every method; the name of the case and a row as they are ready."""
-    for shape, name, light_name in cases:
-        target, material, light = Target.of(SHAPES[shape](), n_points), materials.lookup(name), LIGHTS[light_name]
-        case, vertices, profiles = f"{shape}, {name}, {light_name}", len(target.mesh.vertices), dipoles(material)
-        sources, points = target.sources, target.points.points
-        flux = light.irradiance(target.occluder, sources, material.eta) * sources.areas[:, None]
-        reference, taken = _timed(lambda: parallel_exitance(points, sources.points, flux, profiles))
-        yield case, RivalRow("direct sum", Deviation.of(reference, reference), 0.0, taken / n_points, vertices)
-        tree, built = _timed(lambda: build_tree(sources.points, flux, sources.areas))
-        for tolerance in TOLERANCES:
-            found, taken = _timed(
-                lambda: _in_parallel(points, lambda share: tree_exitance(share, tree, profiles, tolerance))
+    for case in cases:
+        yield from ((", ".join(case), row) for row in _rows(*case, scheme, n_points))
+
+
+def _rows(shape: str, name: str, light_name: str, scheme: Scheme, n_points: int) -> Iterator[RivalRow]:
+    target, material, light = Target.of(SHAPES[shape](), n_points), materials.lookup(name), LIGHTS[light_name]
+    sources, points, profiles = target.sources, target.points.points, dipoles(material)
+    vertices = len(target.mesh.vertices)
+    flux = light.irradiance(target.occluder, sources, material.eta) * sources.areas[:, None]
+    reference, taken = _timed(lambda: parallel_exitance(points, sources.points, flux, profiles))
+    yield RivalRow("direct sum", Deviation.of(reference, reference), 0.0, taken / n_points, vertices)
+    tree, built = _timed(lambda: build_tree(sources.points, flux, sources.areas))
+
+    def summed(tolerance: float) -> Array:
+        return _in_parallel(points, lambda share: tree_exitance(share, tree, profiles, tolerance))
+
+    for tolerance in TOLERANCES:
+        found, taken = _timed(partial(summed, tolerance))
+        yield RivalRow(
+            f"hierarchical, {tolerance:g} sr", Deviation.of(found, reference), built, taken / n_points, vertices
+        )
+    run = Run(scheme, target)
+    run.exitance(LIGHTS["front" if light_name == "back" else "back"], material)  # kernels and plans are kept
+    deviation = Deviation.of(run.exitance(light, material), reference)
+    new_light = sum(run.stages.timings.get(stage, 0.0) for stage in STAGES)
+    yield RivalRow(str(scheme), deviation, new_light, 0.0, vertices)
+
+
+def report_rivals(report: Report, rows: Sequence[tuple[str, RivalRow]]) -> None:
+    """One table a case, the transport last, and how much faster it is than the hierarchical sum at its error."""
+    for case in dict.fromkeys(case for case, _ in rows):
+        found = [row for name, row in rows if name == case]
+        split = found[-1]
+        report.table(
+            f"Exitance of a new light by sums over samples, {case}",
+            ["method", "rms, %, worst channel", "ms, 1000 points", "ms, every vertex", "over the transport"],
+            (
+                [
+                    row.method,
+                    f"{100.0 * max(row.deviation.rms):.2g}",
+                    f"{row.fixed + 1e3 * row.per_point:.0f}",
+                    f"{row.at_vertices:.0f}",
+                    f"{row.at_vertices / split.at_vertices:.3g}",
+                ]
+                for row in found
+            ),
+        )
+        equal = fastest_at(found, max(split.deviation.rms))
+        if equal is not None:
+            factor = equal.at_vertices / split.at_vertices
+            report.say(
+                f"For {split.vertices:,} vertices, {split.method} is {factor:.0f} times as fast as the hierarchical "
+                f"sum at the same error ({equal.method})."
             )
-            label = f"hierarchical, {tolerance:g} sr"
-            yield case, RivalRow(label, Deviation.of(found, reference), built, taken / n_points, vertices)
-        run = Run(scheme, target)
-        run.exitance(LIGHTS["front" if light_name == "back" else "back"], material)  # kernels and plans are kept
-        deviation = Deviation.of(run.exitance(light, material), reference)
-        yield case, RivalRow(str(scheme), deviation, sum(run.stages.timings.get(s, 0.0) for s in STAGES), 0.0, vertices)
+    report.csv("rivals.csv", [_csv(case, row) for case, row in rows])
 
 
 def fastest_at(rows: Sequence[RivalRow], rms: float) -> RivalRow | None:
     """Return the fastest hierarchical sum whose worst channel errs by no more than `rms`."""
     good = [r for r in rows if r.method.startswith("hierarchical") and max(r.deviation.rms) <= rms]
     return min(good, key=lambda row: row.at_vertices, default=None)
+
+
+def _csv(case: str, row: RivalRow) -> dict[str, object]:
+    errors = {f"rms_{c}": value for c, value in zip("rgb", row.deviation.rms, strict=True)}
+    times = {"fixed_ms": row.fixed, "per_point_ms": row.per_point, "every_vertex_ms": row.at_vertices}
+    return {"case": case, "method": row.method, "vertices": row.vertices, **errors, **times}
 
 
 def _timed(task: Callable[[], T]) -> tuple[T, float]:

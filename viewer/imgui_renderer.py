@@ -38,8 +38,11 @@ class ImguiRenderer:
         self._shown[texture.glo] = texture
         return imgui.ImTextureRef(texture.glo)
 
-    def draw(self, data: Any, target: Any) -> None:
-        """Draw a frame's `imgui.get_draw_data()` into a `moderngl.Framebuffer`, blended over what it holds."""
+    def draw(self, data: Any, target: Any, pixels: tuple[int, int]) -> None:
+        """Draw a frame's `imgui.get_draw_data()` into a `moderngl.Framebuffer` of (width, height) pixels.
+
+        The size is given because moderngl does not know that of a window's own framebuffer once it has changed.
+        """
         self._update_textures()
         scale = tuple(data.framebuffer_scale)
         lists = [commands for commands in data.cmd_lists if commands.idx_buffer.size()]
@@ -58,7 +61,7 @@ class ImguiRenderer:
         bound = None
         for commands in lists:
             for command in commands.cmd_buffer:
-                box = _scissor(command.clip_rect, data.display_pos, scale, target.size)
+                box = _scissor(command.clip_rect, data.display_pos, scale, pixels)
                 texture = self._texture(command.get_tex_id())
                 if box is None or texture is None:
                     continue

@@ -246,9 +246,11 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
-        if path is not None and imgui.button("Built-in sculpture"):
-            model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)
-            session.put(replace(session.scene, model=model))
+        if path is not None:
+            if imgui.button("Built-in sculpture"):
+                model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)
+                session.put(replace(session.scene, model=model))
+            controls.mark("model.builtin")
 
     def _camera(self) -> None:
         for key, label in (
@@ -277,5 +279,3 @@ class Panel:
                 write(f"{live.ran.get(stage, milliseconds):.1f} ms")
             imgui.end_table()
         self.controls.note("Bright: ran for the last picture. Grey: kept from before, with the time it took then.")
-
-

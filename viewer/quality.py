@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from core.ewald import spacing_for, predicted_error
+from core.ewald import predicted_error, spacing_for
 from core.mesh import Mesh
 from core.transport import Profiles
 from viewer.settings import TransportSettings
@@ -28,7 +28,7 @@ class Quality:
     predicted_error : float or None
         Of exitance, rms; None where no prediction exists (`layered`).
     error_target : float or None
-        What was asked for, if it was.
+        What was asked for; None where the resolution was.
     """
 
     method: str
@@ -48,13 +48,13 @@ class Quality:
 
     @property
     def warning(self) -> str | None:
-        """One sentence where the target that was asked for cannot be met."""
+        """One sentence where the target cannot be met."""
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
         return (
-            f"the mean free path is far below what {self.resolution} nodes along the object can carry: about "
-            f"{100 * self.predicted_error:.1f} % error is to be expected instead of {100 * self.error_target:g} %; "
-            "set transport.resolution for more nodes"
+            f"the mean free path is far below the distance of {self.resolution} nodes along the object: expect about "
+            f"{100 * self.predicted_error:.2g} % error instead of {100 * self.error_target:g} %; set "
+            "transport.resolution for more nodes"
         )
 
 
@@ -70,7 +70,7 @@ def choose_quality(settings: TransportSettings, profiles: Profiles, mesh: Mesh) 
     target = settings.error_target or DEFAULT_ERROR_TARGET
     resolution = int(min(max(longest / spacing_for(target, detail) + 2.0, COARSEST), FINEST))
     predicted = predicted_error(longest / (resolution - 1), detail)
-    return Quality("ewald", settings.layers, resolution, predicted, settings.error_target)
+    return Quality("ewald", settings.layers, resolution, predicted, target)
 
 
 def sample_spacing(mesh: Mesh, settings: TransportSettings) -> float:

@@ -73,7 +73,6 @@ class Window:
         self._handle = _open(self._preferences.window_size)
         context = window_context()
         self._screen = context.detect_framebuffer(0)
-        self._context = context
         self._recorder = None if record is None else Recorder(record, scene.to_toml())
         self.app = App(
             context,
@@ -95,6 +94,9 @@ class Window:
         """Handle events and draw, each when there is something to do."""
         drawn = -1.0
         while not self.app.actions.closing:
+            if self._is_hidden():
+                glfw.wait_events()
+                continue
             due = self.app.next_frame()
             if due is None:
                 glfw.wait_events()
@@ -122,12 +124,12 @@ class Window:
         glfw.terminate()
 
     def draw(self) -> None:
-        """Draw a frame and show it."""
+        """Draw a frame and show it, unless nobody can see it."""
+        if self._is_hidden():
+            return
         self.app.frame(self._screen)
         if self._recorder is not None:
             self._recorder.add(Drawn(self.app.clock()))
-        if glfw.get_window_attrib(self._handle, glfw.ICONIFIED):
-            return
         glfw.swap_buffers(self._handle)
         if self.app.title != self._title:
             self._title = self.app.title
@@ -136,6 +138,11 @@ class Window:
         if pointer != self._pointer:
             self._pointer = pointer
             glfw.set_cursor(self._handle, self._cursor(pointer))
+
+    def _is_hidden(self) -> bool:
+        """Whether it is minimised, or has no pixels."""
+        iconified = bool(glfw.get_window_attrib(self._handle, glfw.ICONIFIED))
+        return iconified or min(glfw.get_framebuffer_size(self._handle)) <= 0
 
     def _cursor(self, name: str) -> Any:
         if name not in POINTERS:
@@ -173,6 +180,7 @@ class Window:
         glfw.set_char_callback(handle, lambda _, code: take(Typed(chr(code))))
         _untyped.set_drop_callback(handle, dropped)
         glfw.set_window_focus_callback(handle, lambda _, focused: take(Focused(bool(focused))))
+        glfw.set_window_iconify_callback(handle, lambda *_: self.app.wake())
         glfw.set_window_close_callback(handle, lambda _: take(Closed()))
         glfw.set_window_refresh_callback(handle, lambda _: self.app.wake())
         glfw.set_framebuffer_size_callback(handle, lambda *_: self._resized())
@@ -183,10 +191,7 @@ class Window:
         pixels = glfw.get_framebuffer_size(self._handle)
         if min(pixels) > 0:
             self._size = (int(size[0]), int(size[1]))
-            # moderngl takes the size of a framebuffer that it did not make from the viewport.
-            self._screen.viewport = (0, 0, pixels[0], pixels[1])
-            self._screen.use()
-            self._screen = self._context.detect_framebuffer(0)
+            self._screen.viewport = (0, 0, int(pixels[0]), int(pixels[1]))
         # On macOS and Wayland window coordinates are scaled already, on X11 and Windows they are pixels.
         scaled = pixels[0] / size[0] if size[0] else 1.0
         content = glfw.get_window_content_scale(self._handle)[0]
@@ -259,5 +264,3 @@ def _refresh_rate() -> float:
     monitor = glfw.get_primary_monitor()
     mode = glfw.get_video_mode(monitor) if monitor else None
     return float(mode.refresh_rate) if mode is not None and mode.refresh_rate >= 24 else FASTEST
-
-

@@ -1,0 +1,225 @@
+"""One walk over every control of the panel: each changes what it says, and no setting is without one."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.driving import small_scene, write_knot
+from tests.walking import CONTROLS, Control, Walker, choose, open_file, search
+from viewer.images import write_exr
+from viewer.panel_controls import default_of
+from viewer.scene import Scene
+from viewer.session import SHOWN
+from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, PointLight, TransportSettings
+
+SECTIONS = ("Environment", "Highlights", "Tone mapping", "Model", "Camera")
+WITHOUT_CONTROL = {"camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)"}
+
+
+def settings_without_control(tables: Iterable[Any], controlled: set[str]) -> set[str]:
+    """Settings of the tables that nothing sets, but for those that need no control."""
+    names = set()
+    for table in tables:
+        prefix = getattr(table, "KIND", table.TABLE)
+        names |= {f"{prefix}.{each.name}" for each in fields(table) if "setting" in each.metadata}
+    return names - controlled - WITHOUT_CONTROL.keys()
+
+
+def value_of(scene: Scene, name: str) -> Any:
+    table, key = name.split(".")
+    return getattr(scene.all_lights()[0] if table in LIGHT_KINDS else getattr(scene, table), key)
+
+
+def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
+    environment = replace(scene.environment, path=probe)
+    lamp = PointLight((-90.0, 70.0, 120.0), (2e5, 1e5, 3e5))
+    return {
+        "plain": scene,
+        "probe": replace(  # with lights of its own: if the probe were all, exposure would make up for its intensity
+            scene, environment=environment, display=replace(scene.display, background="environment"),
+            lights=DEFAULT_LIGHTS,
+        ),
+        "ewald": replace(scene, transport=TransportSettings(method="ewald", layers=4)),
+        "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
+        "point": replace(scene, lights=(lamp, DEFAULT_LIGHTS[1])),
+    }  # fmt: skip
+
+
+def differ(one: np.ndarray, other: np.ndarray) -> bool:
+    return one.shape != other.shape or bool(np.any(one != other))
+
+
+@pytest.fixture
+def walker(context, tmp_path):
+    write_exr(tmp_path / "probe.exr", {c: np.random.default_rng(4).random((16, 32), np.float32) for c in "RGB"})
+    trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "other.ply")
+    walker = Walker(small_scene(write_knot(tmp_path / "knot.ply")))
+    walker.app.preferences.folder = str(tmp_path)
+    for section in SECTIONS:
+        walker.click(f"section.{section}", 0.3)
+    yield walker
+    walker.close()
+
+
+def test_a_setting_without_a_control_is_found():
+    tables = [*TABLES.values(), *LIGHT_KINDS.values()]
+    controlled = {control.setting for control in CONTROLS}
+    assert not settings_without_control(tables, controlled)
+    assert not WITHOUT_CONTROL.keys() & controlled
+
+    @dataclass(frozen=True)
+    class Display(TABLES["display"]):
+        gamma: float = field(default=2.2, metadata={"setting": None})
+
+    assert settings_without_control([*tables, Display], controlled) == {"display.gamma"}
+    assert settings_without_control(tables, controlled - {"point.on"}) == {"point.on"}
+    tested = Path(__file__).with_name("test_view.py").read_text()
+    assert "target_mm" in tested
+
+
+def try_setting(walker: Walker, control: Control) -> None:
+    """Use a control, see that exactly its setting and the picture change, and reset it."""
+    session, label = walker.session, f"{control.setting} by {control.box}"
+    before, picture = session.scene, walker.picture()
+    control.use(walker)
+    after, table = session.scene, control.setting.split(".")[0]
+    value = value_of(before, control.setting)
+    if control.setting == "directional.KIND":
+        assert after.all_lights()[0].KIND == "point"
+    else:
+        assert value_of(after, control.setting) != value, label
+    free = {"lights" if table in LIGHT_KINDS else table, *control.also}
+    for each in fields(Scene):
+        assert each.name in free or getattr(after, each.name) == getattr(before, each.name), (label, each.name)
+    assert differ(walker.picture(), picture), label
+    if control.has_reset:
+        walker.click(f"{control.box}.reset")
+        walker.frames(2)
+        assert session.scene != after, label
+        assert not walker.shows(f"{control.box}.reset"), label
+        if table in TABLES and table != "material":
+            assert value_of(session.scene, control.setting) == default_of(*control.setting.split(".")), label
+    session.put(before)
+
+
+def try_what_is_shown(walker: Walker) -> None:
+    """What is shown, layers, exposure lock, size: of the window, not of the scene."""
+    view, scene = walker.session.view, walker.session.scene
+    shown = {"": walker.view_pixels()}
+    for name in SHOWN:
+        choose("show", name)(walker)
+        assert view.show == name
+        shown[name] = walker.view_pixels()
+    assert not differ(shown.pop(""), shown["beauty"])
+    assert len({pixels.tobytes() for pixels in shown.values()}) == len(SHOWN)
+    walker.click("layer", 0.99)
+    assert view.layer == 3
+    assert differ(walker.view_pixels(), shown["layer out"])
+    walker.click("layer.reset")
+    walker.click("show.reset")
+    assert (view.layer, view.show) == (0, "beauty")
+
+    walker.click("exposure_lock")
+    locked = walker.picture()
+    walker.session.edit_lights([replace(light, irradiance=(9.0, 9.0, 9.0)) for light in DEFAULT_LIGHTS])
+    assert walker.picture().mean() > 1.2 * locked.mean()
+    walker.click("exposure_lock")
+    assert walker.picture().mean() < 1.2 * locked.mean()
+    walker.session.put(scene)
+    walker.click("fixed_size")
+    assert not walker.shows("display.image_size")
+    assert walker.picture().shape[0] == walker.app._gui.pixels[1]
+    walker.click("fixed_size")
+    assert differ(walker.picture(), locked) is False
+
+
+def try_lights(walker: Walker) -> None:
+    """The list of lights."""
+    session, pictures = walker.session, [walker.picture()]
+    for box, count in (("lights.add", 3), ("lights.0.duplicate", 4), ("lights.2.remove", 3)):
+        walker.click(box)
+        assert len(session.scene.lights) == count, box
+        pictures.append(walker.picture())
+    assert len({picture.tobytes() for picture in pictures}) == len(pictures)
+    walker.click("lights.default")
+    assert session.scene.lights is None
+    assert not differ(walker.picture(), pictures[0])
+    walker.click("lights.0", 0.2)
+    assert not walker.shows("lights.0.sphere")
+    walker.click("lights.0", 0.2)
+    assert walker.shows("lights.0.sphere")
+
+
+def try_toolbar(walker: Walker) -> None:
+    """The buttons at the top, each by what it shows or writes."""
+    session, app, folder = walker.session, walker.app, Path(walker.app.preferences.folder)
+    start, before = session.scene, walker.view_pixels()
+    search("material.name", "ketch", "Ketchup")(walker)
+    changed = walker.view_pixels()
+    walker.click("undo")
+    assert not differ(walker.view_pixels(), before)
+    walker.click("redo")
+    assert not differ(walker.view_pixels(), changed)
+    walker.click("undo")
+    walker.click("flip")  # keeps
+    session.edit("material", name="ketchup")
+    walker.click("flip")
+    assert not differ(walker.view_pixels(), before)
+    walker.click("toggle_split")
+    assert differ(walker.view_pixels(), before)
+    walker.click("toggle_split")
+    assert not differ(walker.view_pixels(), before)
+    walker.click("toggle_help")
+    assert differ(walker.view_pixels(), before)
+    walker.click("toggle_help")
+    walker.click("screenshot")
+    assert (folder / "milkglass-001.png").is_file()
+    open_file("save", "walk.toml")(walker)
+    assert Scene.load(folder / "walk.toml").material == start.material
+    open_file("open_file", "other.ply")(walker)
+    assert session.scene.model.path == folder / "other.ply"
+    session.undo()
+    walker.settle()
+    walker.click("recent")  # lists files, the newest first, below the button
+    left, _, _, bottom = app.panel.controls.boxes["recent"]
+    walker.press((left + 30.0, bottom + 18.0))
+    walker.settle()
+    assert session.scene.model.path == folder / "other.ply"
+    session.put(start)
+
+
+def try_sections(walker: Walker) -> None:
+    """Each heading folds the rows below it."""
+    for box in sorted(name for name in walker.app.panel.controls.boxes if name.startswith("section.")):
+        rows = len(walker.app.panel.controls.boxes)
+        walker.click(box, 0.3)
+        folded = len(walker.app.panel.controls.boxes)
+        assert folded < rows or box == "section.Performance", box
+        walker.click(box, 0.3)
+        assert len(walker.app.panel.controls.boxes) == rows, box
+
+
+def kind_of(box: str) -> str:
+    """Which kind of control a name is: one entry of a list stands for all, and one light for another."""
+    return re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
+
+
+def test_every_control_changes_what_it_says(walker):
+    scene, probe = walker.session.scene, Path(walker.app.preferences.folder) / "probe.exr"
+    for name, state in states_of(scene, probe).items():
+        walker.session.put(state)
+        walker.settle()
+        for control in CONTROLS:
+            if control.state == name:
+                try_setting(walker, control)
+    walker.session.put(scene)
+    walker.settle()
+    for walk in (try_what_is_shown, try_lights, try_toolbar, try_sections):
+        walk(walker)
+    assert {kind_of(box) for box in walker.seen} - {kind_of(box) for box in walker.used} == set()

@@ -1,0 +1,167 @@
+"""The controls of the panel, how each is used, and a person who uses them and remembers which."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.driving import Driver
+from viewer.app import read_pixels
+from viewer.events import MouseButton, MouseMoved
+from viewer.scene import Scene
+
+SIZE = (900, 2300)  # every section open and nothing scrolled
+Use = Callable[["Walker"], None]
+
+
+class Walker(Driver):
+    """Remembers which controls there were, and which were used."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.seen: set[str] = set()
+        self.used: set[str] = set()
+        super().__init__(scene, SIZE)
+
+    def frame(self) -> None:
+        super().frame()
+        self.seen |= set(self.app.panel.controls.boxes)
+
+    def place(self, name: str, share: float = 0.5) -> tuple[float, float]:
+        self.used.add(name)
+        return super().place(name, share)
+
+    def shows(self, name: str) -> bool:
+        return name in self.app.panel.controls.boxes
+
+    def press(self, place: tuple[float, float]) -> None:
+        self.send(MouseMoved(*place), MouseButton("left", True), MouseButton("left", False))
+
+    def view_pixels(self) -> np.ndarray:
+        """What the window shows where the picture is."""
+        self.settle()
+        left, top, right, bottom = map(round, self.view._drawn_at)
+        return read_pixels(self.target, self.target.size)[top:bottom, left:right]
+
+
+def slide(box: str, share: float) -> Use:
+    return lambda walker: walker.click(box, share)
+
+
+def choose(box: str, choice: str) -> Use:
+    def use(walker: Walker) -> None:
+        walker.click(box)
+        walker.click(f"{box}={choice}", 0.3)
+
+    return use
+
+
+def drag(box: str, by: tuple[float, float]) -> Use:
+    return lambda walker: walker.drag(walker.place(box), by)
+
+
+def pick_colour(box: str) -> Use:
+    """Click into the square of the colour picker that opens below the control."""
+
+    def use(walker: Walker) -> None:
+        left, _, _, bottom = walker.app.panel.controls.boxes[box]
+        walker.click(box)
+        x = min(left + 60.0, SIZE[0] - 220.0)  # the picker keeps inside the window
+        for place in ((x, bottom + 70.0), (30.0, 2000.0)):  # then beside it, which closes it
+            walker.press(place)
+
+    return use
+
+
+def open_file(box: str, name: str) -> Use:
+    def use(walker: Walker) -> None:
+        walker.click(box)
+        assert walker.app.actions.dialog.is_open
+        walker.type(name)
+        walker.key("enter")
+
+    return use
+
+
+def search(box: str, words: str, name: str) -> Use:
+    def use(walker: Walker) -> None:
+        walker.click(box)
+        walker.click("material.search")
+        walker.type(words)
+        walker.click(f"material={name}", 0.3)
+
+    return use
+
+
+def type_size(box: str, side: int) -> Use:
+    def use(walker: Walker) -> None:
+        walker.click(box, 0.2)
+        walker.key("left_ctrl", "a")
+        walker.type(str(side))
+        walker.key("enter")
+
+    return use
+
+
+@dataclass(frozen=True)
+class Control:
+    """What sets a setting ("table.key"), how it is used, and in which state of the scene it is there."""
+
+    setting: str
+    box: str
+    use: Use
+    state: str = "plain"
+    has_reset: bool = True
+    also: frozenset[str] = frozenset()  # other tables that it may change
+
+
+def sliders(state: str, **shares: float) -> list[Control]:
+    names = {name.replace("__", "."): share for name, share in shares.items()}
+    return [Control(name, name, slide(name, share), state) for name, share in names.items()]
+
+
+CONTROLS = [
+    *sliders(
+        "plain", model__size_mm=0.3, material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
+        transport__layers=0.1, transport__resolution=0.02, display__key=0.9, display__white=0.05,
+        camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
+        camera__zoom=0.7, camera__orthographic=0.05,
+    ),
+    *sliders("probe", environment__rotation_deg=0.8, environment__intensity=0.9, display__background_blur_deg=0.5),
+    *sliders("ewald", transport__error_target=0.9),
+    *(
+        Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", share))
+        for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))
+        for channel in "RGB"
+    ),
+    Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
+    Control("model.up", "model.up", choose("model.up", "z")),
+    Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
+    Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
+    Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),
+    Control("display.background", "display.background", choose("display.background", "transparent")),
+    Control("display.background", "display.background", pick_colour("display.background"), "coloured"),
+    Control("display.background", "environment.shown", slide("environment.shown", 0.05), "probe", has_reset=False),
+    Control("display.image_size", "display.image_size", type_size("display.image_size", 96)),
+    Control(
+        "environment.path", "environment.path", open_file("environment.path", "probe.exr"), has_reset=False,
+        also=frozenset({"display"}),
+    ),
+    Control(
+        "environment.path", "environment.remove", slide("environment.remove", 0.5), "probe", has_reset=False,
+        also=frozenset({"display"}),
+    ),
+    Control("directional.direction", "lights.0.sphere", drag("lights.0.sphere", (25.0, 10.0))),
+    Control("directional.direction", "lights.0.azimuth", slide("lights.0.azimuth", 0.8)),
+    Control("directional.direction", "lights.0.elevation", slide("lights.0.elevation", 0.3)),
+    Control("directional.irradiance", "lights.0.colour", pick_colour("lights.0.colour")),
+    Control("directional.irradiance", "lights.0.irradiance", slide("lights.0.irradiance", 0.95)),
+    Control("directional.on", "lights.0.toggle", slide("lights.0.toggle", 0.5), has_reset=False),
+    Control("directional.KIND", "lights.0.kind", choose("lights.0.kind", "point")),
+    *(
+        Control("point.position_mm", f"lights.0.{axis}", drag(f"lights.0.{axis}", (-45.0, 0.0)), "point")
+        for axis in "XYZ"
+    ),
+    Control("point.intensity", "lights.0.colour", pick_colour("lights.0.colour"), "point"),
+    Control("point.intensity", "lights.0.intensity", slide("lights.0.intensity", 0.9), "point"),
+    Control("point.on", "lights.0.toggle", slide("lights.0.toggle", 0.5), "point", has_reset=False),
+]  # fmt: skip
