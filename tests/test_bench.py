@@ -12,7 +12,7 @@ from core import materials
 from core.dipole import dipoles
 from core.errors import InputError
 from core.reference import direct_exitance
-from viewer import bench
+from viewer import bench, bench_window
 from viewer.bench_error import (
     EWALD,
     LAYERED,
@@ -31,9 +31,10 @@ from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
+    pictures=(), rivals=(), window=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
+SETTLING = bench_window.FIRST, bench_window.SETTLED
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -86,6 +87,22 @@ def test_first_picture_has_time_and_memory(tmp_path):
     (row,) = rows_of(tmp_path / "processes.csv")
     assert 20.0 < float(row["peak_mb"]) < 4000.0
     assert 0.0 < float(row["run_min_ms"]) <= float(row["run_median_ms"])
+
+
+@pytest.mark.gl
+def test_window_is_measured_and_reported(tmp_path, capsys):
+    plan = replace(NOTHING, window=(SMALL,), window_repeats=3, image_size=(96, 64))
+    bench.run_plan(plan, tmp_path)
+    rows = rows_of(tmp_path / "window.csv")
+    assert_finite(rows)
+    assert [row["what"] for row in rows] == [
+        bench_window.ORBIT, bench_window.ORBIT_DRAFT, bench_window.PLAIN, bench_window.FIRST, bench_window.SETTLED,
+        bench_window.EXPOSURE, bench_window.REST, bench_window.PANEL,
+    ]  # fmt: skip
+    assert len(rows) == bench_window.COUNT
+    first, settled = (float(next(r for r in rows if r["what"] == what)["median_ms"]) for what in SETTLING)
+    assert 0.0 < first < settled < 1e3 * bench_window.LIMIT
+    assert "of the rate without scattering" in capsys.readouterr().out
 
 
 def test_plans_name_what_exists():

@@ -1,8 +1,8 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Four parts: speed as ratios within one run (`viewer.bench_speed`), error of the transport against equation (1)
-(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and error of the whole renderer
-(`viewer.bench_chain`).
+Five parts: speed as ratios within one run (`viewer.bench_speed`), the window (`viewer.bench_window`), error of the
+transport against equation (1) (`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and
+error of the whole renderer (`viewer.bench_chain`).
 """
 
 import os
@@ -15,7 +15,7 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import Progress
 
-from viewer import bench_chain, bench_error, bench_report, bench_rivals, bench_speed
+from viewer import bench_chain, bench_error, bench_report, bench_rivals, bench_speed, bench_window
 from viewer.bench_error import EWALD, LAYERED, LIGHTS, MATERIALS, PAPER, Scheme
 from viewer.bench_shapes import SHAPES
 from viewer.scene import Scene
@@ -39,6 +39,8 @@ class Plan:
     frame_repeats: int = 7
     processes: tuple[Scheme, ...] = (PAPER, DEFAULT)
     process_repeats: int = 3
+    window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
+    window_repeats: int = 24
     # error of the transport
     schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD)
     shapes: tuple[str, ...] = tuple(SHAPES)
@@ -62,6 +64,8 @@ QUICK = Plan(
     frames=(PAPER, DEFAULT),
     frame_repeats=3,
     process_repeats=1,
+    window=(LAYERED[1],),
+    window_repeats=5,
     schemes=(*LAYERED[:5], *EWALD[:2]),
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
@@ -121,6 +125,12 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
                 for s in plan.processes
             )
             bench_report.report_processes(report, _watched(processes, len(plan.processes), "first picture"))
+    window: list[bench_window.WindowRow] = []
+    for scheme in plan.window:
+        found_rows = bench_window.window_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.window_repeats)
+        window += _watched(found_rows, bench_window.COUNT, f"window, {scheme}")
+    if window:
+        bench_window.report_window(report, window)
 
 
 def _errors(plan: Plan, report: bench_report.Report) -> None:

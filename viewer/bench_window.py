@@ -28,6 +28,7 @@ ORBIT, ORBIT_DRAFT, PLAIN = "orbit, full quality", "orbit, as dragged", "orbit, 
 EXPOSURE, FIRST, SETTLED = "exposure slider", "material: new light on the screen", "material: settled, antialiased"
 REST, PANEL = "user interface, nothing drawn anew", "of which the panel"
 WANTED = {ORBIT_DRAFT: "12 a second", EXPOSURE: "50 ms", FIRST: "150 ms", PANEL: "3 ms"}
+COUNT = 8  # rows a setting
 SHARE_WANTED = 0.6  # of the rate without scattering
 
 
@@ -91,16 +92,19 @@ class Desk(Headless):
     def move(self, by: float) -> float:
         """Move the pointer to the right and draw; returns ms."""
         self._place = (self._place[0] + by, self._place[1])
-        return self.timed(lambda: (self.app.handle(MouseMoved(*self._place)), self.app.frame(self.target)))
+        self.app.handle(MouseMoved(*self._place))
+        return self.timed(lambda: self.app.frame(self.target))
 
     def until(self, done: Callable[[], bool]) -> float:
         """Draw as a window does until something is so; returns ms."""
         start = time.perf_counter()
         while not done() and time.perf_counter() < start + LIMIT:
-            if self.app.next_frame() == 0.0 or not self.app.view.live.working:
-                self.frame()
-            time.sleep(1e-3)  # the worker needs the interpreter too
-            self.now += 1e-3
+            due = self.app.next_frame()
+            if due is None:  # the worker wakes the window
+                self.timed(lambda: self.app.view.live.wait(LIMIT))
+            elif due > 0.0:
+                self.timed(lambda due=due: time.sleep(due))  # type: ignore[misc]
+            self.frame()
         return 1e3 * (time.perf_counter() - start)
 
     def _send(self, event: MouseMoved | MouseButton) -> None:
@@ -154,7 +158,8 @@ def _measured(desk: Desk, repeats: int) -> Iterator[tuple[str, list[float]]]:
     yield EXPOSURE, [desk.move(SLIDE) for _ in range(repeats)]
     desk.release()
     desk.settle()
-    shown, hidden = [], []
+    shown: list[float] = []
+    hidden: list[float] = []
     for _ in range(repeats):
         for panel_shown, times in ((True, shown), (False, hidden)):
             desk.app.actions.panel_shown = panel_shown

@@ -26,8 +26,10 @@ class LayersPass:
         self._program.set({"u_world_to_grid": np.asarray(grid.world_to_grid)})
         return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
 
-    def check_limits(self, grid: LayerGrid) -> None:
+    def check_limits(self, grid: LayerGrid, layers_follow: bool = False) -> None:
         """Refuse layers that the GPU cannot hold, before anything is computed.
+
+        `layers_follow` says that fewer texels would mean fewer layers too.
 
         Raises
         ------
@@ -40,7 +42,7 @@ class LayersPass:
         if "llvmpipe" in driver_name(self._context):
             texels = LLVMPIPE_TEXTURE_BYTES / 16  # drivers keep RGB as RGBA
             share = grid.n_layers * grid.width * grid.height / texels
-            fits = min(fits, int(largest / np.sqrt(max(1.0, share))))
+            fits = min(fits, int(largest / max(1.0, share) ** (1 / 3 if layers_follow else 1 / 2)))
         if grid.n_layers > side:
             raise InputError(
                 f"transport.layers = {grid.n_layers} exceeds this GPU's limit; the largest is {side}"

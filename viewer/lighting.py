@@ -102,7 +102,7 @@ class Lighting:
         sizes = quality.method, quality.layers, quality.resolution
         transport = run("transport", sizes, lambda: _transport(quality, self._effort))
         grid = transport.grid(model.mesh, camera.rotation)
-        self._layers.check_limits(grid)
+        self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
         say("sampling the surface")
         spacing = sample_spacing(model.mesh, settings)
