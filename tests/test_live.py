@@ -2,6 +2,7 @@
 
 import gc
 import resource
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -123,8 +124,6 @@ def test_a_thousand_random_changes_end_in_the_picture_of_their_sum(driver, conte
 
 
 def test_old_volume_keeps_the_picture_alive_until_the_new_one_is_there(driver, monkeypatch):
-    import threading
-
     live, gate = driver.view.live, threading.Event()
     scatter = live.renderer.scatter
 
@@ -197,3 +196,31 @@ def test_moved_slider_is_drawn_with_fewer_texels_and_settles_to_all(driver):
     driver.settle()
     assert drafts < 256
     assert live.finished.lit.quality.resolution == 256
+
+
+def test_a_dragged_material_leaves_the_processor_to_the_worker_until_its_volume_is_there(driver, monkeypatch):
+    from viewer.events import MouseButton, MouseMoved
+
+    live, gate = driver.view.live, threading.Event()
+    scatter = live.renderer.scatter
+
+    def slow(lit):
+        gate.wait(20.0)
+        return scatter(lit)
+
+    driver.picture()
+    monkeypatch.setattr(live.renderer, "scatter", slow)
+    place, before = driver.place("material.sigma_a.R"), live.finished
+    driver.send(MouseMoved(*place), MouseButton("left", True), frames=1)
+    for step in range(20):  # 0.4 s, twice as long as a draft stays without a worker
+        driver.send(MouseMoved(place[0] + min(step, 3), place[1]), frames=1)
+        assert not live.renderer.stages.timings.keys() & PIXELS
+    assert live.working
+    assert driver.view.detail.draft
+    gate.set()
+    live.wait()
+    driver.frames(1)
+    assert live.finished is not before
+    assert live.renderer.stages.timings.keys() >= {"composite", "tone map"}
+    driver.send(MouseButton("left", False))
+    assert np.array_equal(driver.picture(), headless_picture(driver.session.scene, PICTURE))

@@ -158,7 +158,7 @@ def try_lights(walker: Walker) -> None:
 
 def try_toolbar(walker: Walker) -> None:
     """The buttons at the top, each by what it shows or writes."""
-    session, app, folder = walker.session, walker.app, Path(walker.app.preferences.folder)
+    session, folder = walker.session, Path(walker.app.preferences.folder)
     start, before = session.scene, walker.view_pixels()
     search("material.name", "ketch", "Ketchup")(walker)
     changed = walker.view_pixels()
@@ -186,9 +186,9 @@ def try_toolbar(walker: Walker) -> None:
     assert session.scene.model.path == folder / "other.ply"
     session.undo()
     walker.settle()
-    walker.click("recent")  # lists files, the newest first, below the button
-    left, _, _, bottom = app.panel.controls.boxes["recent"]
-    walker.press((left + 30.0, bottom + 18.0))
+    walker.click("recent")  # lists files, the newest first, where the pointer is
+    x, y = walker.place("recent")
+    walker.press((x + 20.0, y + 18.0))
     walker.settle()
     assert session.scene.model.path == folder / "other.ply"
     session.put(start)
@@ -210,6 +210,7 @@ def kind_of(box: str) -> str:
     return re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
 
 
+@pytest.mark.slow
 def test_every_control_changes_what_it_says(walker):
     scene, probe = walker.session.scene, Path(walker.app.preferences.folder) / "probe.exr"
     for name, state in states_of(scene, probe).items():

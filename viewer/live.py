@@ -64,9 +64,7 @@ class Live:
         Shared with another `Live` of the same context.
     """
 
-    def __init__(
-        self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None = None
-    ) -> None:
+    def __init__(self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None = None) -> None:
         self.assets = assets or Assets(KEEP)
         self.renderer = Renderer(context, assets=self.assets)
         self.finished: Finished | None = None
@@ -80,6 +78,7 @@ class Live:
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
+        self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
         self._lit: LitScene | None = None
         self._lit_for: tuple[object, CameraSettings, bool] | None = None
         self._sent: LitScene | None = None
@@ -110,12 +109,15 @@ class Live:
         newest = self._newest(scene, detail)
         if newest is None:
             return None
-        picture = self.renderer.shade(
-            *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for
-        )
+        looks = (*_looks(*newest[:2]), self.finished, show, exposure_for)
+        # A draft of what is shown already would take the processor from the worker, and show nothing new.
+        if not (detail.draft and looks == self._looks and self.picture is not None):
+            self.picture = self.renderer.shade(
+                *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for
+            )
+        self._looks = looks
         self._count(self.renderer.stages.timings)
-        self.picture = picture
-        return picture
+        return self.picture
 
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
         """Draw one of the samples of a pixel; True when `draw` with so many will find all of them there."""
@@ -287,3 +289,9 @@ class Live:
         if timings:
             self.ran = dict(timings)
             self.stage_times.update(timings)
+
+
+def _looks(scene: Scene, lit: LitScene) -> tuple[object, ...]:
+    """All that a picture depends on, but for its volume and its size."""
+    display = replace(scene.display, image_size=(16, 16))
+    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.sources

@@ -130,7 +130,8 @@ class ViewArea:
         self.refining = False
         age = now - self._changed_at
         was_draft = self.detail.draft
-        draft = self._dragged and age < DRAFT_UNTIL
+        # Still a draft while the worker is at it: the old volume in full quality would hold up the new one.
+        draft = self._dragged and (age < DRAFT_UNTIL or (was_draft and self.live.working))
         if draft and not was_draft:
             predicted = self._per_pixel * self.size[0] * self.size[1]
             fitting = [scale for scale in SCALES if predicted * scale**2 <= DRAFT_MS]
