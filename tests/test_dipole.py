@@ -30,9 +30,7 @@ def integral(profile: Dipole, e: float, upper: float = np.inf) -> float:
 
     edges = [0.0, 1.0, 10.0, 100.0, 1e4, 1e7, np.inf]
     edges = [min(edge, upper / z) for edge in edges]
-    return sum(
-        quad(integrand, a, b, epsabs=1e-12, epsrel=1e-10, limit=200)[0] for a, b in pairwise(edges) if b > a
-    )
+    return sum(quad(integrand, a, b, epsabs=1e-12, epsrel=1e-10, limit=200)[0] for a, b in pairwise(edges) if b > a)
 
 
 @pytest.mark.parametrize(("name", "channel"), SCATTERING)

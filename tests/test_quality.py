@@ -1,6 +1,5 @@
 """Choice of layers and resolution: from settings, or from an error target."""
 
-
 import numpy as np
 import pytest
 

@@ -48,13 +48,9 @@ def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int,
     """Place the camera so that at zoom 1 the sphere of `radius` mm about the target fills the narrower image side."""
     azimuth, elevation, roll = np.radians([settings.azimuth_deg, settings.elevation_deg, settings.roll_deg])
     target = np.array(settings.target_mm, np.float64)
-    back = np.array(
-        [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
-    )
+    back = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
     # The derivative of `back` by elevation: never parallel to it, where a fixed up vector would be at the poles.
-    upright = np.array(
-        [-np.sin(azimuth) * np.sin(elevation), np.cos(elevation), -np.cos(azimuth) * np.sin(elevation)]
-    )
+    upright = np.array([-np.sin(azimuth) * np.sin(elevation), np.cos(elevation), -np.cos(azimuth) * np.sin(elevation)])
     up = np.cos(roll) * upright + np.sin(roll) * np.cross(upright, back)
     aspect = image_size[0] / image_size[1]
     half_angle = 0.5 * np.radians(settings.view_angle_deg)

@@ -18,9 +18,7 @@ def lighting_key(scene: Scene) -> tuple[object, ...]:
 
 def turned(camera: CameraSettings) -> CameraSettings:
     """Return what turns the layers, out of a camera."""
-    return CameraSettings(
-        azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg
-    )
+    return CameraSettings(azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg)
 
 
 def angle(a: CameraSettings, b: CameraSettings) -> float:

@@ -44,9 +44,7 @@ class LayersPass:
             share = grid.n_layers * grid.width * grid.height / texels
             fits = min(fits, int(largest / max(1.0, share) ** (1 / 3 if layers_follow else 1 / 2)))
         if grid.n_layers > side:
-            raise InputError(
-                f"transport.layers = {grid.n_layers} exceeds this GPU's limit; the largest is {side}"
-            )
+            raise InputError(f"transport.layers = {grid.n_layers} exceeds this GPU's limit; the largest is {side}")
         if fits < largest:
             raise InputError(
                 f"transport.resolution = {largest} with {grid.n_layers} layers exceeds this GPU's texture size; "

@@ -97,9 +97,7 @@ class MaterialPanel:
             name, label = f"material.{key}.{letter}", f"{symbol} {letter}"
             controls.begin_row(label, True)
             text = f"{significant(values[channel])} /mm"
-            new = controls.sliders.number(
-                name, values[channel], 0.0, SIGMA_HIGH, text, logarithmic=True, colour=colour
-            )
+            new = controls.sliders.number(name, values[channel], 0.0, SIGMA_HIGH, text, logarithmic=True, colour=colour)
             if new is not None:
                 self._own(material, key, channel, new)
 

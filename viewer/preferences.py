@@ -67,5 +67,3 @@ def _default_path() -> Path:
 
 def _is_side(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and SMALLEST <= value <= LARGEST
-
-
