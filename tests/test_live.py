@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_knot
+from viewer.images import write_exr
 from viewer.scene import apply_set
 from viewer.settings import DEFAULT_LIGHTS
 
@@ -30,7 +31,11 @@ DEPENDS = {
     "camera.zoom": (["camera.zoom=2"], PIXELS),
     "camera.orthographic": (["camera.orthographic=true"], PIXELS),
     "camera.target_mm": (["camera.target_mm=[5,0,0]"], PIXELS),
+    "camera.view_angle_deg": (["camera.view_angle_deg=50"], PIXELS),
     "camera.azimuth_deg": (["camera.azimuth_deg=50"], LAYERS),
+    "camera.elevation_deg": (["camera.elevation_deg=40"], LAYERS),
+    "camera.roll_deg": (["camera.roll_deg=30"], LAYERS),
+    "material.name": (["material.name=ketchup"], KERNEL | LIT),  # eta differs too
     "transport.layers": (["transport.layers=6"], LAYERS | {"transport"}),
     "transport.resolution": (["transport.resolution=48"], LAYERS | LIT | {"transport", "samples", "sample buffers"}),
     "model.size_mm": (
@@ -58,6 +63,24 @@ def test_exactly_the_stages_that_depend_on_a_parameter_run(driver, name):
     driver.session.put(apply_set(driver.session.scene, assignments))
     assert driver.stages() == expected
     assert driver.stages() == set()  # and nothing runs again
+
+
+def test_the_environment_runs_its_own_stages_and_what_follows(driver, tmp_path):
+    write_exr(tmp_path / "probe.exr", {c: np.random.default_rng(3).random((16, 32), np.float32) for c in "RGB"})
+    lights = 'lights=[{kind="directional",direction=[1.0,0.0,0.0]}]'
+    driver.session.put(apply_set(driver.session.scene, [lights, f"environment.path={tmp_path}/probe.exr"]))
+    driver.settle()
+    scene = driver.session.scene
+    moved = {"environment light", "irradiance of light 2", "flux", "deposit"} | VOLUME
+    for assignments, expected in (
+        (["environment.rotation_deg=40"], moved),
+        (["environment.intensity=3"], moved),
+        (["display.background=environment"], {"background", "tone map"}),
+        (["display.background=environment", "display.background_blur_deg=20"], {"background", "tone map"}),
+    ):
+        driver.session.put(apply_set(driver.session.scene, assignments))
+        assert driver.stages() == expected, assignments
+    driver.session.put(scene)
 
 
 def test_one_light_leaves_the_others_alone(driver):
