@@ -57,9 +57,10 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
     corners = np.concatenate([piece for piece, _ in done])
     normals = np.concatenate([piece for _, piece in done]).sum(axis=1)
     sides = (corners[:, 1:] - corners[:, :1]).astype(np.float64)
-    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    cross = np.cross(sides[:, 0], sides[:, 1])
+    areas = 0.5 * np.linalg.norm(cross, axis=1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    flat = np.cross(sides[:, 0], sides[:, 1]) / np.maximum(2.0 * areas[:, None], 1e-300)
+    flat = cross / np.maximum(2.0 * areas[:, None], 1e-300)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), flat)
     return SurfaceSamples(
         points=corners.mean(axis=1), normals=normals.astype(np.float32), areas=areas.astype(np.float32)

@@ -11,12 +11,17 @@ uniform float u_shadow_texel;           // size of a texel: mm (directional), mm
 const float NORMAL_OFFSET = 1.5;  // texels along the normal at grazing light: a texel's own slope
 const float LIGHT_OFFSET = 0.75;  // texels towards the light: rasterised depth is off by half a texel
 
+// Columns and rows of tiles in the depth texture.
+vec2 shadow_tiles() {
+    return u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
+}
+
 // position: world, mm; normal, to_light: unit; distance: to the light, 1 for a directional one. Returns [0, 1].
 float shadow_visibility(vec3 position, vec3 normal, vec3 to_light, float distance) {
     float texel = u_shadow_texel * distance;
     float slope = sqrt(max(0.0, 1.0 - dot(normal, to_light) * dot(normal, to_light)));
     vec3 start = position + texel * (NORMAL_OFFSET * slope * normal + LIGHT_OFFSET * to_light);
-    vec2 tiles = u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
+    vec2 tiles = shadow_tiles();
     vec2 size = vec2(textureSize(t_shadow, 0)) / tiles;
     for (int view = 0; view < u_shadow_views; ++view) {
         vec4 clip = u_shadow_world_to_clip[view] * vec4(start, 1.0);

@@ -11,8 +11,7 @@ uniform float u_sheet_reach;              // thickness of its last texel, mm; 0:
 
 // Point where light enters, world space, that the shadow map knows at a place of one of its views (NDC).
 vec3 light_entry(int view, vec2 place) {
-    vec2 tiles = u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
-    vec2 uv = (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / tiles;
+    vec2 uv = (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / shadow_tiles();
     float depth = textureLod(t_shadow_depth, uv, 0.0).r;
     vec4 entry = u_shadow_clip_to_world[view] * vec4(place, 2.0 * depth - 1.0, 1.0);
     return entry.xyz / entry.w;
@@ -34,7 +33,7 @@ float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 
 vec3 light_through_sheet(vec3 position, vec3 normal) {
     bool point = u_light_kind == POINT;
     vec3 to_light = point ? normalize(u_light_vector - position) : u_light_vector;
-    vec2 texel = 2.0 * (u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0)) / vec2(textureSize(t_shadow_depth, 0));
+    vec2 texel = 2.0 * shadow_tiles() / vec2(textureSize(t_shadow_depth, 0));
     for (int view = 0; view < u_shadow_views; ++view) {
         vec4 clip = u_shadow_world_to_clip[view] * vec4(position, 1.0);
         if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) continue;
@@ -45,6 +44,7 @@ vec3 light_through_sheet(vec3 position, vec3 normal) {
         float thickness = way * -dot(normal, to_light);
         vec3 other = cross(light_entry(view, place + vec2(2.0 * texel.x, 0.0)) - entry,
                            light_entry(view, place + vec2(0.0, 2.0 * texel.y)) - entry);
+        if (dot(other, other) == 0.0) return vec3(0.0);  // no plane, and a zero vector would become NaN
         other = normalize(other) * sign(dot(other, to_light));
         // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
         float parallel = smoothstep(0.6, 0.95, -dot(normal, other));
