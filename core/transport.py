@@ -4,8 +4,8 @@ M(x) = sum of W(x) O over nodes near x + a local term: W spreads flux over the l
 is the deposited flux convolved with a kernel, and the local term is what the layers are too coarse for. Two methods:
 
 * `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, no local term.
-* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines, the
-  kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
+* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines or tents,
+  the kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
 
 Each step is kept until something that it depends on changes: kernels with (material, layers), the deposit with
 (light, layers).
@@ -13,7 +13,7 @@ Each step is kept until something that it depends on changes: kernels with (mate
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -52,7 +52,9 @@ class LocalTerm:
 class Transport(Protocol):
     """A way to spread light inside an object."""
 
-    SMOOTH: ClassVar[bool]  # whether W are quadratic B-splines rather than tents
+    @property
+    def smooth(self) -> bool:
+        """Whether W are quadratic B-splines rather than tents."""
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Place the layers for a mesh seen with a world-to-view rotation (3, 3), row vectors."""
@@ -154,10 +156,13 @@ class LayeredTransport(_FftTransport):
         FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
     """
 
-    SMOOTH: ClassVar[bool] = False
-
     n_layers: int = 8
     resolution: int = 128
+
+    @property
+    def smooth(self) -> bool:
+        """Never."""
+        return False
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers across the view to the mesh."""
@@ -188,22 +193,28 @@ class EwaldTransport(_FftTransport):
         Nodes along the object's longest side.
     n_layers : int, optional
         Layers over the object's z extent; as dense as the nodes if not given, which is best.
+    assignment : str
+        ``tsc``, quadratic B-splines over 27 nodes, or ``tent``, linear ones over 8.
     threads, effort
         See `LayeredTransport`.
     """
 
-    SMOOTH: ClassVar[bool] = True
-
     resolution: int = 60
     n_layers: int | None = None
+    assignment: str = ewald.TSC
+
+    @property
+    def smooth(self) -> bool:
+        """With TSC."""
+        return self.assignment == ewald.TSC
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
         return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """Quadratic B-splines."""
-        return smooth_matrix(grid, coordinates)
+        """B-splines of the assignment's order."""
+        return smooth_matrix(grid, coordinates) if self.smooth else tent_matrix(grid, coordinates)
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
         """The rho_s of `core.ewald.local_table`."""
@@ -228,7 +239,7 @@ class EwaldTransport(_FftTransport):
         kernel = ewald.long_range(profile, _window_width(grid), float(rho[-1, -1, -1]))(rho)
         spectrum = kernel_spectrum(kernel, shape)
         for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
-            factor = ewald.influence(np.asarray(2.0 * np.pi / padded * np.arange(padded // 2 + 1)))
+            factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), self.assignment)
             spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
         return spectrum
 

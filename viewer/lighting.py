@@ -126,7 +126,7 @@ class Lighting:
             "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
         )
         table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
-        to_texture, smooth = lit.grid.world_to_texture, lit.transport.SMOOTH
+        to_texture, smooth = lit.grid.world_to_texture, lit.transport.smooth
         return Gather(volume, to_texture, smooth, table, local.reach, lit.eta)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
