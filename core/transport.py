@@ -11,6 +11,7 @@ Each step is kept until something that it depends on changes: kernels with (mate
 (light, layers).
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -30,7 +31,8 @@ Float32 = npt.NDArray[np.float32]
 Profiles = Sequence[Profile]
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
-TAIL = 0.02  # share of the reflectance that may wrap around the padded box (of `EwaldTransport`)
+CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
+TAIL = 1e-4  # share of a channel's reflectance that may wrap around its padded box: a ball's dark side shows 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +103,18 @@ class _FftTransport:
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
         """Deposit, kernels, convolution; see `Transport.exitance`."""
-        convolver = self._convolver(self._shape(grid, profiles, area))
+        convolvers = [self._convolver(self._shape(grid, profile, area)) for profile in profiles]
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         spectra = stages.run(
             "spectra",
-            (tuple(profiles), convolver, grid.texel, grid.layer_distance),
-            lambda: list(thread_pool().map(lambda p: self._prepared(p, grid, convolver), profiles)),
+            (tuple(profiles), *convolvers, grid.texel, grid.layer_distance),
+            lambda: list(thread_pool().map(lambda p, c: self._prepared(p, grid, c), profiles, convolvers)),
         )
 
         def convolve() -> Float32:
             out = np.zeros_like(layers)
-            for channel, spectrum in enumerate(spectra):
+            for channel, (spectrum, convolver) in enumerate(zip(spectra, convolvers, strict=True)):
                 if spectrum is not None and layers[channel].any():
                     out[channel] = convolver.convolve(layers[channel], spectrum)
             return out
@@ -126,7 +128,7 @@ class _FftTransport:
         """See `Transport.weights`."""
         raise NotImplementedError
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
         raise NotImplementedError
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
@@ -134,7 +136,7 @@ class _FftTransport:
 
     def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
         if shape not in self._convolvers:
-            if len(self._convolvers) >= 4:  # an orbiting camera changes the shape; plans of a few are kept
+            if len(self._convolvers) >= CONVOLVERS:
                 self._convolvers.pop(next(iter(self._convolvers)))
             self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
         return self._convolvers[shape]
@@ -176,7 +178,7 @@ class LayeredTransport(_FftTransport):
         """Nothing."""
         return LocalTerm(np.zeros((1, 3)), 0.0)
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
         return ConvolutionShape(*grid.shape)
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
@@ -218,25 +220,30 @@ class EwaldTransport(_FftTransport):
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
         """The rho_s of `core.ewald.local_table`."""
-        s = _window_width(grid)
+        s = self._window_width(grid)
         thickness = np.linspace(0.0, ewald.SHEET_REACH * s, SHEET_NODES)
         factors = [np.zeros(SHEET_NODES) if p.is_black else ewald.local_table(p, s)(thickness) for p in profiles]
         return LocalTerm(np.stack(factors, axis=-1), float(thickness[-1]))
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
-        """Pad by the distance beyond which the tails of all sources together are negligible; at most by the extent."""
+    def padded(self, grid: LayerGrid, reach: float) -> ConvolutionShape:
+        """Pad a channel by its `tail_reach`; at most by the extent."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
-        reach = max((_tail_distance(p, area) for p in profiles if not p.is_black), default=0.0)
         counts = np.array(grid.shape)
         extra = np.minimum(np.ceil(reach / spacing), counts - 1)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+        return self.padded(grid, tail_reach(profile, area))
+
+    def _window_width(self, grid: LayerGrid) -> float:
+        return ewald.WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
+
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
         z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
         z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
         rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
-        kernel = ewald.long_range(profile, _window_width(grid), float(rho[-1, -1, -1]))(rho)
+        kernel = ewald.long_range(profile, self._window_width(grid), float(rho[-1, -1, -1]))(rho)
         spectrum = kernel_spectrum(kernel, shape)
         for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
             factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), self.assignment)
@@ -244,12 +251,14 @@ class EwaldTransport(_FftTransport):
         return spectrum
 
 
-def _window_width(grid: LayerGrid) -> float:
-    return ewald.WINDOW * max(grid.texel, grid.layer_distance)
+@functools.lru_cache(maxsize=64)
+def tail_reach(profile: Profile, area: float) -> float:
+    """Distance, mm, beyond which the tails of all sources together are negligible, on an object of `area` mm^2.
 
-
-def _tail_distance(profile: Profile, area: float) -> float:
-    """Smallest D with A R_d(D) <= TAIL T(0), mm, by bisection: R_d falls with distance."""
+    The smallest D with A R_d(D) <= TAIL T(0), by bisection: R_d falls with distance. 0 for black.
+    """
+    if profile.is_black:
+        return 0.0
     enough = TAIL * float(profile.total(0.0)) / area
     low, high = 0.0, np.sqrt(area)
     while float(profile.radial(high)) > enough:

@@ -104,13 +104,6 @@ def test_influence_is_that_of_the_summed_aliases(assignment):
     assert ewald.influence(np.zeros(1), assignment)[0] == pytest.approx(1.0, abs=1e-15)
 
 
-def test_the_error_rule_is_its_own_inverse():
-    for target in (0.005, 0.01, 0.02, 0.05):
-        assert ewald.predicted_error(ewald.spacing_for(target, 0.3), 0.3) == pytest.approx(target)
-    spacings = np.geomspace(0.01, 100.0, 40)
-    assert np.all(np.diff([ewald.predicted_error(h, 0.3) for h in spacings]) >= 0.0)
-
-
 # Weights
 
 

@@ -10,12 +10,15 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
 
+from core.accuracy import Roughness, roughness
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
+from core.transport import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
-from viewer.settings import ModelSettings
+from viewer.quality import Quality, choose_quality, survey_spacing
+from viewer.settings import ModelSettings, TransportSettings
 
 LoadedMesh = tuple[Mesh, str | None]
 
@@ -50,6 +53,24 @@ class Assets:
         _, samples = self._get("samples", key, lambda: (mesh, surface_samples(mesh, spacing)))
         return samples  # type: ignore[no-any-return]
 
+    def roughness(self, mesh: Mesh) -> Roughness:
+        """Return how rough a mesh is, from samples that serve most grids too."""
+
+        def measure() -> tuple[Mesh, Roughness]:
+            return mesh, roughness(self.samples(mesh, survey_spacing(mesh)), mesh.bounds)
+
+        return self._get("roughness", id(mesh), measure)[1]  # type: ignore[no-any-return]
+
+    def quality(self, settings: TransportSettings, profiles: Profiles, mesh: Mesh, sharp_light: bool) -> Quality:
+        """Return layers and resolution, see `viewer.quality.choose_quality`; only `ewald` needs to know the shape."""
+        shape = self.roughness(mesh) if settings.method == "ewald" else None
+
+        def choose() -> tuple[Mesh, Quality]:
+            return mesh, choose_quality(settings, profiles, mesh, shape, sharp_light)
+
+        key = (settings, tuple(profiles), id(mesh), sharp_light)
+        return self._get("quality", key, choose)[1]  # type: ignore[no-any-return]
+
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
         return self._has("mesh", settings)
@@ -57,6 +78,10 @@ class Assets:
     def has_probe(self, path: Path) -> bool:
         """Whether `probe` would return at once."""
         return self._has("probe", path)
+
+    def has_roughness(self, mesh: Mesh) -> bool:
+        """Whether `roughness` would return at once."""
+        return self._has("roughness", id(mesh))
 
     def has_samples(self, mesh: Mesh, spacing: float) -> bool:
         """Whether `samples` would return at once."""

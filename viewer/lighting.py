@@ -21,7 +21,7 @@ from viewer.gather import Gather
 from viewer.gl import latlong_texture, table_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
-from viewer.quality import Quality, choose_quality, sample_spacing
+from viewer.quality import Quality, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
@@ -92,20 +92,20 @@ class Lighting:
 
     def light(self, scene: Scene, say: Progress) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins."""
-        run, settings, material = self._run, scene.transport, scene.material.resolve()
+        run, material = self._run, scene.material.resolve()
 
         say("loading the model")
         model = run("model", [scene.model], lambda: self._load(scene.model))
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
-        quality = choose_quality(settings, profiles, model.mesh)
-        sizes = quality.method, quality.layers, quality.resolution
+        quality = quality_of(scene, model.mesh, self._assets)
+        sizes = quality.method, quality.layers, quality.resolution, quality.assignment
         transport = run("transport", sizes, lambda: _transport(quality, self._effort))
         grid = transport.grid(model.mesh, camera.rotation)
         self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
         say("sampling the surface")
-        spacing = sample_spacing(model.mesh, settings)
+        spacing = sample_spacing(model.mesh, scene.transport, quality.resolution)
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
@@ -188,7 +188,16 @@ class Lighting:
         return self._run("flux", [surface, *each], total)
 
 
+def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
+    """Choose layers and resolution for a scene whose mesh is loaded."""
+    return assets.quality(
+        scene.transport, dipoles(scene.material.resolve()), mesh, sharp_light=bool(scene.effective_lights())
+    )
+
+
 def _transport(quality: Quality, effort: str) -> Transport:
     if quality.method == "layered":
         return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
-    return EwaldTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort)
+    return EwaldTransport(
+        n_layers=quality.layers, resolution=quality.resolution, assignment=quality.assignment, effort=effort
+    )

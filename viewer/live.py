@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from core.layers import deposit
+from core.mesh import Mesh
 from viewer.assets import Assets
 from viewer.camera import place_camera
 from viewer.dependence import angle, files, lighting_key, same_light, turned
 from viewer.frame import Renderer
 from viewer.gather import Gather
-from viewer.lighting import LitScene
+from viewer.lighting import LitScene, quality_of
 from viewer.picture import Picture
 from viewer.quality import sample_spacing
 from viewer.scene import Scene
@@ -198,15 +199,22 @@ class Live:
         if probe is not None and not self.assets.has_probe(probe):
             return False
         mesh, _ = self.assets.mesh(scene.model)
-        return detail.draft or self.assets.has_samples(mesh, sample_spacing(mesh, scene.transport))
+        if detail.draft:
+            return True
+        if scene.transport.method == "ewald" and not self.assets.has_roughness(mesh):
+            return False
+        return self.assets.has_samples(mesh, self._sample_spacing(scene, mesh))
 
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
-        self.assets.samples(mesh, sample_spacing(mesh, scene.transport))
+        self.assets.samples(mesh, self._sample_spacing(scene, mesh))
         self._failed = None
+
+    def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
+        return sample_spacing(mesh, scene.transport, quality_of(scene, mesh, self.assets).resolution)
 
     # light and transport
 

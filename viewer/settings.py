@@ -243,8 +243,12 @@ class TransportSettings:
         why="texels along the longer side of a layer (layered), nodes along the longest side of the object (ewald)"
     )
     error_target: float | None = setting(
-        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02",
-        why="wanted rms error of exitance; chooses the resolution of ewald where none is given"
+        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
+        why="wanted rms error of exitance; chooses the resolution of ewald; if given, it may take longer"
+    )
+    assignment: str | None = setting(
+        "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
+        why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
     )
 
     def __post_init__(self) -> None:
