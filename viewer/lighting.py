@@ -12,8 +12,9 @@ from core.environment import Probe, irradiance_table
 from core.layers import LayerGrid
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
+from core.spectra import Profiles
 from core.stages import Stages
-from core.transport import EwaldTransport, LayeredTransport, Profiles, Transport
+from core.transport import EwaldTransport, LayeredTransport, Transport
 from viewer.assets import Assets
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
