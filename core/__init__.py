@@ -15,8 +15,9 @@ The pipeline, one module a stage::
 Beside it ``materials`` (coefficients), ``dipole`` (R_d), ``fresnel``, ``stages`` (run only what changed),
 ``sculpture`` and ``implicit`` (the built-in object), ``probe_maps``, ``probe_blur`` and ``spherical_harmonics`` (light
 probes); and to judge it all, ``reference`` (equation (1) summed directly in float64, visibility by rays),
-``reference_sources`` (where its sources lie) and ``hierarchical`` (the sum with an octree), ``accuracy`` (the error to expect). Numbers in brackets are the
-equations of Echevarria et al., "Screen-space subsurface scattering rendering", CEIG 2010.
+``reference_sources`` (where its sources lie), ``hierarchical`` (the sum with an octree) and ``accuracy`` (the error to
+expect). Numbers in brackets are the equations of Echevarria et al., "Screen-space subsurface scattering rendering",
+CEIG 2010.
 
 core does NOT draw, open windows or files other than its own tables, print, or know OpenGL.
 """

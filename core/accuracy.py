@@ -31,21 +31,21 @@ COARSEST = 1e6  # of the finest detail: spacings beyond are not searched
 
 @dataclass(frozen=True)
 class ErrorLaw:
-    """The greatest of terms a (h / d)^p kappa^q, each given as (a, p, q); at most 1."""
+    """The greatest of terms min(a (h / d)^p kappa^q, b), each given as (a, p, q, b)."""
 
-    terms: tuple[tuple[float, float, float], ...]
+    terms: tuple[tuple[float, float, float, float], ...]
 
     def __call__(self, spacing_of_detail: float, roughness: float, assignment: str = TSC) -> float:
         """Error to expect for h / d and kappa."""
         kappa = max(roughness, SMOOTHEST)
-        law = max(a * spacing_of_detail**p * kappa**q for a, p, q in self.terms)
+        law = max(min(a * spacing_of_detail**p * kappa**q, b) for a, p, q, b in self.terms)
         added = TENT_ERROR if assignment == TENT else 0.0
         return float(min(1.0, np.sqrt(law * law + LEAST_ERROR**2 + added**2)))
 
 
 # Scales are a little above the fit's: 6 channels of 7 keep below.
-LIT = ErrorLaw(((0.025, 1.02, 0.35),))
-SHINING = ErrorLaw(((0.10, 1.60, 0.42), (0.0025, 3.4, 0.0)))
+LIT = ErrorLaw(((0.025, 1.02, 0.35, 1.0),))
+SHINING = ErrorLaw(((0.10, 1.60, 0.42, 1.0), (0.0025, 3.4, 0.0, 0.15)))
 
 
 @dataclass(frozen=True)

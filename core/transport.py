@@ -30,7 +30,9 @@ from core.transport_steps import FftTransport
 Float32 = npt.NDArray[np.float32]
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
-TAIL = 1e-4  # share of a channel's reflectance that may wrap around its padded box: a ball's dark side shows 0.02
+# Share of a channel's reflectance that may wrap around its padded box: next to nothing, for a ball's dark side shows
+# LOOSE_TAIL; enough where the nodes err by more.
+TAIL, LOOSE_TAIL = 1e-4, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,8 @@ class LayeredTransport(FftTransport):
         """Nothing."""
         return LocalTerm(np.zeros((1, 3)), 0.0)
 
-    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+    def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+        """Padded to twice the size: no tail wraps around."""
         return ConvolutionShape(*grid.shape)
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
@@ -144,6 +147,8 @@ class EwaldTransport(FftTransport):
         Layers over the object's z extent; as dense as the nodes if not given, which is best.
     assignment : str
         ``tsc``, quadratic B-splines over 27 nodes, or ``tent``, linear ones over 8.
+    tail : float
+        See `tail_reach`; the padding follows from it.
     threads, effort
         See `LayeredTransport`.
     """
@@ -151,6 +156,7 @@ class EwaldTransport(FftTransport):
     resolution: int = 60
     n_layers: int | None = None
     assignment: str = ewald.TSC
+    tail: float = TAIL
 
     @property
     def smooth(self) -> bool:
@@ -172,16 +178,13 @@ class EwaldTransport(FftTransport):
         factors = [np.zeros(SHEET_NODES) if p.is_black else ewald.local_table(p, s)(thickness) for p in profiles]
         return LocalTerm(np.stack(factors, axis=-1), float(thickness[-1]))
 
-    def padded(self, grid: LayerGrid, reach: float) -> ConvolutionShape:
+    def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
         """Pad a channel by its `tail_reach`; at most by the extent."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         counts = np.array(grid.shape)
-        extra = np.minimum(np.ceil(reach / spacing), counts - 1)
+        extra = np.minimum(np.ceil(tail_reach(profile, area, self.tail) / spacing), counts - 1)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
-
-    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
-        return self.padded(grid, tail_reach(profile, area))
 
     def _window_width(self, grid: LayerGrid) -> float:
         return ewald.WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
@@ -198,15 +201,15 @@ class EwaldTransport(FftTransport):
         return spectrum
 
 
-@functools.lru_cache(maxsize=64)
-def tail_reach(profile: Profile, area: float) -> float:
+@functools.lru_cache(maxsize=256)
+def tail_reach(profile: Profile, area: float, tail: float) -> float:
     """Distance, mm, beyond which the tails of all sources together are negligible, on an object of `area` mm^2.
 
-    The smallest D with A R_d(D) <= TAIL T(0), by bisection: R_d falls with distance. 0 for black.
+    The smallest D with A R_d(D) <= tail T(0), by bisection: R_d falls with distance. 0 for black.
     """
     if profile.is_black:
         return 0.0
-    enough = TAIL * float(profile.total(0.0)) / area
+    enough = tail * float(profile.total(0.0)) / area
     low, high = 0.0, np.sqrt(area)
     while float(profile.radial(high)) > enough:
         high *= 2.0

@@ -47,7 +47,7 @@ class FftTransport:
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
         """See `core.transport.Transport.exitance`."""
-        convolvers = [self._convolver(self._shape(grid, profile, area)) for profile in profiles]
+        convolvers = [self._convolver(self.shape(grid, profile, area)) for profile in profiles]
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         kernels = tuple(
@@ -91,7 +91,8 @@ class FftTransport:
         """See `core.transport.Transport.weights`."""
         raise NotImplementedError
 
-    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+    def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+        """Return the sizes of a channel's transforms, on an object of `area` mm^2."""
         raise NotImplementedError
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:

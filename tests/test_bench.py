@@ -17,7 +17,6 @@ from viewer.bench_error import (
     EWALD,
     LAYERED,
     LIGHTS,
-    METHODS,
     PAPER,
     BenchLight,
     Scheme,
@@ -113,7 +112,6 @@ def test_plans_name_what_exists():
         for name in plan.materials:
             materials.lookup(name)
         for scheme in (*plan.schemes, *plan.frames, *plan.picture_schemes):
-            assert scheme.method in METHODS
             assert isinstance(scheme.settings, TransportSettings)
     assert [str(s) for s in bench.QUICK.schemes[:5]] == [str(s) for s in LAYERED[:5]]
     assert str(PAPER) == "layered 4 x 256"

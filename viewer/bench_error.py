@@ -6,7 +6,7 @@ the pixels of an orthographic picture.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -24,13 +24,13 @@ from core.reference import Occluder, direct_exitance
 from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profile
 from core.stages import Stages
-from core.transport import EwaldTransport, LayeredTransport, LocalTerm, Transport
+from core.transport import LocalTerm, Transport
 from viewer.assets import Assets
 from viewer.bench_shapes import SHAPES
 from viewer.bench_sheet import SheetRays
 from viewer.camera import place_camera
 from viewer.deviation import Deviation
-from viewer.quality import Quality, sample_spacing
+from viewer.quality import Quality, make_transport, sample_spacing
 from viewer.settings import CameraSettings, TransportSettings
 
 Array = npt.NDArray[np.float64]
@@ -105,13 +105,6 @@ class Scheme:
         return " ".join([self.method, *([" x ".join(sizes)] if sizes else target)])
 
 
-# A further method is one more line here and its schemes below.
-METHODS: dict[str, Callable[[Quality], Transport]] = {
-    "layered": lambda quality: LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution),
-    "ewald": lambda quality: EwaldTransport(
-        n_layers=quality.layers, resolution=quality.resolution, assignment=quality.assignment
-    ),
-}
 PAPER = Scheme("layered", 4, 256)
 LAYERED = (PAPER, *(Scheme("layered", n, 128) for n in (8, 16, 32, 64, 128)))
 EWALD = tuple(Scheme("ewald", error_target=target) for target in (0.02, 0.01, 0.005))
@@ -206,7 +199,7 @@ class Run:
 
     def _place(self, quality: Quality, samples: SurfaceSamples) -> Placed:
         if quality not in self._placed:
-            transport = METHODS[quality.method](quality)
+            transport = make_transport(quality)
             grid = transport.grid(self.target.mesh, self.target.rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
             gather = transport.weights(grid, grid.coordinates(self.target.points.points))

@@ -1,7 +1,7 @@
 """First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -14,7 +14,7 @@ from core.mesh import Mesh
 from core.samples import SurfaceSamples
 from core.spectra import Profiles
 from core.stages import Stages
-from core.transport import EwaldTransport, LayeredTransport, Transport
+from core.transport import Transport
 from viewer.assets import Assets
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
@@ -22,7 +22,7 @@ from viewer.gather import Gather
 from viewer.gl import latlong_texture, table_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
-from viewer.quality import Quality, sample_spacing
+from viewer.quality import Quality, make_transport, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
@@ -100,8 +100,8 @@ class Lighting:
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
         quality = quality_of(scene, model.mesh, self._assets)
-        sizes = quality.method, quality.layers, quality.resolution, quality.assignment
-        transport = run("transport", sizes, lambda: _transport(quality, self._effort))
+        made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None)
+        transport = run("transport", [made_for], lambda: make_transport(quality, self._effort))
         grid = transport.grid(model.mesh, camera.rotation)
         self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
@@ -193,12 +193,4 @@ def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
     return assets.quality(
         scene.transport, dipoles(scene.material.resolve()), mesh, sharp_light=bool(scene.effective_lights())
-    )
-
-
-def _transport(quality: Quality, effort: str) -> Transport:
-    if quality.method == "layered":
-        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
-    return EwaldTransport(
-        n_layers=quality.layers, resolution=quality.resolution, assignment=quality.assignment, effort=effort
     )

@@ -1,6 +1,6 @@
 """Quality: layers and resolution from what a scene asks for, or from the error it accepts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,16 +8,17 @@ from core.accuracy import LIT, SHINING, ErrorLaw, Roughness, spacing_for
 from core.ewald import TENT, TSC
 from core.mesh import Mesh
 from core.spectra import Profiles
-from core.transport import EwaldTransport, tail_reach
+from core.transport import LOOSE_TAIL, TAIL, EwaldTransport, LayeredTransport, Transport
 from viewer.settings import TransportSettings
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
 COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
-# Padded nodes, over the channels, that an error target may choose. The default's keep up with a slider: twice the
-# paper's 3 x 4 x 512 x 512. A target that a person has set may take four times as many, and the time.
-NODES = 2 * 3 * 4 * 512 * 512
-NODES_ASKED_FOR = 4 * NODES
+# Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
+# default target they may take a few times the paper's time, which a picture at rest can wait for; where they would miss
+# it, no more than the paper's. A target that a person has set may take longer.
+PAPER_NODES = 3 * 4 * 512 * 512
+NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 7 * PAPER_NODES // 10, 16 * PAPER_NODES
 SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
 
@@ -39,6 +40,8 @@ class Quality:
         prediction exists (`layered`).
     error_target : float or None
         What was asked for; None where the resolution was.
+    tail : float
+        See `core.transport.EwaldTransport`.
     """
 
     method: str
@@ -48,6 +51,7 @@ class Quality:
     predicted_error: float | None = None
     predicted_lit: float | None = None
     error_target: float | None = None
+    tail: float = TAIL
 
     @property
     def summary(self) -> str:
@@ -112,12 +116,29 @@ def choose_quality(
     if settings.resolution is not None:
         return made(settings.resolution, settings.assignment or TSC)
     assert target is not None
-    most = _most_nodes(settings, profiles, mesh)
     orders = (TENT, TSC) if settings.assignment is None else (settings.assignment,)
+    most = _most_nodes(settings, profiles, mesh, TAIL, NODES if settings.error_target is None else NODES_ASKED_FOR)
     found = [made(_nodes(target, detail, shape, law, order, longest, most), order) for order in orders]
     # Tents are read and written in a third of the time: theirs, where they need no finer grid.
     good = [q for q in found if q.predicted_error is not None and q.predicted_error <= target]
-    return min(good or found[-1:], key=lambda q: q.resolution)
+    if good:
+        return min(good, key=lambda q: q.resolution)
+    budget = NODES_OUT_OF_REACH if settings.error_target is None else NODES_ASKED_FOR
+    most = _most_nodes(settings, profiles, mesh, LOOSE_TAIL, budget)
+    return replace(made(most, orders[-1]), tail=LOOSE_TAIL)
+
+
+def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE") -> Transport:
+    """Make the transport of a quality; `effort` is FFTW's planner flag."""
+    if quality.method == "layered":
+        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
+    return EwaldTransport(
+        n_layers=quality.layers,
+        resolution=quality.resolution,
+        assignment=quality.assignment,
+        tail=quality.tail,
+        effort=effort,
+    )
 
 
 def survey_spacing(mesh: Mesh) -> float:
@@ -156,13 +177,13 @@ def _nodes(
     return int(min(max(wanted, COARSEST), most))
 
 
-def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh) -> int:
-    """Largest resolution whose padded grid keeps within the budget, by bisection."""
-    budget = NODES if settings.error_target is None else NODES_ASKED_FOR
+def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
+    """Largest resolution whose padded grid keeps within a budget, by bisection."""
     low, high = COARSEST, FINEST + 1
     while high - low > 1:
         middle = (low + high) // 2
-        fits = padded_nodes(EwaldTransport(resolution=middle, n_layers=settings.layers), profiles, mesh) <= budget
+        transport = EwaldTransport(resolution=middle, n_layers=settings.layers, tail=tail)
+        fits = padded_nodes(transport, profiles, mesh) <= budget
         low, high = (middle, high) if fits else (low, middle)
     return low
 
@@ -170,5 +191,4 @@ def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh) -> 
 def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
     """Nodes that are transformed, over the channels."""
     grid = transport.grid(mesh, np.eye(3))
-    reaches = [tail_reach(p, mesh.area) for p in profiles if not p.is_black]
-    return sum(transport.padded(grid, reach).padded_nodes for reach in reaches)
+    return sum(transport.shape(grid, p, mesh.area).padded_nodes for p in profiles if not p.is_black)
