@@ -92,6 +92,17 @@ class ViewArea:
             return max(0.0, FINE_AFTER - age)
         return None
 
+    @property
+    def drawn_at(self) -> Box:
+        """Where the picture lies in the window."""
+        return self._drawn_at
+
+    @property
+    def shown(self) -> Scene:
+        """The session's scene with the size of the picture on screen, at full quality."""
+        scene = self._session.scene
+        return replace(scene, display=replace(scene.display, image_size=self.size))
+
     def at_rest(self) -> bool:
         """Whether the picture is at its best, with nothing more to come."""
         if self.detail.samples < SAMPLES or not self.live.is_settled(self._sized(self._session.scene)):
