@@ -217,7 +217,10 @@ class App:
         imgui.push_style_var(imgui.StyleVar_.window_padding.value, (0.0, 0.0))
         imgui.begin("view", None, bare)
         imgui.pop_style_var()
-        self.view.draw(box, now)
+        self.view.steer(box, now)
+        points = self.session.view.error_points if self.session.view.measure else None
+        self.error.follow(self.view.shown, points)
+        self.view.draw()
         self._measure()
         left, right = self._status()
         draw_status(box, left, right)
@@ -227,8 +230,7 @@ class App:
         """Measure the error of what is on screen, if that is wanted, and show where it sits."""
         view = self.session.view
         at_rest = self.view.at_rest() and not any(imgui.get_io().mouse_down[:3])
-        points = view.error_points if view.measure else None
-        if self.error.update(self.view.shown, self.view.live, points, at_rest=at_rest):
+        if self.error.update(self.view.shown, self.view.live, at_rest=at_rest):
             self._frames_due = max(self._frames_due, 1)
         result, picture = self.error.result, self.view.drawn_at
         hides = view.show in ("layer in", "layer out") or not (view.measure and view.error_map)

@@ -143,6 +143,7 @@ class LiveError:
         self._context, self._wake = context, wake
         self._worker: ThreadPoolExecutor | None = None
         self._job: _Job | None = None
+        self._asked: Question | None = None
         self._answered: Question | None = None
         self._occluder: tuple[Mesh, Occluder] | None = None  # of the last mesh; used by the worker alone
 
@@ -151,17 +152,29 @@ class LiveError:
         """How far the measurement is, [0, 1]; None if none runs."""
         return None if self._job is None else self._job.progress
 
-    def update(self, scene: Scene, live: Live, points: int | None, *, at_rest: bool) -> bool:
-        """Measure what is shown if that is due; once a frame, by the thread that owns OpenGL.
+    def follow(self, scene: Scene, points: int | None) -> None:
+        """Give up a measurement that is not of the picture that comes next, before the picture is drawn.
 
         Parameters
         ----------
         scene : Scene
             What is shown, with the size of the picture on screen.
-        live : Live
-            What draws it.
         points : int or None
             How many to measure, None for no measurement.
+        """
+        self._asked = None if points is None else Question.of(scene, points)
+        if self._job is not None and self._job.of != self._asked:
+            self._cancel()
+
+    def update(self, scene: Scene, live: Live, *, at_rest: bool) -> bool:
+        """Measure what is shown if that is due; once a frame, after `follow`, by the thread that owns OpenGL.
+
+        Parameters
+        ----------
+        scene : Scene
+            As of `follow`.
+        live : Live
+            What draws it.
         at_rest : bool
             Whether the picture is at its best and nobody is changing it.
 
@@ -170,10 +183,7 @@ class LiveError:
         bool
             Whether there is something new to show.
         """
-        job = self._job
-        asked = None if points is None else Question.of(scene, points)
-        if job is not None and job.of != asked:
-            self._cancel()
+        asked = self._asked
         was_outdated, news = self.outdated, self._collect()
         self.outdated = asked != self._answered
         if asked is not None and self.outdated and self._job is None and at_rest and live.finished is not None:

@@ -66,13 +66,13 @@ class Panel:
             ("Highlights", False, self._highlights),
             ("Tone mapping", False, self._tone_mapping),
             ("Light transport", True, lambda: self._transport(live)),
-            ("Error", False, lambda: self._error.draw(error)),
+            ("Error", False, lambda: self._error.draw(error, live)),
             ("Model", False, self._model),
             ("Camera", False, self._camera),
         ):
             if label == "Error" and self._session.view.measure and not self._was_measuring:  # a key asked for it
                 imgui.set_next_item_open(True)
-                imgui.set_scroll_here_y(0.3)
+                imgui.set_scroll_here_y(0.0)
             if self.controls.section(label, is_open=is_open):
                 draw()
                 imgui.spacing()

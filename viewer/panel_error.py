@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from viewer.gui import GOOD, WARNING, icons, imgui
+from viewer.live import Live
 from viewer.live_error import LiveError, Measured
 from viewer.panel_controls import TYPE_HINT, Controls
 from viewer.panel_material import CHANNELS
@@ -17,6 +18,7 @@ MEASURE_TIP = (
     "visible points. It starts by itself whenever the picture has come to rest (E)."
 )
 MAP_TIP = "Show where the error sits: a dot at every point measured. Rest on a dot to read it."
+WAITING = "measures when the picture is at rest"
 POINTS_TIP = "Random visible points that are measured: more take longer and make the numbers surer."
 
 
@@ -26,7 +28,7 @@ class ErrorPanel:
     def __init__(self, session: Session, controls: Controls) -> None:
         self._session, self._controls = session, controls
 
-    def draw(self, error: LiveError) -> None:
+    def draw(self, error: LiveError, live: Live) -> None:
         """Draw them."""
         view, controls = self._session.view, self._controls
         controls.begin_row("Measure")
@@ -41,17 +43,30 @@ class ErrorPanel:
         if clicked:
             view.error_map = not view.error_map
         if not view.measure:
-            controls.note("off: measures the error of what is on screen")
+            controls.note("off: nothing is measured")
             return
+        self._state(error)
+        if error.trouble is None or error.outdated:
+            self._numbers(error.result, error.outdated, live)
+
+    def _state(self, error: LiveError) -> None:
+        """Say how far it is, what went wrong, or whether the promise holds."""
+        controls = self._controls
         if error.progress is not None:
             imgui.progress_bar(error.progress, (-1.0, 0.0), f"summing the reference: {100.0 * error.progress:.0f} %")
             controls.mark("error.progress")
-        elif error.outdated:
-            controls.note("measures when the picture is at rest")
-        if error.trouble is not None and not error.outdated:
-            controls.note(error.trouble, warning=True)
-        elif error.result is not None:
-            self._result(error.result, outdated=error.outdated)
+        elif error.outdated or error.result is None:
+            imgui.align_text_to_frame_padding()
+            failed = error.trouble is not None and not error.outdated
+            controls.note((error.trouble or "") if failed else WAITING, warning=failed)
+        else:
+            kept, sentence = verdict(error.result)
+            imgui.align_text_to_frame_padding()
+            if kept is not None:
+                icon = icons.ICON_FA_CIRCLE_CHECK if kept else icons.ICON_FA_TRIANGLE_EXCLAMATION
+                imgui.text_colored((*(GOOD if kept else WARNING), 1.0), icon)
+                imgui.same_line()
+            controls.note(sentence)
 
     def _points(self) -> None:
         view, controls = self._session.view, self._controls
@@ -64,43 +79,29 @@ class ErrorPanel:
             lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS), view.error_points != DEFAULT_ERROR_POINTS,
         )  # fmt: skip
 
-    def _result(self, measured: Measured, *, outdated: bool) -> None:
-        if outdated:
-            self._controls.note(f"{icons.ICON_FA_CLOCK_ROTATE_LEFT}  outdated: what is on screen has changed")
-        if measured.is_dark:
-            self._controls.note("no light leaves the surface, so there is no error")
-            return
-        deviation, quality = measured.error.deviation, measured.quality
-        light = np.abs(measured.error.reference) + measured.error.seen.exitance
-        black = [not channel.any() for channel in light.T]
+    def _numbers(self, measured: Measured | None, outdated: bool, live: Live) -> None:
+        """Write the numbers, grey if they are of an earlier picture; dashes before there are any."""
         imgui.begin_disabled(outdated)
         if imgui.begin_table("##error", 4, imgui.TableFlags_.sizing_stretch_prop.value):
             for i in range(4):
                 imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch.value, 1.6 if i == 0 else 1.0)
             imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted("outdated" if outdated and measured is not None else "")
             for letter, colour in CHANNELS:
-                imgui.table_next_column() if letter != "R" else imgui.table_set_column_index(1)
+                imgui.table_next_column()
                 imgui.text_colored((*colour, 1.0), letter)
-            self._row("rms", ["black" if b else percent(x) for x, b in zip(deviation.rms, black, strict=True)])
-            self._row("99th percentile", ["" if b else percent(x) for x, b in zip(deviation.p99, black, strict=True)])
-            self._row("rms together", [percent(deviation.rms_together)])
-            if quality.predicted_error is not None:
+            for label, values in rows(measured):
+                self._row(label, values)
+            quality = live.finished.lit.quality if measured is None and live.finished is not None else None
+            quality = measured.quality if measured is not None else quality
+            if quality is not None and quality.predicted_error is not None:
                 self._row("expected", [percent(quality.predicted_error)])
-            if quality.error_target is not None:
+            if quality is not None and quality.error_target is not None:
                 self._row("error target", [percent(quality.error_target)])
             imgui.end_table()
         self._controls.mark("error.result")
-        kept, sentence = verdict(measured)
-        if kept is not None and not outdated:
-            icon = icons.ICON_FA_CIRCLE_CHECK if kept else icons.ICON_FA_TRIANGLE_EXCLAMATION
-            imgui.text_colored((*(GOOD if kept else WARNING), 1.0), icon)
-            imgui.same_line()
-        self._controls.note(sentence)
-        count = len(measured.error.reference)
-        self._controls.note(
-            f"{count} points of a picture of {measured.size[0]} x {measured.size[1]}, "
-            f"{measured.error.n_sources:,} sources each, {measured.seconds:.1f} s"
-        )
+        self._controls.note("" if measured is None else how(measured))
         imgui.end_disabled()
 
     def _row(self, label: str, values: Sequence[str]) -> None:
@@ -112,6 +113,29 @@ class ErrorPanel:
             imgui.text_unformatted(value)
 
 
+def rows(measured: Measured | None) -> list[tuple[str, list[str]]]:
+    """Return what is told of each channel and of all: a label and texts; dashes where nothing is known yet."""
+    if measured is None:
+        return [("rms", ["-"] * 3), ("99th percentile", ["-"] * 3), ("rms together", ["-"])]
+    deviation = measured.error.deviation
+    light = np.abs(measured.error.reference) + measured.error.seen.exitance
+    black = [not channel.any() for channel in light.T]
+    each = [
+        ["black" if b else percent(share) for share, b in zip(shares, black, strict=True)]
+        for shares in (deviation.rms, deviation.p99)
+    ]
+    return [("rms", each[0]), ("99th percentile", each[1]), ("rms together", [percent(deviation.rms_together)])]
+
+
+def how(measured: Measured) -> str:
+    """Say what was measured."""
+    points, (width, height) = len(measured.error.reference), measured.size
+    return (
+        f"{points} points of the picture at {width} x {height} px, {measured.error.n_sources:,} sources each, "
+        f"{measured.seconds:.1f} s"
+    )
+
+
 def percent(share: float) -> str:
     """Return a share as per cent with two significant digits."""
     return f"{significant(100.0 * share, 2)} %"
@@ -119,6 +143,8 @@ def percent(share: float) -> str:
 
 def verdict(measured: Measured) -> tuple[bool | None, str]:
     """Whether the promise holds for the worst channel, None where there is none, and a sentence on it."""
+    if measured.is_dark:
+        return None, "no light leaves the surface, so there is no error"
     worst, quality = max(measured.error.deviation.rms), measured.quality
     target, predicted = quality.error_target, quality.predicted_error
     if predicted is None:
