@@ -15,7 +15,6 @@ from viewer.sliders import significant
 
 Array = npt.NDArray[np.float64]
 
-RIM = (0.04, 0.04, 0.04)
 SMALLEST, LARGEST = 0.15, 0.32  # radius of a dot, in letters' heights
 OF_SPACING = 0.25  # of the mean distance of the points
 FADED = 0.35  # opacity of what is outdated
@@ -57,12 +56,15 @@ class ErrorOverlay:
         draw: Any = imgui.get_window_draw_list()
         draw.push_clip_rect((picture[0], picture[1]), (right, picture[3]), True)
         alpha = FADED if faded else 1.0
-        rim = imgui.get_color_u32((*RIM, 0.8 * alpha))
+        # Two rims, so that a dot stands out from an object of any colour, its own too.
+        dark, light = (imgui.get_color_u32((*(3 * (grey,)), 0.8 * alpha)) for grey in (0.0, 0.95))
+        corners = 12 if radius > 0.2 * em else 8
         paints = [_paint(colour, alpha) for colour in self._colours]
         for i in self._order:
             centre = (float(centres[i, 0]), float(centres[i, 1]))
-            draw.add_circle_filled(centre, radius + 1.0, rim, 10)
-            draw.add_circle_filled(centre, radius, paints[i], 10)
+            draw.add_circle_filled(centre, radius + 2.0, dark, corners)
+            draw.add_circle_filled(centre, radius + 1.0, light, corners)
+            draw.add_circle_filled(centre, radius, paints[i], corners)
         mouse = imgui.get_io().mouse_pos
         if is_hovered and mouse.x < right and len(centres):
             distance = np.hypot(centres[:, 0] - mouse.x, centres[:, 1] - mouse.y)
@@ -120,7 +122,7 @@ def draw_scale(draw: Any, picture: Box, end: float) -> None:
     left, bottom = picture[0] + 0.8 * em, picture[3] - 2.6 * em
     top = bottom - 3.4 * em - 2.0 * pad
     draw.add_rect_filled(
-        (left, top), (left + width + 2.0 * pad, bottom), imgui.get_color_u32((0.0, 0.0, 0.0, 0.6)), 4.0
+        (left, top), (left + width + 2.0 * pad, bottom), imgui.get_color_u32((0.0, 0.0, 0.0, 0.75)), 4.0
     )
     ink = imgui.get_color_u32((0.9, 0.9, 0.9, 1.0))
     x, y = left + pad, top + pad

@@ -94,7 +94,7 @@ class Measured:
         return not self.error.reference.any() and not self.error.seen.exitance.any()
 
 
-class _Cancelled(Exception):  # noqa: N818 (it is no error)
+class Cancelled(Exception):  # noqa: N818 (it is no error)
     """The measurement is not wanted any more."""
 
 
@@ -110,7 +110,7 @@ class _Job:
     def report(self, share: float) -> None:
         """Take how far it is, in the thread that measures."""
         if self.cancelled.is_set():
-            raise _Cancelled
+            raise Cancelled
         self.progress = share
         if time.monotonic() - self._told >= WAKE_SECONDS:
             self._told = time.monotonic()

@@ -54,7 +54,6 @@ class ErrorPanel:
         controls = self._controls
         if error.progress is not None:
             imgui.progress_bar(error.progress, (-1.0, 0.0), f"summing the reference: {100.0 * error.progress:.0f} %")
-            controls.mark("error.progress")
         elif error.outdated or error.result is None:
             imgui.align_text_to_frame_padding()
             failed = error.trouble is not None and not error.outdated
@@ -100,7 +99,6 @@ class ErrorPanel:
             if quality is not None and quality.error_target is not None:
                 self._row("error target", [percent(quality.error_target)])
             imgui.end_table()
-        self._controls.mark("error.result")
         self._controls.note("" if measured is None else how(measured))
         imgui.end_disabled()
 
@@ -150,9 +148,9 @@ def verdict(measured: Measured) -> tuple[bool | None, str]:
     if predicted is None:
         return None, f"{quality.method} transport promises no error"
     if target is not None and worst <= target:
-        return True, "the worst channel is within the error target"
+        return True, "within the error target"
     if worst <= predicted:
         return target is None, "as expected" if target is None else "above the error target, as was expected"
     if target is None:
-        return False, "the worst channel errs by more than was expected"
-    return False, "the worst channel errs by more than the target and than was expected"
+        return False, "above what was expected"
+    return False, "above the error target, and above what was expected"
