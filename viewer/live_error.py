@@ -165,6 +165,8 @@ class LiveError:
         self._asked = None if points is None else Question.of(scene, points)
         if self._job is not None and self._job.of != self._asked:
             self._cancel()
+        if self._asked is None:
+            self._occluder = None
 
     def update(self, scene: Scene, live: Live, *, at_rest: bool) -> bool:
         """Measure what is shown if that is due; once a frame, after `follow`, by the thread that owns OpenGL.
@@ -224,20 +226,25 @@ class LiveError:
         self, job: _Job, scene: Scene, surface: Surface, mesh: Mesh, probe: Probe | None, quality: Quality
     ) -> Measured:
         """Run in the worker: nothing here touches OpenGL."""
-        from core.reference import Occluder
         from viewer.report import lights_of
         from viewer.visible_error import measure, visible_points
 
         job.report(0.0)
         start, (alpha, position, exitance) = time.perf_counter(), surface
         seen = visible_points(alpha, position, exitance, job.of.points)
-        if self._occluder is None or self._occluder[0] is not mesh:
-            self._occluder = None
-            self._occluder = mesh, Occluder(mesh)
         light, material = lights_of(scene, probe), scene.material.resolve()
-        error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder[1])
+        error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh))
         seconds = time.perf_counter() - start
         return Measured(job.of, error, (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha)), quality, seconds)
+
+    def _occluder_of(self, mesh: Mesh) -> "Occluder":
+        """Return what rays are cast against, made once a mesh: no other thread of Python runs while it is made."""
+        from core.reference import Occluder
+
+        kept = self._occluder
+        if kept is None or kept[0] is not mesh:
+            kept = self._occluder = mesh, Occluder(mesh)
+        return kept[1]
 
     def _collect(self) -> bool:
         """Take what the worker has finished; True if there was something."""
