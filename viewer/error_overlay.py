@@ -116,11 +116,11 @@ def read_dot(measured: Measured, i: int) -> None:
 
 
 def draw_scale(draw: Any, picture: Box, end: float) -> None:
-    """Draw the colours and what they stand for on a dark plate, above the line at the foot of the picture."""
+    """Draw the colours and what they stand for on a dark plate, in a corner where no message comes to lie."""
     em, title = imgui.get_font_size(), "error, worst channel"
     width, pad = max(11.0 * em, imgui.calc_text_size(title).x), 0.5 * em
-    left, bottom = picture[0] + 0.8 * em, picture[3] - 2.6 * em
-    top = bottom - 3.4 * em - 2.0 * pad
+    left, top = picture[0] + 0.8 * em, picture[1] + 0.8 * em
+    bottom = top + 3.4 * em + 2.0 * pad
     draw.add_rect_filled(
         (left, top), (left + width + 2.0 * pad, bottom), imgui.get_color_u32((0.0, 0.0, 0.0, 0.75)), 4.0
     )
