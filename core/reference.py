@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
 NEAREST = 1e-6  # mm; a light on the surface itself would be infinitely bright
-_BLOCK = 1 << 17  # pairs (point, source) at a time: 1 MB an array stays in the cache
+_BLOCK = 1 << 15  # pairs (point, source) at a time: the arrays of a block stay in the cache
 
 
 def direct_exitance(
@@ -40,24 +40,25 @@ def direct_exitance(
         E dA of each source and channel.
     profiles : R, G and B
     progress : callable, optional
-        Called with the finished share, in [0, 1].
+        Called with the finished share, in [0, 1]; what it raises ends the work.
 
     Returns
     -------
     (n, 3) float64
     """
-    points, sources = np.asarray(points, np.float64), np.asarray(sources, np.float64)
-    flux = np.asarray(flux, np.float64)
+    points, flux = np.asarray(points, np.float64), np.asarray(flux, np.float64)
     lit = flux.any(axis=1)
-    sources, flux = sources[lit], flux[lit]
+    sources, flux = (np.ascontiguousarray(a[lit].T) for a in (np.asarray(sources, np.float64), flux))  # (3, m)
     out = np.zeros((len(points), 3))
-    step = max(1, _BLOCK // max(1, len(sources)))
+    step = max(1, _BLOCK // max(1, sources.shape[1]))
     for start in range(0, len(points), step):
         block = points[start : start + step]
-        rho = np.linalg.norm(block[:, None] - sources, axis=-1)
-        for channel, profile in enumerate(profiles):
-            if not profile.is_black:
-                out[start : start + step, channel] = profile.radial(rho) @ flux[:, channel]
+        for first in range(0, sources.shape[1], _BLOCK):
+            part = slice(first, first + _BLOCK)
+            rho = np.sqrt(sum((block[:, [axis]] - sources[axis, part]) ** 2 for axis in range(3)))
+            for channel, profile in enumerate(profiles):
+                if not profile.is_black:  # not a product of BLAS: its threads cost more than such a sum
+                    out[start : start + step, channel] += np.einsum("ij,j->i", profile.radial(rho), flux[channel, part])
         if progress is not None:
             progress(min(1.0, (start + step) / len(points)))
     return out

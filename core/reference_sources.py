@@ -4,6 +4,7 @@ Equation (1) needs pieces well below the mean free path beside a point and a sha
 so, a few points take a few hundred thousand sources where an even cover would take hundreds of millions.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,11 +41,17 @@ class Sources:
     def __len__(self) -> int:
         return len(self.points)
 
+    def __getitem__(self, part: slice) -> "Sources":
+        return Sources(self.points[part], self.normals[part], self.face_normals[part], self.areas[part])
 
-def graded_sources(mesh: Mesh, points: npt.ArrayLike, mean_free_path: float) -> Sources:
+
+def graded_sources(
+    mesh: Mesh, points: npt.ArrayLike, mean_free_path: float, check: Callable[[], object] = lambda: None
+) -> Sources:
     """Cover a mesh with pieces for the exitance at points (n, 3), mm; shortest mean free path of the profiles, mm.
 
-    Faces are halved across their longest edge until it suits the distance to the nearest point.
+    Faces are halved across their longest edge until it suits the distance to the nearest point. `check` is called
+    before every halving; what it raises ends the work.
     """
     longest_side = float(np.ptp(mesh.bounds, axis=0).max())
     finest = max(OF_MEAN_FREE_PATH * mean_free_path, FINEST * longest_side)
@@ -52,14 +59,15 @@ def graded_sources(mesh: Mesh, points: npt.ArrayLike, mean_free_path: float) -> 
     nearest = cKDTree(np.asarray(points, np.float64))
     corners = mesh.vertices[mesh.faces].astype(np.float64)  # (m, 3 corners, 3)
     normals = mesh.normals[mesh.faces].astype(np.float64)
-    done: list[tuple[Array, Array]] = []
+    done: list[Sources] = []
     while len(corners):
+        check()
         edge, length = _longest_edges(corners)
         distance = nearest.query(corners.mean(axis=1))[0] - 0.6 * length  # from the nearest corner, about
         small = length <= np.minimum(np.maximum(finest, SHARE * distance), coarsest)
-        done.append((corners[small], normals[small]))
+        done.append(_sources(corners[small], normals[small]))
         corners, normals = _halved(corners[~small], edge[~small]), _halved(normals[~small], edge[~small])
-    return _sources(np.concatenate([c for c, _ in done]), np.concatenate([n for _, n in done]))
+    return Sources(*(np.concatenate([getattr(part, name) for part in done]) for name in Sources.__dataclass_fields__))
 
 
 def _sources(corners: Array, normals: Array) -> Sources:

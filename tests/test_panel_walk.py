@@ -18,7 +18,7 @@ from viewer.scene import Scene
 from viewer.session import SHOWN
 from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, PointLight, TransportSettings
 
-SECTIONS = ("Environment", "Highlights", "Tone mapping", "Model", "Camera")
+SECTIONS = ("Environment", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {"camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)"}
 
 
@@ -194,6 +194,25 @@ def try_toolbar(walker: Walker) -> None:
     session.put(start)
 
 
+def try_error(walker: Walker) -> None:
+    """The measurement of the error, which shows over the picture."""
+    view, start = walker.session.view, walker.view_pixels()
+    walker.click("error.points", 0.01)
+    assert view.error_points == 50
+    walker.click("error.measure")
+    dotted = walker.view_pixels()
+    assert len(walker.app.error.result.error.reference) == 50
+    walker.click("error.map")
+    assert np.mean(walker.view_pixels() != dotted) > 0.01
+    walker.click("error.map")
+    assert not differ(walker.view_pixels(), dotted)
+    walker.click("error.points.reset")
+    walker.settle()
+    assert len(walker.app.error.result.error.reference) == 300
+    walker.click("error.measure")
+    assert not differ(walker.view_pixels(), start)
+
+
 def try_sections(walker: Walker) -> None:
     """Each heading folds the rows below it."""
     for box in sorted(name for name in walker.app.panel.controls.boxes if name.startswith("section.")):
@@ -221,6 +240,6 @@ def test_every_control_changes_what_it_says(walker):
                 try_setting(walker, control)
     walker.session.put(scene)
     walker.settle()
-    for walk in (try_what_is_shown, try_lights, try_toolbar, try_sections):
+    for walk in (try_what_is_shown, try_lights, try_toolbar, try_error, try_sections):
         walk(walker)
     assert {kind_of(box) for box in walker.seen} - {kind_of(box) for box in walker.used} == set()

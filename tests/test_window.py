@@ -15,6 +15,7 @@ import pytest
 import trimesh
 
 from tests.driving import Driver, headless_picture, small_scene, write_knot
+from viewer.error_map import colours, scale_end
 from viewer.events import Closed, Drawn, Dropped, Key, Recorder, Resized
 from viewer.images import read_image
 from viewer.replay import play
@@ -284,6 +285,48 @@ def test_a_saved_scene_is_reopened_with_the_dialog(display, tmp_path, scene_file
     region = np.s_[: SIZE[1] - STATUS, : SIZE[0] // 3]  # of the view
     assert np.any(start[region] != changed[region])
     assert np.array_equal(start[region], reopened[region])
+
+
+def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, context, tmp_path, scene_file, remembered):
+    twin = Driver(Scene.load(scene_file), SIZE, fixed_size=False)
+    twin.key("e")  # unfolds the section and scrolls to it
+    twin.settle()
+    places = {name: tuple(map(int, twin.place(name, 0.1))) for name in ("error.map", "error.measure")}
+    measured = twin.app.error.result
+    twin.close()
+
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file))
+    try:
+        window.opened()
+        window.rest()
+        window.hands("mousemove", 20, 20)
+        start = window.screenshot(1)
+        window.hands("key", "Escape")
+        window.hands("key", "e")
+        window.rest()
+        ticks = window.ticks()
+        time.sleep(2.0)
+        assert window.ticks() - ticks <= 1  # what has been measured is not measured again
+        dotted = window.screenshot(2)
+        for name in ("error.map", "error.measure"):
+            window.hands("key", "Escape")
+            window.hands("mousemove", *places[name], "click", 1)
+            time.sleep(0.3)
+            window.rest()
+        hidden = window.screenshot(3)
+        window.hands("key", "e")  # and closes while it measures
+        assert window.quit() == 0
+    finally:
+        window.stop()
+    region = np.s_[: SIZE[1] - STATUS, : SIZE[0] // 3]  # of the view
+    assert np.array_equal(hidden[region], start[region])
+    values = measured.error.at_points
+    painted = colours(values / scale_end(values))
+    height, width = SIZE[1], SIZE[0] - 375
+    seen = measured.error.seen
+    places = (np.stack([seen.columns, seen.rows], axis=1) + 0.5) / measured.size * [width, height]
+    found = dotted[tuple(places.astype(int).T[::-1])]
+    assert np.mean(np.abs(found - painted).max(axis=1) <= 3) > 0.5  # small and close together: many lie under others
 
 
 def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):

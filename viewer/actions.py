@@ -123,6 +123,10 @@ class Actions:
         locked = view.exposure_lock is not None or picture is None
         view.exposure_lock = None if locked or picture is None else picture.log_average
 
+    def _toggle_measure(self) -> None:
+        view = self._session.view
+        view.measure = not view.measure
+
     # files
 
     def _open_file(self) -> None:

@@ -12,13 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from viewer.actions import Actions, Clipboard
+from viewer.error_overlay import ErrorOverlay
 from viewer.events import Closed, Drawn, Dropped, Event, Key, MouseButton
 from viewer.gl import free_dropped
 from viewer.gui import Gui, imgui
 from viewer.imgui_renderer import ImguiRenderer
+from viewer.live_error import LiveError
 from viewer.overlays import Messages, draw_help, draw_status
 from viewer.panel import WIDTH, Panel
 from viewer.panel_controls import Box
+from viewer.panel_error import percent
 from viewer.preferences import Preferences
 from viewer.scene import Scene
 from viewer.session import Session
@@ -69,6 +72,8 @@ class App:
         self._gui = Gui()
         self._painter = ImguiRenderer(context)
         self.view = ViewArea(context, self._gui, self._painter, self.session, wake)
+        self.error = LiveError(context, wake)
+        self._error_overlay = ErrorOverlay()
         self.panel = Panel(self.session, self._gui)
         self.actions = Actions(self.session, self.view, self.preferences, clipboard or Clipboard())
         self._messages = Messages()
@@ -134,7 +139,8 @@ class App:
         self._keys()
         view_box, panel_box = self._boxes()
         if self.actions.panel_shown:
-            self.panel.draw(panel_box, self.view.live, self.frames_per_second, self.preferences.recent)
+            rate, recent = self.frames_per_second, self.preferences.recent
+            self.panel.draw(panel_box, self.view.live, self.error, rate, recent)
             for request in list(self.panel.requests):
                 self.actions.run(request)
         self._draw_view(view_box, now)
@@ -164,14 +170,20 @@ class App:
             self.frame(target)
             for live in self.view.lives():
                 live.wait(limit)
+            self.error.wait(limit)
             due = self.next_frame()
-            if self.view.at_rest() and self._frames_due == 0:
+            if self.at_rest() and self._frames_due == 0:
                 return
             if due is None or due > 0.0:
                 time.sleep(min(0.02, due or 0.02))
 
+    def at_rest(self) -> bool:
+        """Whether nothing more is to come by itself."""
+        return self.view.at_rest() and self.error.progress is None
+
     def close(self) -> None:
-        """Stop the worker and free what ImGui holds."""
+        """Stop the workers and free what ImGui holds."""
+        self.error.close()
         self.view.close()
         self._painter.release()
         self._gui.close()
@@ -205,10 +217,28 @@ class App:
         imgui.push_style_var(imgui.StyleVar_.window_padding.value, (0.0, 0.0))
         imgui.begin("view", None, bare)
         imgui.pop_style_var()
-        self.view.draw(box, now)
+        self.view.steer(box, now)
+        points = self.session.view.error_points if self.session.view.measure else None
+        self.error.follow(self.view.shown, points)
+        self.view.draw()
+        self._measure()
         left, right = self._status()
         draw_status(box, left, right)
         imgui.end()
+
+    def _measure(self) -> None:
+        """Measure the error of what is on screen, if that is wanted, and show where it sits."""
+        view = self.session.view
+        at_rest = self.view.at_rest() and not any(imgui.get_io().mouse_down[:3])
+        if self.error.update(self.view.shown, self.view.live, at_rest=at_rest):
+            self._frames_due = max(self._frames_due, 1)
+        result, picture = self.error.result, self.view.drawn_at
+        hides = view.show in ("layer in", "layer out") or not (view.measure and view.error_map)
+        if result is None or hides or result.is_dark or not result.lies_in(self.view.shown):
+            return
+        right = picture[2] if view.split is None else picture[0] + view.split * (picture[2] - picture[0])
+        hovered = imgui.is_window_hovered()
+        self._error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
 
     def _status(self) -> tuple[str, str]:
         live = self.view.live
@@ -221,7 +251,16 @@ class App:
             return left, f"loading {_model_name(self.session.scene)} ..."
         if live.finished is None:
             return left, "light spreads ..."
-        return left, f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
+        rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
+        return left, "   ".join(filter(None, (self._error_status(), rate)))
+
+    def _error_status(self) -> str:
+        if self.error.progress is not None:
+            return f"measuring the error: {100.0 * self.error.progress:.0f} %"
+        result = self.error.result
+        if not self.session.view.measure or result is None or self.error.outdated or result.is_dark:
+            return ""
+        return f"error {percent(max(result.error.deviation.rms))}"
 
     def _count(self, now: float) -> None:
         """Keep the rate of pictures while they come one after another."""

@@ -1,11 +1,15 @@
 """Picture of where the error of a picture sits: the object in grey, a coloured dot at every point measured."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 
 from viewer.images import Pixels8
-from viewer.visible_error import VisibleError
+
+if TYPE_CHECKING:
+    from viewer.visible_error import VisibleError
 
 Array = npt.NDArray[np.float64]
 
@@ -17,7 +21,7 @@ MARGIN = 20
 STEPS = (1.0, 2.0, 5.0)  # times powers of ten: ends of the scale
 
 
-def error_map(error: VisibleError, alpha: npt.NDArray[np.floating], exitance: npt.NDArray[np.floating]) -> Pixels8:
+def error_map(error: "VisibleError", alpha: npt.NDArray[np.floating], exitance: npt.NDArray[np.floating]) -> Pixels8:
     """Draw the map.
 
     Parameters
@@ -35,11 +39,11 @@ def error_map(error: VisibleError, alpha: npt.NDArray[np.floating], exitance: np
     enlarged = max(1, -(-SMALLEST // min(alpha.shape)))
     picture = np.repeat(np.repeat(_grey(alpha, exitance), enlarged, axis=0), enlarged, axis=1)
     height, width = picture.shape[:2]
-    values, top = error.at_points, _scale_end(error.at_points)
+    values, top = error.at_points, scale_end(error.at_points)
     radius = max(3.5, 0.006 * min(height, width))
     for i in np.argsort(values):  # the worst are drawn last
         centre = (np.array([error.seen.rows[i], error.seen.columns[i]]) + 0.5) * enlarged - 0.5
-        _dot(picture, centre, radius, _colour(values[i : i + 1] / top)[0])
+        _dot(picture, centre, radius, colours(values[i : i + 1] / top)[0])
     return np.concatenate([picture, _foot(width, top, error)])
 
 
@@ -52,14 +56,14 @@ def _grey(alpha: npt.NDArray[np.floating], exitance: npt.NDArray[np.floating]) -
     return np.repeat(np.where(alpha > 0.0, shade, 20.0).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def _scale_end(values: Array) -> float:
+def scale_end(values: Array) -> float:
     """1, 2 or 5 times a power of ten that 99 % of the values stay below."""
     largest = max(float(np.percentile(values, 99.0)), 1e-6)
     power = 10.0 ** np.floor(np.log10(largest))
     return float(next((step * power for step in STEPS if step * power >= largest), 10.0 * power))
 
 
-def _colour(share: Array) -> Array:
+def colours(share: Array) -> Array:
     """Colours of shares of the scale, (n,) -> (n, 3) in 0..255."""
     place = np.clip(share, 0.0, 1.0) * (len(COLOURS) - 1)
     return np.stack([np.interp(place, np.arange(len(COLOURS)), c) for c in COLOURS.T], axis=-1)
@@ -77,10 +81,10 @@ def _dot(picture: Pixels8, centre: Array, radius: float, colour: Array) -> None:
         part[:] = (cover * paint + (1.0 - cover) * part + 0.5).astype(np.uint8)
 
 
-def _foot(width: int, top: float, error: VisibleError) -> Pixels8:
+def _foot(width: int, top: float, error: "VisibleError") -> Pixels8:
     """Colour scale and what it means, (FOOT, width, 3)."""
     foot = np.full((FOOT, width, 3), 20, np.uint8)
-    bar = _colour(np.linspace(0.0, 1.0, width - 2 * MARGIN))
+    bar = colours(np.linspace(0.0, 1.0, width - 2 * MARGIN))
     foot[10:26, MARGIN:-MARGIN] = bar[None].astype(np.uint8)
     rms = ", ".join(f"{100.0 * share:.2g}" for share in error.deviation.rms)
     foot = _text(foot, MARGIN, 44, "0")

@@ -24,6 +24,8 @@ TEXT_SIZE = 15.0  # px at a text scale of 1
 
 ACCENT = (0.40, 0.72, 0.62)  # jade
 ERROR = (0.96, 0.45, 0.40)
+WARNING = (0.95, 0.72, 0.30)
+GOOD = ACCENT
 MUTED = (0.60, 0.62, 0.65)
 MODIFIERS = {"ctrl": "mod_ctrl", "shift": "mod_shift", "alt": "mod_alt", "super": "mod_super"}
 

@@ -5,7 +5,9 @@ from pathlib import Path
 
 from viewer.gui import Gui, icons, imgui
 from viewer.live import Live
+from viewer.live_error import LiveError
 from viewer.panel_controls import RESET_HINT, Box, Controls
+from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
 from viewer.quality import DEFAULT_ERROR_TARGET
@@ -40,8 +42,10 @@ class Panel:
         self._session = session
         self._material = MaterialPanel(session, self.controls)
         self._lights = LightsPanel(session, self.controls)
+        self._error = ErrorPanel(session, self.controls)
+        self._was_measuring = False
 
-    def draw(self, box: Box, live: Live, frames_per_second: float, recent: list[str]) -> None:
+    def draw(self, box: Box, live: Live, error: LiveError, frames_per_second: float, recent: list[str]) -> None:
         """Draw it into a box of the window."""
         self.controls.begin()
         self.requests.clear()
@@ -62,9 +66,13 @@ class Panel:
             ("Highlights", False, self._highlights),
             ("Tone mapping", False, self._tone_mapping),
             ("Light transport", True, lambda: self._transport(live)),
+            ("Error", False, lambda: self._error.draw(error, live)),
             ("Model", False, self._model),
             ("Camera", False, self._camera),
         ):
+            if label == "Error" and self._session.view.measure and not self._was_measuring:  # a key asked for it
+                imgui.set_next_item_open(True)
+                imgui.set_scroll_here_y(0.0)
             if self.controls.section(label, is_open=is_open):
                 draw()
                 imgui.spacing()
@@ -72,6 +80,7 @@ class Panel:
             self._performance(live, frames_per_second)
         imgui.end_child()
         imgui.end()
+        self._was_measuring = self._session.view.measure
 
     def _toolbar(self, recent: list[str]) -> None:
         session, controls = self._session, self.controls

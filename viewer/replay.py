@@ -72,8 +72,9 @@ class Headless:
             self.frame()
             for live in self.app.view.lives():
                 live.wait()
+            self.app.error.wait()
             self.now += 0.1
-            if self.app.view.at_rest() and self.app.next_frame() != 0.0:
+            if self.app.at_rest() and self.app.next_frame() != 0.0:
                 return
 
     def close(self) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from core.environment import Probe
 from core.errors import InputError
 from viewer.deviation import Deviation
 from viewer.error_map import error_map
@@ -121,8 +122,12 @@ def error_report(
 
 def illumination_of(renderer: Renderer, scene: Scene) -> Illumination:
     """Gather a scene's lights for `viewer.visible_error.measure`; reads the probe, if any, or has it already."""
+    return lights_of(scene, None if scene.environment.path is None else renderer.probe(scene.environment))
+
+
+def lights_of(scene: Scene, probe: Probe | None) -> Illumination:
+    """Gather a scene's lights, with its probe; uses no OpenGL."""
     environment = scene.environment
-    probe = None if environment.path is None else renderer.probe(environment)
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
     return Illumination.of(scene.effective_lights(), eta, probe, to_probe, environment.intensity)
 

@@ -18,6 +18,7 @@ from viewer.scene import Change, Scene, changed
 from viewer.settings import CameraSettings, Light
 
 HISTORY = 200  # steps that can be undone
+DEFAULT_ERROR_POINTS = 300  # as `milkglass render --report`
 # What is shown -> the output of the composite; the last two are maps of a layer.
 SHOWN = {
     "beauty": "radiance",
@@ -48,6 +49,9 @@ class View:
     fixed_size: bool = False  # True: the scene's image size, fitted; False: the window's
     exposure_lock: float | None = None  # log-average luminance that exposure is held at
     split: float | None = None  # share of the view's width that shows the current state, None for all
+    measure: bool = False  # whether the error of what is shown is measured
+    error_points: int = DEFAULT_ERROR_POINTS
+    error_map: bool = True  # whether a measured error shows over the picture
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 
 from core.probe_blur import blurred
 from core.stages import Stages
-from viewer.camera import jittered
+from viewer.camera import jittered, pixel_offsets
 from viewer.composite_pass import Composite, CompositePass
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer, GBufferPass
-from viewer.gl import checked, latlong_texture
+from viewer.gl import checked, latlong_texture, read_rgba
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
 from viewer.picture import Picture
@@ -19,6 +20,7 @@ from viewer.scene import Scene
 from viewer.tonemap_pass import Background, TonemapPass
 
 Offsets = tuple[tuple[float, float], ...]
+Float32 = npt.NDArray[np.float32]
 
 
 class Shading:
@@ -105,6 +107,20 @@ class Shading:
             self._draw_sample(scene, lit, gather, offsets, done, targets)
             self._ahead = (key, done + 1)
         return done + 1 >= len(offsets)
+
+    def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
+        """Draw what lies at the middle of every pixel and read it back, top row first.
+
+        Returns
+        -------
+        alpha : (H, W) float32
+            1 where the object is.
+        position, exitance : (H, W, 3) float32
+            World space, mm; M.
+        """
+        textures = self._pixels(scene, lit, gather, pixel_offsets(1), True).textures
+        radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
+        return radiance[..., 3], position[..., :3], exitance[..., :3]
 
     def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> Composite:
         """Shade every pixel once a sample."""

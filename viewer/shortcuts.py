@@ -42,6 +42,7 @@ SHORTCUTS: dict[str, tuple[Shortcut, ...]] = {
         Shortcut("B", "flip", "flip between A and B"),
         Shortcut("V", "toggle_split", "split the view between A and B"),
         Shortcut("L", "toggle_exposure_lock", "lock the exposure"),
+        Shortcut("E", "toggle_measure", "measure the error of what is on screen"),
     ),
     "Window": (
         Shortcut("H", "toggle_help", "this cheat sheet"),

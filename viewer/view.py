@@ -62,8 +62,8 @@ class ViewArea:
         self._map: tuple[object, moderngl.Texture] | None = None
         self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
 
-    def draw(self, box: Box, now: float) -> None:
-        """Draw it into a box of the window, inside an ImGui window that fills the box."""
+    def steer(self, box: Box, now: float) -> None:
+        """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
         session = self._session
         scale = self._gui.pixels[0] / max(1, self._gui.size[0])
         width, height = box[2] - box[0], box[3] - box[1]
@@ -74,6 +74,9 @@ class ViewArea:
         self.size = session.scene.display.image_size if session.view.fixed_size else pixels
         self._drawn_at = fitted(box, self.size)
         self._judge(now)
+
+    def draw(self) -> None:
+        """Draw the picture into the box."""
         self.changed = False
         if not (self.refining and self.detail.samples == 1):
             self._draw_scene()
@@ -91,6 +94,17 @@ class ViewArea:
         if self.detail.samples < SAMPLES and self.picture is not None:
             return max(0.0, FINE_AFTER - age)
         return None
+
+    @property
+    def drawn_at(self) -> Box:
+        """Where the picture lies in the window."""
+        return self._drawn_at
+
+    @property
+    def shown(self) -> Scene:
+        """The session's scene with the size of the picture on screen, at full quality."""
+        scene = self._session.scene
+        return replace(scene, display=replace(scene.display, image_size=self.size))
 
     def at_rest(self) -> bool:
         """Whether the picture is at its best, with nothing more to come."""

@@ -5,6 +5,7 @@ from a picture by `visible_points` and from a scene by `Illumination`.
 """
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ Array = npt.NDArray[np.float64]
 
 DEFAULT_POINTS = 300
 BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
+RAYS = 1 << 15  # cast at a time: a few ms, during which no other Python thread runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +118,15 @@ class VisibleError:
     n_sources: int
 
     @property
+    def shares(self) -> Array:
+        """|M - M_ref| over the reference's rms, (n, 3)."""
+        size = np.sqrt(np.square(self.reference).mean(axis=0))
+        return np.asarray(np.abs(self.seen.exitance - self.reference) / np.where(size > 0.0, size, 1.0))
+
+    @property
     def at_points(self) -> Array:
         """|M - M_ref| of the worst channel over the reference's rms in that channel, (n,)."""
-        size = np.sqrt(np.square(self.reference).mean(axis=0))
-        error = np.abs(self.seen.exitance - self.reference) / np.where(size > 0.0, size, 1.0)
-        return np.asarray(error.max(axis=1))
+        return np.asarray(self.shares.max(axis=1))
 
 
 def visible_points(
@@ -163,6 +169,7 @@ def measure(
     material: Material,
     progress: Callable[[float], None] | None = None,
     threads: int = 0,
+    occluder: Occluder | None = None,
 ) -> VisibleError:
     """Sum equation (1) at visible points and compare.
 
@@ -172,30 +179,57 @@ def measure(
     mesh, illumination, material
         What the picture shows.
     progress : callable, optional
-        Called with the finished share, in [0, 1]; what it raises ends the work.
+        Called with the finished share, in [0, 1], several times a second, by one thread at a time; what it raises
+        ends the work.
     threads : int
         0 takes all cores.
+    occluder : Occluder, optional
+        Of the mesh, where it has been made before.
     """
-    profiles = dipoles(material)
+    profiles, say = dipoles(material), progress or (lambda _: None)
     bright = [p.mean_free_path for p in profiles if not p.is_black]
-    occluder, count = Occluder(mesh), len(seen.positions)
+    occluder, count = occluder or Occluder(mesh), len(seen.positions)
     reference, n_sources = np.zeros((count, 3)), 0
     order = np.argsort(seen.positions[:, 1], kind="stable")  # neighbours share fine sources
     for start in range(0, count, BATCH) if bright else ():
         batch = order[start : start + BATCH]
         points = seen.positions[batch]
-        sources = graded_sources(mesh, points, min(bright))
-        flux = illumination.irradiance(occluder, sources, material.eta) * sources.areas[:, None]
-        reference[batch] = _exitance(points, sources.points, flux, profiles, threads)
+
+        def finished(done: int, start: int = start) -> None:
+            say(min(1.0, (start + done) / count))
+
+        sources = graded_sources(mesh, points, min(bright), lambda finished=finished: finished(0))  # type: ignore[misc]
+        flux = np.empty((len(sources), 3))
+        for first in range(0, len(sources), RAYS):
+            finished(0)
+            part = sources[first : first + RAYS]
+            flux[first : first + RAYS] = illumination.irradiance(occluder, part, material.eta) * part.areas[:, None]
+        reference[batch] = _exitance(points, sources.points, flux, profiles, threads, finished)
         n_sources = max(n_sources, len(sources))
-        if progress is not None:
-            progress(min(1.0, (start + BATCH) / count))
+        finished(BATCH)
     return VisibleError(seen, reference, Deviation.of(seen.exitance, reference), n_sources)
 
 
-def _exitance(points: Array, sources: Array, flux: Array, profiles: tuple[Profile, ...], threads: int) -> Array:
-    """`core.reference.direct_exitance`, a share of the points a core."""
+def _exitance(
+    points: Array,
+    sources: Array,
+    flux: Array,
+    profiles: tuple[Profile, ...],
+    threads: int,
+    finished: Callable[[int], None],
+) -> Array:
+    """`core.reference.direct_exitance`, a share of the points a core; `finished` is told how many are done."""
     threads = threads or os.cpu_count() or 1
+    shares = np.array_split(points, 4 * threads)
+    done, lock = [0] * len(shares), threading.Lock()
+
+    def work(i: int) -> Array:
+        def count(share: float) -> None:
+            with lock:
+                done[i] = round(share * len(shares[i]))
+                finished(sum(done))
+
+        return direct_exitance(shares[i], sources, flux, profiles, count)
+
     with ThreadPoolExecutor(threads) as pool:
-        shares = np.array_split(points, 4 * threads)
-        return np.concatenate(list(pool.map(lambda share: direct_exitance(share, sources, flux, profiles), shares)))
+        return np.concatenate(list(pool.map(work, range(len(shares)))))
