@@ -13,6 +13,7 @@ Each step is kept until something that it depends on changes: kernels with (mate
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -93,6 +94,7 @@ class _FftTransport:
 
     threads: int = 0
     effort: str = "FFTW_ESTIMATE"
+    keep: int = 4  # convolvers: an orbiting camera changes the shape, and every body may have its own
     _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
 
     def exitance(
@@ -132,7 +134,7 @@ class _FftTransport:
 
     def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
         if shape not in self._convolvers:
-            if len(self._convolvers) >= 4:  # an orbiting camera changes the shape; plans of a few are kept
+            if len(self._convolvers) >= self.keep:
                 self._convolvers.pop(next(iter(self._convolvers)))
             self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
         return self._convolvers[shape]
@@ -152,6 +154,8 @@ class LayeredTransport(_FftTransport):
         Of the convolution; 0 takes all cores.
     effort : str
         FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
+    keep : int
+        Convolvers, one a shape of layers, that are kept for the next call.
     """
 
     SMOOTH: ClassVar[bool] = False
@@ -188,7 +192,7 @@ class EwaldTransport(_FftTransport):
         Nodes along the object's longest side.
     n_layers : int, optional
         Layers over the object's z extent; as dense as the nodes if not given, which is best.
-    threads, effort
+    threads, effort, keep
         See `LayeredTransport`.
     """
 
@@ -237,6 +241,7 @@ def _window_width(grid: LayerGrid) -> float:
     return ewald.WINDOW * max(grid.texel, grid.layer_distance)
 
 
+@lru_cache(maxsize=4096)  # every body asks again
 def _tail_distance(profile: Profile, area: float) -> float:
     """Smallest D with A R_d(D) <= TAIL T(0), mm, by bisection: R_d falls with distance."""
     enough = TAIL * float(profile.total(0.0)) / area
