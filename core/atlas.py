@@ -94,10 +94,10 @@ def fit_atlas(grid: LayerGrid, smooth: bool, vertices: npt.ArrayLike, body: npt.
     counts = np.array(grid.shape)
     low, high = low - SLACK, high + SLACK
     if smooth:
-        first, last = np.floor(low + 0.5) - 1.0, np.floor(high + 0.5) + 1.0
+        touched = np.floor(low + 0.5) - 1.0, np.floor(high + 0.5) + 1.0
     else:
-        first, last = np.floor(low), np.floor(high) + 1.0
-    first, last = (np.clip(node, 0, counts - 1).astype(np.int64) for node in (first, last))
+        touched = np.floor(low), np.floor(high) + 1.0
+    first, last = (np.clip(node, 0, counts - 1).astype(np.int64) for node in touched)
     sizes = np.minimum(-(-(last - first + 1) // ROUND) * ROUND, counts)
     first = np.minimum(first, counts - sizes)
     places, shape = _packed(sizes + 2 * BORDER)

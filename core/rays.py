@@ -29,9 +29,7 @@ class RayMesh:
         )
         return hits["primID"].astype(np.int64), hits["tfar"].astype(np.float64)
 
-    def all_hits(
-        self, origins: Array, directions: Array, step: float, *, segments: bool = False
-    ) -> tuple[Ints, Ints]:
+    def all_hits(self, origins: Array, directions: Array, step: float, *, segments: bool = False) -> tuple[Ints, Ints]:
         """Every hit of n rays: (ray, face), (k,) each.
 
         Parameters

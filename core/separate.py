@@ -6,6 +6,7 @@ the bodies' boxes together, and where a body is in the dark there is none.
 """
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -41,8 +42,8 @@ class SeparateTransport:
         body = bodies.of_face[samples.faces]
         order = np.argsort(body, kind="stable")
         bounds = np.searchsorted(body[order], np.arange(bodies.count + 1))
-        self._samples = [order[start:stop] for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
-        areas = np.bincount(body, samples.areas, bodies.count)
+        self._samples = [order[start:stop] for start, stop in pairwise(bounds)]
+        areas = np.maximum(np.bincount(body, samples.areas, bodies.count), np.finfo(np.float64).tiny)
         self._areas = 2.0 ** (np.ceil(AREAS_A_DOUBLING * np.log2(areas)) / AREAS_A_DOUBLING)
         self._kernels: _Kernels = {}
         self._stages = [_BodyStages(self._kernels) for _ in self._samples]

@@ -26,6 +26,9 @@ EXACT = 8  # texels from the centre within which texel means are exact; beyond, 
 class Profile(Protocol):
     """A radial diffusion profile of one colour channel; `core.dipole.Dipole` is one."""
 
+    def __hash__(self) -> int:
+        """Profiles are keys of what is computed from them, by value."""
+
     @property
     def is_black(self) -> bool:
         """Whether the profile is 0 everywhere."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
 
+from core.bodies import Bodies, find_bodies
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
@@ -37,7 +38,7 @@ class Assets:
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
         """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
-        return self._get("mesh", settings, lambda: _load(settings))  # type: ignore[no-any-return]
+        return self._get("mesh", settings.shape, lambda: _load(settings))  # type: ignore[no-any-return]
 
     def probe(self, path: Path) -> Probe:
         """Return a light probe; errors as `viewer.images.read_radiance`."""
@@ -50,13 +51,22 @@ class Assets:
         _, samples = self._get("samples", key, lambda: (mesh, surface_samples(mesh, spacing)))
         return samples  # type: ignore[no-any-return]
 
+    def bodies(self, mesh: Mesh) -> Bodies:
+        """Return the bodies of a mesh, see `core.bodies.find_bodies`."""
+        # The mesh is kept with them, as with its samples.
+        return self._get("bodies", id(mesh), lambda: (mesh, find_bodies(mesh)))[1]  # type: ignore[no-any-return]
+
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
-        return self._has("mesh", settings)
+        return self._has("mesh", settings.shape)
 
     def has_probe(self, path: Path) -> bool:
         """Whether `probe` would return at once."""
         return self._has("probe", path)
+
+    def has_bodies(self, mesh: Mesh) -> bool:
+        """Whether `bodies` would return at once."""
+        return self._has("bodies", id(mesh))
 
     def has_samples(self, mesh: Mesh, spacing: float) -> bool:
         """Whether `samples` would return at once."""

@@ -7,14 +7,18 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.atlas import fit_atlas
+from core.bodies import Bodies
 from core.dipole import dipoles
 from core.environment import Probe, irradiance_table
 from core.layers import LayerGrid
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
+from core.separate import SeparateTransport
 from core.stages import Stages
 from core.transport import EwaldTransport, LayeredTransport, Profiles, Transport
 from viewer.assets import Assets
+from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import Gather
@@ -28,6 +32,8 @@ from viewer.shadows_pass import ShadowsPass
 
 Float32 = npt.NDArray[np.float32]
 Progress = Callable[[str], None]
+
+CONVOLVERS = 4  # kept for shapes of layers that come back as the camera turns, besides one a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +69,10 @@ class LitScene:
         Grid coordinates of the samples.
     flux : (n, 3) float32
         E dA of the samples, all lights.
+    bodies : Bodies, optional
+        Where they are to be separate.
+    separated : Separated, optional
+        Where they are more than one.
     """
 
     model: Model
@@ -75,6 +85,8 @@ class LitScene:
     profiles: Profiles
     coordinates: Float32
     flux: Float32
+    bodies: Bodies | None = None
+    separated: Separated | None = None
 
 
 class Lighting:
@@ -95,14 +107,19 @@ class Lighting:
         run, settings, material = self._run, scene.transport, scene.material.resolve()
 
         say("loading the model")
-        model = run("model", [scene.model], lambda: self._load(scene.model))
+        model = run("model", [scene.model.shape], lambda: self._load(scene.model))
+        bodies = None
+        if scene.model.bodies == "separate":
+            bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
+        count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
         quality = choose_quality(settings, profiles, model.mesh)
         sizes = quality.method, quality.layers, quality.resolution
-        transport = run("transport", sizes, lambda: _transport(quality, self._effort))
+        transport = run("transport", [*sizes, count], lambda: _transport(quality, self._effort, count))
         grid = transport.grid(model.mesh, camera.rotation)
-        self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
+        if count == 1:
+            self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
         say("sampling the surface")
         spacing = sample_spacing(model.mesh, settings)
@@ -111,13 +128,18 @@ class Lighting:
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
+        separated = None
+        if bodies is not None and count > 1:
+            separated = self._separated(model, bodies, transport, grid, samples)
+
         say("casting shadows")
-        sources = (*self._lamps(scene, model), *self._surround(scene.environment, material.eta))
+        sources = (*self._lamps(scene, model, separated), *self._surround(scene.environment, material.eta))
 
         say("lighting the surface")
         flux = self._flux(surface, sources, material.eta)
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        return LitScene(model, camera, sources, material.eta, quality, transport, grid, profiles, coordinates, flux)
+        placed = transport, grid, profiles, coordinates, flux
+        return LitScene(model, camera, sources, material.eta, quality, *placed, bodies, separated)
 
     def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload the result of transport."""
@@ -126,8 +148,12 @@ class Lighting:
             "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
         )
         table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
-        to_texture, smooth = lit.grid.world_to_texture, lit.transport.SMOOTH
-        return Gather(volume, to_texture, smooth, table, local.reach, lit.eta)
+        to_texture, offsets = lit.grid.world_to_texture, None
+        if lit.separated is not None:
+            atlas = lit.separated.atlas
+            to_texture = atlas.world_to_texture
+            offsets = self._run("body offsets", [atlas], lambda: self._layers.offsets(atlas))
+        return Gather(volume, to_texture, lit.transport.SMOOTH, table, local.reach, lit.eta, offsets)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -139,15 +165,31 @@ class Lighting:
         mesh, warning = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
 
-    def _lamps(self, scene: Scene, model: Model) -> list[LightSource]:
+    def _separated(
+        self, model: Model, bodies: Bodies, transport: Transport, grid: LayerGrid, samples: SurfaceSamples
+    ) -> Separated:
+        run, mesh = self._run, model.mesh
+        marks = run("body marks", [model, bodies], lambda: BodyMarks(self._context, mesh, bodies))
+        cut = grid, transport.SMOOTH
+        atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
+        self._layers.check_atlas(atlas)
+        alone = run(
+            "separate transport",
+            [transport, bodies, samples],
+            lambda: SeparateTransport(transport, bodies, samples),
+        )
+        return Separated(marks, atlas, alone)
+
+    def _lamps(self, scene: Scene, model: Model, separated: Separated | None) -> list[LightSource]:
         """Directional and point lights, each with its shadow map."""
+        bodies = None if separated is None else separated.marks.buffer
 
         def cast(light: Light) -> LightSource:
-            shadow = self._shadows.render(model.buffers, model.mesh, light)
+            shadow = self._shadows.render(model.buffers, model.mesh, light, bodies)
             return lamp(light, shadow, self._no_probe)
 
         return [
-            self._run(f"shadow of light {i}", [model, light], lambda light=light: cast(light))  # type: ignore[misc]
+            self._run(f"shadow of light {i}", [model, light, bodies], lambda light=light: cast(light))  # type: ignore[misc]
             for i, light in enumerate(scene.effective_lights(), start=1)
         ]
 
@@ -188,7 +230,8 @@ class Lighting:
         return self._run("flux", [surface, *each], total)
 
 
-def _transport(quality: Quality, effort: str) -> Transport:
+def _transport(quality: Quality, effort: str, bodies: int) -> Transport:
+    keep = CONVOLVERS + bodies - 1
     if quality.method == "layered":
-        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
-    return EwaldTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort)
+        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
+    return EwaldTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort, keep=keep)

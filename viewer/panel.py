@@ -62,7 +62,7 @@ class Panel:
             ("Highlights", False, self._highlights),
             ("Tone mapping", False, self._tone_mapping),
             ("Light transport", True, lambda: self._transport(live)),
-            ("Model", False, self._model),
+            ("Model", False, lambda: self._model(live)),
             ("Camera", False, self._camera),
         ):
             if self.controls.section(label, is_open=is_open):
@@ -238,7 +238,7 @@ class Panel:
             controls.setting("transport.error_target", "Error target", lit.quality.error_target or DEFAULT_ERROR_TARGET)
             controls.note(lit.quality.warning or f"about {100.0 * lit.quality.predicted_error:.2g} % error expected")
 
-    def _model(self) -> None:
+    def _model(self, live: Live) -> None:
         session, controls = self._session, self.controls
         path = session.scene.model.path
         controls.begin_row("Model")
@@ -246,6 +246,12 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
+        controls.setting("model.bodies", "Bodies")
+        if live.finished is not None and live.finished.lit.bodies is not None:
+            count = live.finished.lit.bodies.count
+            controls.note(
+                "one body: nothing to separate" if count == 1 else f"{count} bodies, each scatters light alone"
+            )
         if path is not None:
             if imgui.button("Built-in sculpture"):
                 model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)

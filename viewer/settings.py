@@ -41,11 +41,20 @@ class ModelSettings:
         "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
         why="axis of the file that points up; most scans use y"
     )
+    bodies: str = setting(
+        "text", "joined", choices=("joined", "separate"),
+        why="joined: equation (1) over the whole surface, air gaps crossed; separate: each closed part scatters alone"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
         if self.path is not None and self.builtin is not None:
             raise InputError("model.path and model.builtin are both given; keep one of them")
+
+    @property
+    def shape(self) -> "ModelSettings":
+        """What the mesh depends on: these settings, but for the bodies."""
+        return replace(self, bodies="joined")
 
     @property
     def builtin_name(self) -> str | None:

@@ -5,13 +5,14 @@ from a picture by `visible_points` and from a scene by `Illumination`.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from core.bodies import Bodies, bodies_at
 from core.dipole import dipoles
 from core.environment import Probe, irradiance_table, lookup
 from core.errors import InputError
@@ -163,6 +164,7 @@ def measure(
     material: Material,
     progress: Callable[[float], None] | None = None,
     threads: int = 0,
+    bodies: Bodies | None = None,
 ) -> VisibleError:
     """Sum equation (1) at visible points and compare.
 
@@ -175,22 +177,36 @@ def measure(
         Called with the finished share, in [0, 1]; what it raises ends the work.
     threads : int
         0 takes all cores.
+    bodies : Bodies, optional
+        Of the mesh, where each scatters light alone: the sum at a point then runs over its own body.
     """
     profiles = dipoles(material)
     bright = [p.mean_free_path for p in profiles if not p.is_black]
     occluder, count = Occluder(mesh), len(seen.positions)
     reference, n_sources = np.zeros((count, 3)), 0
-    order = np.argsort(seen.positions[:, 1], kind="stable")  # neighbours share fine sources
-    for start in range(0, count, BATCH) if bright else ():
-        batch = order[start : start + BATCH]
-        points = seen.positions[batch]
-        sources = graded_sources(mesh, points, min(bright))
-        flux = illumination.irradiance(occluder, sources, material.eta) * sources.areas[:, None]
-        reference[batch] = _exitance(points, sources.points, flux, profiles, threads)
-        n_sources = max(n_sources, len(sources))
-        if progress is not None:
-            progress(min(1.0, (start + BATCH) / count))
+    done = 0
+    for surface, own in _own_surfaces(mesh, seen.positions, bodies) if bright else ():
+        order = own[np.argsort(seen.positions[own, 1], kind="stable")]  # neighbours share fine sources
+        for start in range(0, len(own), BATCH):
+            batch = order[start : start + BATCH]
+            points = seen.positions[batch]
+            sources = graded_sources(surface, points, min(bright))
+            flux = illumination.irradiance(occluder, sources, material.eta) * sources.areas[:, None]
+            reference[batch] = _exitance(points, sources.points, flux, profiles, threads)
+            n_sources, done = max(n_sources, len(sources)), done + len(batch)
+            if progress is not None:
+                progress(done / count)
     return VisibleError(seen, reference, Deviation.of(seen.exitance, reference), n_sources)
+
+
+def _own_surfaces(mesh: Mesh, points: Array, bodies: Bodies | None) -> Iterator[tuple[Mesh, npt.NDArray[np.intp]]]:
+    """Surfaces whose light reaches points (n, 3), and which of the points they are."""
+    if bodies is None:
+        yield mesh, np.arange(len(points))
+        return
+    body = bodies_at(mesh, bodies, points)
+    for each in np.unique(body):
+        yield bodies.part(mesh, int(each)), np.flatnonzero(body == each)
 
 
 def _exitance(points: Array, sources: Array, flux: Array, profiles: tuple[Profile, ...], threads: int) -> Array:
