@@ -72,7 +72,7 @@ def find_bodies(mesh: Mesh) -> Bodies:
         return Bodies(np.zeros(len(faces), np.int32), 1, 0)
     parts = _Parts(vertices - vertices.mean(axis=0), faces[whole], part[whole], count)
     opened = np.flatnonzero(parts.is_open)
-    rims = np.stack([opened, np.full(len(opened), opened.min(initial=0))])
+    rims = np.stack([opened, np.repeat(opened[:1], len(opened))])
     crossed = parts.crossings()
     links = np.concatenate([rims, crossed, parts.enclosures(crossed)], axis=1)
     n, body = _connected(links[0], links[1], count)
