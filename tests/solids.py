@@ -4,13 +4,18 @@ import numpy as np
 import trimesh
 
 from core.mesh import Mesh
+from core.normals import crease_normals
 
 
 def mesh_of(*parts: trimesh.Trimesh) -> Mesh:
-    """Join parts; flat shading for all."""
-    vertices = np.concatenate([part.vertices[part.faces].reshape(-1, 3) for part in parts])
-    normals = np.concatenate([np.repeat(part.face_normals, 3, axis=0) for part in parts])
-    return Mesh.of(vertices, normals, np.arange(len(vertices)).reshape(-1, 3))
+    """Join parts, with normals as the program computes them for files without."""
+    placed = [crease_normals(np.asarray(part.vertices), np.asarray(part.faces)) for part in parts]
+    starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in placed)])
+    return Mesh.of(
+        np.concatenate([vertices for vertices, _, _ in placed]),
+        np.concatenate([normals for _, normals, _ in placed]),
+        np.concatenate([faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]),
+    )
 
 
 def ball(radius=1.0, at=(0.0, 0.0, 0.0), subdivisions=3, inverted=False) -> trimesh.Trimesh:
