@@ -128,12 +128,14 @@ class Lighting:
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
-        separated = None
+        separated = marks = None
         if bodies is not None and count > 1:
             separated = self._separated(model, bodies, transport, grid, samples)
+            # Light through thin sheets, of ewald alone, asks which body a shadow map shows.
+            marks = separated.marks.buffer if quality.method == "ewald" else None
 
         say("casting shadows")
-        sources = (*self._lamps(scene, model, separated), *self._surround(scene.environment, material.eta))
+        sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta))
 
         say("lighting the surface")
         flux = self._flux(surface, sources, material.eta)
@@ -180,9 +182,8 @@ class Lighting:
         )
         return Separated(marks, atlas, alone)
 
-    def _lamps(self, scene: Scene, model: Model, separated: Separated | None) -> list[LightSource]:
-        """Directional and point lights, each with its shadow map."""
-        bodies = None if separated is None else separated.marks.buffer
+    def _lamps(self, scene: Scene, model: Model, bodies: moderngl.Buffer | None) -> list[LightSource]:
+        """Directional and point lights, each with its shadow map, which tells bodies apart if they are given."""
 
         def cast(light: Light) -> LightSource:
             shadow = self._shadows.render(model.buffers, model.mesh, light, bodies)
