@@ -59,6 +59,11 @@ class ConvolutionShape:
         return _even_fast_length(self.padding[0] if self.padding else 2 * self.n_layers - 1)
 
     @property
+    def padded_nodes(self) -> int:
+        """Nodes after zero padding: what the transforms' cost goes by."""
+        return self.padded_layers * self.padded_height * self.padded_width
+
+    @property
     def mixes_pairs(self) -> bool:
         """Whether layers mix pair by pair."""
         return self.padding is None and self.n_layers <= PAIRS_UP_TO

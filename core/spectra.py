@@ -24,10 +24,10 @@ EXACT = 8  # texels from the centre within which texel means are exact; beyond, 
 
 
 class Profile(Protocol):
-    """A radial diffusion profile of one colour channel; `core.dipole.Dipole` is one."""
+    """A radial diffusion profile of one colour channel, compared by value; `core.dipole.Dipole` is one."""
 
     def __hash__(self) -> int:
-        """Profiles are keys of what is computed from them, by value."""
+        """Equal profiles share what is computed of them."""
 
     @property
     def is_black(self) -> bool:

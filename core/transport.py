@@ -4,17 +4,17 @@ M(x) = sum of W(x) O over nodes near x + a local term: W spreads flux over the l
 is the deposited flux convolved with a kernel, and the local term is what the layers are too coarse for. Two methods:
 
 * `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, no local term.
-* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines, the
-  kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
+* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines or tents,
+  the kernel R_d smoothed to what the layers can carry, and the rest local (see `core.ewald`).
 
 Each step is kept until something that it depends on changes: kernels with (material, layers), the deposit with
 (light, layers).
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,8 @@ Float32 = npt.NDArray[np.float32]
 Profiles = Sequence[Profile]
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
-TAIL = 0.02  # share of the reflectance that may wrap around the padded box (of `EwaldTransport`)
+CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
+TAIL = 1e-4  # share of a channel's reflectance that may wrap around its padded box: a ball's dark side shows 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,9 @@ class LocalTerm:
 class Transport(Protocol):
     """A way to spread light inside an object."""
 
-    SMOOTH: ClassVar[bool]  # whether W are quadratic B-splines rather than tents
+    @property
+    def smooth(self) -> bool:
+        """Whether W are quadratic B-splines rather than tents."""
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Place the layers for a mesh seen with a world-to-view rotation (3, 3), row vectors."""
@@ -94,25 +97,25 @@ class _FftTransport:
 
     threads: int = 0
     effort: str = "FFTW_ESTIMATE"
-    keep: int = 4  # convolvers: an orbiting camera changes the shape, and every body may have its own
+    keep: int = CONVOLVERS
     _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
 
     def exitance(
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
         """Deposit, kernels, convolution; see `Transport.exitance`."""
-        convolver = self._convolver(self._shape(grid, profiles, area))
+        convolvers = [self._convolver(self._shape(grid, profile, area)) for profile in profiles]
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         spectra = stages.run(
             "spectra",
-            (tuple(profiles), convolver, grid.texel, grid.layer_distance),
-            lambda: list(thread_pool().map(lambda p: self._prepared(p, grid, convolver), profiles)),
+            (tuple(profiles), *convolvers, grid.texel, grid.layer_distance),
+            lambda: list(thread_pool().map(lambda p, c: self._prepared(p, grid, c), profiles, convolvers)),
         )
 
         def convolve() -> Float32:
             out = np.zeros_like(layers)
-            for channel, spectrum in enumerate(spectra):
+            for channel, (spectrum, convolver) in enumerate(zip(spectra, convolvers, strict=True)):
                 if spectrum is not None and layers[channel].any():
                     out[channel] = convolver.convolve(layers[channel], spectrum)
             return out
@@ -126,7 +129,7 @@ class _FftTransport:
         """See `Transport.weights`."""
         raise NotImplementedError
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
         raise NotImplementedError
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
@@ -158,10 +161,13 @@ class LayeredTransport(_FftTransport):
         Convolvers, one a shape of layers, that are kept for the next call.
     """
 
-    SMOOTH: ClassVar[bool] = False
-
     n_layers: int = 8
     resolution: int = 128
+
+    @property
+    def smooth(self) -> bool:
+        """Never."""
+        return False
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers across the view to the mesh."""
@@ -175,7 +181,7 @@ class LayeredTransport(_FftTransport):
         """Nothing."""
         return LocalTerm(np.zeros((1, 3)), 0.0)
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
         return ConvolutionShape(*grid.shape)
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
@@ -192,58 +198,70 @@ class EwaldTransport(_FftTransport):
         Nodes along the object's longest side.
     n_layers : int, optional
         Layers over the object's z extent; as dense as the nodes if not given, which is best.
+    assignment : str
+        ``tsc``, quadratic B-splines over 27 nodes, or ``tent``, linear ones over 8.
     threads, effort, keep
         See `LayeredTransport`.
     """
 
-    SMOOTH: ClassVar[bool] = True
-
     resolution: int = 60
     n_layers: int | None = None
+    assignment: str = ewald.TSC
+
+    @property
+    def smooth(self) -> bool:
+        """With TSC."""
+        return self.assignment == ewald.TSC
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
         return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """Quadratic B-splines."""
-        return smooth_matrix(grid, coordinates)
+        """B-splines of the assignment's order."""
+        return smooth_matrix(grid, coordinates) if self.smooth else tent_matrix(grid, coordinates)
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
         """The rho_s of `core.ewald.local_table`."""
-        s = _window_width(grid)
+        s = self._window_width(grid)
         thickness = np.linspace(0.0, ewald.SHEET_REACH * s, SHEET_NODES)
         factors = [np.zeros(SHEET_NODES) if p.is_black else ewald.local_table(p, s)(thickness) for p in profiles]
         return LocalTerm(np.stack(factors, axis=-1), float(thickness[-1]))
 
-    def _shape(self, grid: LayerGrid, profiles: Profiles, area: float) -> ConvolutionShape:
-        """Pad by the distance beyond which the tails of all sources together are negligible; at most by the extent."""
+    def padded(self, grid: LayerGrid, reach: float) -> ConvolutionShape:
+        """Pad a channel by its `tail_reach`; at most by the extent."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
-        reach = max((_tail_distance(p, area) for p in profiles if not p.is_black), default=0.0)
         counts = np.array(grid.shape)
         extra = np.minimum(np.ceil(reach / spacing), counts - 1)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
+    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
+        return self.padded(grid, tail_reach(profile, area))
+
+    def _window_width(self, grid: LayerGrid) -> float:
+        return ewald.WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
+
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
         z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
         z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
         rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
-        kernel = ewald.long_range(profile, _window_width(grid), float(rho[-1, -1, -1]))(rho)
+        kernel = ewald.long_range(profile, self._window_width(grid), float(rho[-1, -1, -1]))(rho)
         spectrum = kernel_spectrum(kernel, shape)
         for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
-            factor = ewald.influence(np.asarray(2.0 * np.pi / padded * np.arange(padded // 2 + 1)))
+            factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), self.assignment)
             spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
         return spectrum
 
 
-def _window_width(grid: LayerGrid) -> float:
-    return ewald.WINDOW * max(grid.texel, grid.layer_distance)
+@functools.lru_cache(maxsize=1024)  # every body asks again
+def tail_reach(profile: Profile, area: float) -> float:
+    """Distance, mm, beyond which the tails of all sources together are negligible, on an object of `area` mm^2.
 
-
-@lru_cache(maxsize=4096)  # every body asks again
-def _tail_distance(profile: Profile, area: float) -> float:
-    """Smallest D with A R_d(D) <= TAIL T(0), mm, by bisection: R_d falls with distance."""
+    The smallest D with A R_d(D) <= TAIL T(0), by bisection: R_d falls with distance. 0 for black.
+    """
+    if profile.is_black:
+        return 0.0
     enough = TAIL * float(profile.total(0.0)) / area
     low, high = 0.0, np.sqrt(area)
     while float(profile.radial(high)) > enough:

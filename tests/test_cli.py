@@ -44,7 +44,7 @@ def rendered(monkeypatch):
         )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
-    use(monkeypatch, "frame", SimpleNamespace(render=render))
+    use(monkeypatch, "frame", SimpleNamespace(render=render, render_image=render))
     return rendered
 
 
@@ -142,7 +142,7 @@ def test_what_happens_inside_becomes_an_exit_code(raised, code, said, monkeypatc
     def render(*_, **__):
         raise raised
 
-    use(monkeypatch, "frame", SimpleNamespace(render=render))
+    use(monkeypatch, "frame", SimpleNamespace(render=render, render_image=render))
     assert cli.main(["render", "--output", "a.png"]) == code
     assert capsys.readouterr().err.startswith(said)
 

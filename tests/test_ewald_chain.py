@@ -11,6 +11,7 @@ from core.reference import direct_exitance
 from core.samples import surface_samples
 from tests.rendering import BACK, FRONT, MeshRenderer, RayCaster, inside, relative_rms
 from tests.shapes import plate
+from viewer.report import error_report
 from viewer.scene import DirectionalLight, PointLight, Scene, apply_set
 
 MATERIALS = ("marble", "skimmilk", "wholemilk", "skin1", "jade", "ketchup")
@@ -88,7 +89,7 @@ def test_sheets_from_two_spacings_to_a_tenth_lit_from_behind(context, material):
             assert np.all(errors < limit), (share, errors)
 
 
-@pytest.mark.parametrize("shape", ["ball", "plate"])
+@pytest.mark.parametrize("shape", ["knot", "plate"])
 def test_a_smaller_error_target_takes_more_nodes_and_errs_less(renderer_of, oracles, shape):
     errors, nodes = [], []
     for target in (0.05, 0.02, 0.01):
@@ -106,12 +107,25 @@ def test_a_smaller_error_target_takes_more_nodes_and_errs_less(renderer_of, orac
 
 
 def test_a_target_out_of_reach_says_what_to_expect(renderer_of):
-    """Spectralon's mean free path is 0.05 mm: 80 nodes along 20 mm are 0.25 mm apart."""
-    frame = renderer_of("ball").render(scene_of("material.name=spectralon", "transport.error_target=0.02"), samples=1)
+    """Spectralon's mean free path is 0.05 mm, a fifth of the distance of the nodes that a slider can wait for."""
+    frame = renderer_of("ball").render(scene_of("material.name=spectralon"), samples=1)
     (warning,) = frame.warnings
-    assert "instead of 2 %" in warning
-    assert "transport.resolution" in warning
+    assert "too coarse" in warning
+    assert "an error of 2 %" in warning
+    assert "transport.error_target" in warning
     assert "\n" not in warning
+
+
+def test_a_target_that_a_person_sets_may_take_a_larger_grid(renderer_of):
+    """Spectralon again: nearly twice the nodes, and less error."""
+    renderer, errors, nodes = renderer_of("knot"), [], []
+    for settings in ((), ("transport.error_target=0.02",)):
+        scene = scene_of("material.name=spectralon", *settings, lights=(DirectionalLight(BACK),))
+        report = error_report(renderer, scene, points=100).content
+        nodes.append(report["transport"]["resolution"])
+        errors.append(report["error"]["rms_together"])
+    assert nodes[1] > 1.5 * nodes[0]
+    assert errors[1] < 0.7 * errors[0], errors
 
 
 def test_orbiting_runs_no_transport_and_shows_the_same_exitance(renderer_of):

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.errors import InputError
 from core.mesh import Mesh
 from tests.rendering import BACK, FRONT, METHODS, MeshRenderer, inside, outliers, relative_rms, scene_of
 from viewer import images
+from viewer.frame import render, render_image
 from viewer.scene import (
     CameraSettings,
     DirectionalLight,
@@ -285,3 +287,14 @@ def test_the_python_interface_of_the_readme(context, tmp_path, monkeypatch):
     assert isinstance(frame, Frame)
     assert frame.warnings == ()
     assert frame.image.std() > 10.0
+
+
+def test_the_image_alone_is_the_frames_image_and_writes_png_only(context, tmp_path):
+    scene = scene_of("display.image_size=[64, 48]", "display.background=transparent")
+    still, frame = render_image(scene, samples=2), render(scene, samples=2)
+    np.testing.assert_array_equal(still.image, frame.image)
+    assert still.quality == frame.quality
+    still.save(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"must end in .png"):
+        still.save(tmp_path / "a.exr")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]

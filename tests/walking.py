@@ -128,6 +128,7 @@ CONTROLS = [
     ),
     *sliders("probe", environment__rotation_deg=0.8, environment__intensity=0.9, display__background_blur_deg=0.5),
     *sliders("ewald", transport__error_target=0.9),
+    Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
     *(
         Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", share))
         for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))

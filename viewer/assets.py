@@ -7,16 +7,20 @@ still there when an edit is undone, even if the file is gone by then.
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from core.accuracy import Roughness, roughness
 from core.bodies import Bodies, find_bodies
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
+from core.transport import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
-from viewer.settings import ModelSettings
+from viewer.quality import Quality, choose_quality, survey_spacing
+from viewer.settings import ModelSettings, TransportSettings
 
 LoadedMesh = tuple[Mesh, str | None]
 
@@ -38,7 +42,7 @@ class Assets:
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
         """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
-        return self._get("mesh", settings.shape, lambda: _load(settings))  # type: ignore[no-any-return]
+        return self._get("mesh", shape_of(settings), lambda: _load(settings))  # type: ignore[no-any-return]
 
     def probe(self, path: Path) -> Probe:
         """Return a light probe; errors as `viewer.images.read_radiance`."""
@@ -56,9 +60,27 @@ class Assets:
         # The mesh is kept with them, as with its samples.
         return self._get("bodies", id(mesh), lambda: (mesh, find_bodies(mesh)))[1]  # type: ignore[no-any-return]
 
+    def roughness(self, mesh: Mesh) -> Roughness:
+        """Return how rough a mesh is, from samples that serve most grids too."""
+
+        def measure() -> tuple[Mesh, Roughness]:
+            return mesh, roughness(self.samples(mesh, survey_spacing(mesh)), mesh.bounds)
+
+        return self._get("roughness", id(mesh), measure)[1]  # type: ignore[no-any-return]
+
+    def quality(self, settings: TransportSettings, profiles: Profiles, mesh: Mesh, sharp_light: bool) -> Quality:
+        """Return layers and resolution, see `viewer.quality.choose_quality`; only `ewald` needs to know the shape."""
+        shape = self.roughness(mesh) if settings.method == "ewald" else None
+
+        def choose() -> tuple[Mesh, Quality]:
+            return mesh, choose_quality(settings, profiles, mesh, shape, sharp_light)
+
+        key = (settings, tuple(profiles), id(mesh), sharp_light)
+        return self._get("quality", key, choose)[1]  # type: ignore[no-any-return]
+
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
-        return self._has("mesh", settings.shape)
+        return self._has("mesh", shape_of(settings))
 
     def has_probe(self, path: Path) -> bool:
         """Whether `probe` would return at once."""
@@ -67,6 +89,10 @@ class Assets:
     def has_bodies(self, mesh: Mesh) -> bool:
         """Whether `bodies` would return at once."""
         return self._has("bodies", id(mesh))
+
+    def has_roughness(self, mesh: Mesh) -> bool:
+        """Whether `roughness` would return at once."""
+        return self._has("roughness", id(mesh))
 
     def has_samples(self, mesh: Mesh, spacing: float) -> bool:
         """Whether `samples` would return at once."""
@@ -101,6 +127,11 @@ class Assets:
             while len(kept) > self._keep:
                 kept.popitem(last=False)
         return value
+
+
+def shape_of(settings: ModelSettings) -> ModelSettings:
+    """Return what a mesh depends on: the settings of its model, but for the bodies."""
+    return replace(settings, bodies="joined")
 
 
 def _load(settings: ModelSettings) -> LoadedMesh:

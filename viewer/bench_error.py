@@ -25,11 +25,12 @@ from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profile
 from core.stages import Stages
 from core.transport import EwaldTransport, LayeredTransport, LocalTerm, Transport
+from viewer.assets import Assets
 from viewer.bench_shapes import SHAPES
 from viewer.bench_sheet import SheetRays
 from viewer.camera import place_camera
 from viewer.deviation import Deviation
-from viewer.quality import Quality, choose_quality, sample_spacing
+from viewer.quality import Quality, sample_spacing
 from viewer.settings import CameraSettings, TransportSettings
 
 Array = npt.NDArray[np.float64]
@@ -107,7 +108,9 @@ class Scheme:
 # A further method is one more line here and its schemes below.
 METHODS: dict[str, Callable[[Quality], Transport]] = {
     "layered": lambda quality: LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution),
-    "ewald": lambda quality: EwaldTransport(n_layers=quality.layers, resolution=quality.resolution),
+    "ewald": lambda quality: EwaldTransport(
+        n_layers=quality.layers, resolution=quality.resolution, assignment=quality.assignment
+    ),
 }
 PAPER = Scheme("layered", 4, 256)
 LAYERED = (PAPER, *(Scheme("layered", n, 128) for n in (8, 16, 32, 64, 128)))
@@ -169,15 +172,17 @@ class Run:
 
     def __init__(self, scheme: Scheme, target: Target) -> None:
         self.scheme, self.target, self.stages = scheme, target, Stages()
-        self._samples = surface_samples(target.mesh, sample_spacing(target.mesh, scheme.settings))
+        self._assets = Assets()
         self._placed: dict[Quality, Placed] = {}
 
     def exitance(self, light: BenchLight, material: Material) -> Array:
         """M at the target's points, (n, 3); `stages.timings` tells what transport did anew."""
         target, profiles = self.target, dipoles(material)
-        placed = self._place(choose_quality(self.scheme.settings, profiles, target.mesh))
-        irradiance = light.irradiance(target.occluder, self._samples, material.eta)
-        flux = (irradiance * self._samples.areas[:, None]).astype(np.float32)
+        quality = self._assets.quality(self.scheme.settings, profiles, target.mesh, sharp_light=True)
+        samples = self._samples(quality)
+        placed = self._place(quality, samples)
+        irradiance = light.irradiance(target.occluder, samples, material.eta)
+        flux = (irradiance * samples.areas[:, None]).astype(np.float32)
         self.stages.begin()
         transport, grid = placed.transport, placed.grid
         nodes = transport.exitance(grid, placed.coordinates, flux, profiles, target.mesh.area, self.stages)
@@ -195,11 +200,15 @@ class Run:
             value += factors * (thickness > 0.0)[:, None] * other_side
         return np.asarray(value)
 
-    def _place(self, quality: Quality) -> Placed:
+    def _samples(self, quality: Quality) -> SurfaceSamples:
+        mesh = self.target.mesh
+        return self._assets.samples(mesh, sample_spacing(mesh, self.scheme.settings, quality.resolution))
+
+    def _place(self, quality: Quality, samples: SurfaceSamples) -> Placed:
         if quality not in self._placed:
             transport = METHODS[quality.method](quality)
             grid = transport.grid(self.target.mesh, self.target.rotation)
-            coordinates = grid.coordinates(self._samples.points).astype(np.float32)
+            coordinates = grid.coordinates(samples.points).astype(np.float32)
             gather = transport.weights(grid, grid.coordinates(self.target.points.points))
             self._placed[quality] = Placed(transport, grid, coordinates, gather)
         return self._placed[quality]

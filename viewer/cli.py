@@ -14,7 +14,7 @@ from viewer.options import scene_options
 from viewer.scene import Scene, default_scene
 
 if TYPE_CHECKING:
-    from viewer.picture import Frame
+    from viewer.picture import Frame, Still
 
 # OpenGL, FFTW and the window are imported inside the commands that need them: help and tables stay fast and
 # work on a machine that has none of them.
@@ -60,7 +60,7 @@ def default(
         if has_display():
             _run_window(default_scene())
         else:
-            _save(_render(default_scene(), DEFAULT_SAMPLES, 0), [DEFAULT_PICTURE])
+            _save(_render(default_scene(), DEFAULT_SAMPLES, 0, [DEFAULT_PICTURE]), [DEFAULT_PICTURE])
             typer.echo(f"There is no display for a window, so the default scene went to {DEFAULT_PICTURE}.")
 
 
@@ -117,7 +117,7 @@ def render(
     _check_outputs(scene, output, reference, report)
     compared = None if reference is None else _counterpart(reference, output)
     if report is None:
-        frame = _render(scene, samples, seed)
+        frame = _render(scene, samples, seed, output)
         _save(frame, output)
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points)
@@ -165,17 +165,20 @@ def _run_window(scene: Scene, path: Path | None = None, record: Path | None = No
     window.run(scene, path=path, record=record)
 
 
-def _render(scene: Scene, samples: int, seed: int) -> "Frame":
+def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":
+    """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
     from rich.console import Console
 
     from viewer import frame
 
+    only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
+    draw = frame.render_image if only_images else frame.render
     console = Console(stderr=True)
     if console.is_terminal:
         with console.status("starting") as status:
-            picture = frame.render(scene, samples=samples, seed=seed, progress=status.update)
+            picture = draw(scene, samples=samples, seed=seed, progress=status.update)
     else:
-        picture = frame.render(scene, samples=samples, seed=seed)
+        picture = draw(scene, samples=samples, seed=seed)
     for warning in picture.warnings:
         _say(f"warning: {warning}")
     return picture
@@ -223,7 +226,7 @@ def _counterpart(reference: str, outputs: Sequence[str]) -> str:
     raise InputError(f"--reference {reference} can only be compared with an --output that ends in {suffix}")
 
 
-def _save(frame: "Frame", outputs: Sequence[str]) -> None:
+def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
     for output in outputs:
         frame.save(output)
 

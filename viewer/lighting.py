@@ -16,8 +16,8 @@ from core.mesh import Mesh
 from core.samples import SurfaceSamples
 from core.separate import SeparateTransport
 from core.stages import Stages
-from core.transport import EwaldTransport, LayeredTransport, Profiles, Transport
-from viewer.assets import Assets
+from core.transport import CONVOLVERS, EwaldTransport, LayeredTransport, Profiles, Transport
+from viewer.assets import Assets, shape_of
 from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
@@ -25,15 +25,13 @@ from viewer.gather import Gather
 from viewer.gl import latlong_texture, table_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
-from viewer.quality import Quality, choose_quality, sample_spacing
+from viewer.quality import Quality, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
 
 Float32 = npt.NDArray[np.float32]
 Progress = Callable[[str], None]
-
-CONVOLVERS = 4  # kept for shapes of layers that come back as the camera turns, besides one a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +102,25 @@ class Lighting:
 
     def light(self, scene: Scene, say: Progress) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins."""
-        run, settings, material = self._run, scene.transport, scene.material.resolve()
+        run, material = self._run, scene.material.resolve()
 
         say("loading the model")
-        model = run("model", [scene.model.shape], lambda: self._load(scene.model))
+        model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
         bodies = None
         if scene.model.bodies == "separate":
             bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
-        quality = choose_quality(settings, profiles, model.mesh)
-        sizes = quality.method, quality.layers, quality.resolution
+        quality = quality_of(scene, model.mesh, self._assets)
+        sizes = quality.method, quality.layers, quality.resolution, quality.assignment
         transport = run("transport", [*sizes, count], lambda: _transport(quality, self._effort, count))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
             self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
         say("sampling the surface")
-        spacing = sample_spacing(model.mesh, settings)
+        spacing = sample_spacing(model.mesh, scene.transport, quality.resolution)
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
@@ -155,7 +153,7 @@ class Lighting:
             atlas = lit.separated.atlas
             to_texture = atlas.world_to_texture
             offsets = self._run("body offsets", [atlas], lambda: self._layers.offsets(atlas))
-        return Gather(volume, to_texture, lit.transport.SMOOTH, table, local.reach, lit.eta, offsets)
+        return Gather(volume, to_texture, lit.transport.smooth, table, local.reach, lit.eta, offsets)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -172,7 +170,7 @@ class Lighting:
     ) -> Separated:
         run, mesh = self._run, model.mesh
         marks = run("body marks", [model, bodies], lambda: BodyMarks(self._context, mesh, bodies))
-        cut = grid, transport.SMOOTH
+        cut = grid, transport.smooth
         atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
         self._layers.check_atlas(atlas)
         alone = run(
@@ -231,8 +229,21 @@ class Lighting:
         return self._run("flux", [surface, *each], total)
 
 
+def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
+    """Choose layers and resolution for a scene whose mesh is loaded."""
+    return assets.quality(
+        scene.transport, dipoles(scene.material.resolve()), mesh, sharp_light=bool(scene.effective_lights())
+    )
+
+
 def _transport(quality: Quality, effort: str, bodies: int) -> Transport:
-    keep = CONVOLVERS + bodies - 1
+    keep = CONVOLVERS + 3 * (bodies - 1)  # a body may have shapes of its own, one a channel
     if quality.method == "layered":
         return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
-    return EwaldTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort, keep=keep)
+    return EwaldTransport(
+        n_layers=quality.layers,
+        resolution=quality.resolution,
+        assignment=quality.assignment,
+        effort=effort,
+        keep=keep,
+    )

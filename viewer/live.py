@@ -14,13 +14,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.mesh import Mesh
 from viewer.assets import Assets
 from viewer.camera import place_camera
 from viewer.dependence import angle, files, lighting_key, same_light, turned
 from viewer.finished import Finished
 from viewer.frame import Renderer
 from viewer.gather import Gather
-from viewer.lighting import LitScene
+from viewer.lighting import LitScene, quality_of
 from viewer.picture import Picture
 from viewer.quality import sample_spacing
 from viewer.scene import Scene
@@ -185,7 +186,11 @@ class Live:
         mesh, _ = self.assets.mesh(scene.model)
         if scene.model.bodies == "separate" and not self.assets.has_bodies(mesh):
             return False
-        return detail.draft or self.assets.has_samples(mesh, sample_spacing(mesh, scene.transport))
+        if detail.draft:
+            return True
+        if scene.transport.method == "ewald" and not self.assets.has_roughness(mesh):
+            return False
+        return self.assets.has_samples(mesh, self._sample_spacing(scene, mesh))
 
     def _read(self, scene: Scene) -> None:
         self._failed = scene
@@ -194,8 +199,11 @@ class Live:
             self.assets.bodies(mesh)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
-        self.assets.samples(mesh, sample_spacing(mesh, scene.transport))
+        self.assets.samples(mesh, self._sample_spacing(scene, mesh))
         self._failed = None
+
+    def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
+        return sample_spacing(mesh, scene.transport, quality_of(scene, mesh, self.assets).resolution)
 
     # light and transport
 

@@ -236,7 +236,8 @@ class Panel:
         controls.setting("transport.resolution", "Resolution", lit.quality.resolution)
         if lit.quality.predicted_error is not None:
             controls.setting("transport.error_target", "Error target", lit.quality.error_target or DEFAULT_ERROR_TARGET)
-            controls.note(lit.quality.warning or f"about {100.0 * lit.quality.predicted_error:.2g} % error expected")
+            controls.setting("transport.assignment", "Assignment", lit.quality.assignment)
+            controls.note(lit.quality.warning or lit.quality.expected)
 
     def _model(self, live: Live) -> None:
         session, controls = self._session, self.controls

@@ -69,7 +69,7 @@ class Controls:
 
     # rows of settings
 
-    def setting(self, name: str, label: str, automatic: float | None = None) -> None:
+    def setting(self, name: str, label: str, automatic: float | str | None = None) -> None:
         """Draw the control of a scalar setting, "table.key"; `automatic` is what None stands for now."""
         table, key = name.split(".")
         current = getattr(self.session.scene, table)
@@ -86,12 +86,13 @@ class Controls:
 
     def value(
         self, name: str, label: str, declared: Setting, value: Any, *, default: Any = None,
-        on_reset: Callable[[], object] | None = None, reach: Reach | None = None, automatic: float | None = None,
+        on_reset: Callable[[], object] | None = None, reach: Reach | None = None,
+        automatic: float | str | None = None,
     ) -> Any:  # fmt: skip
         """Draw the control of any value that a `Setting` describes; returns the new value, None if unchanged."""
         self.begin_row(label, on_reset is not None)
         if declared.choices and not declared.pattern:
-            new = self._choice(name, declared, value)
+            new = self._choice(name, declared, value, automatic)
         elif declared.kind == "boolean":
             changed, new = imgui.checkbox(f"##{name}", value)
             new = new if changed else None
@@ -200,9 +201,9 @@ class Controls:
 
     # kinds of control
 
-    def _choice(self, name: str, declared: Setting, value: Any) -> Any:
+    def _choice(self, name: str, declared: Setting, value: Any, automatic: float | str | None) -> Any:
         new = None
-        if imgui.begin_combo(f"##{name}", "none" if value is None else str(value)):
+        if imgui.begin_combo(f"##{name}", f"auto: {automatic}" if value is None else str(value)):
             for choice in declared.usable_choices():
                 clicked, _ = imgui.selectable(choice, choice == value)
                 self.mark(f"{name}={choice}")
@@ -212,7 +213,7 @@ class Controls:
         return new
 
     def _integer(
-        self, name: str, declared: Setting, value: int | None, reach: Reach | None, automatic: float | None
+        self, name: str, declared: Setting, value: int | None, reach: Reach | None, automatic: float | str | None
     ) -> int | None:
         low, high = (int(reach.low), int(reach.high)) if reach else (int(declared.low or 0), int(declared.high or 100))
         shown = int(automatic or low) if value is None else value
@@ -220,10 +221,10 @@ class Controls:
         return self.sliders.integer(name, shown, low, high, text)
 
     def _number(
-        self, name: str, declared: Setting, value: float | None, reach: Reach | None, automatic: float | None
+        self, name: str, declared: Setting, value: float | None, reach: Reach | None, automatic: float | str | None
     ) -> float | None:
         reach = reach or Reach(declared.low or 0.0, declared.high or 1.0)
-        shown = (automatic or reach.low) if value is None else value
+        shown = float(automatic or reach.low) if value is None else value
         text = f"{'auto: ' if value is None else ''}{reach.format % shown}{UNITS.get(declared.unit, '')}"
         return self.sliders.number(name, shown, reach.low, reach.high, text, logarithmic=reach.logarithmic)
 

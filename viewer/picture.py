@@ -30,6 +30,21 @@ class Picture:
 
 
 @dataclass(frozen=True, eq=False)
+class Still:
+    """A tone-mapped picture alone, as an array; attributes as of `Frame`."""
+
+    image: npt.NDArray[np.uint8]
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+    quality: Quality
+
+    def save(self, path: str | Path) -> None:
+        """Write ``.png``, whole or not at all; otherwise as `Frame.save`."""
+        check_output(path, SUFFIXES[:1])
+        write_png(path, self.image)
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """A frame as arrays, top row first; 0 where the object is not.
 
@@ -95,17 +110,17 @@ class Frame:
 
 def read_frame(picture: Picture, timings: dict[str, float]) -> Frame:
     """Read a picture back from the GPU."""
-    planes = {name: read_rgba(texture) for name, texture in picture.composite.textures.items()}
-    alpha = planes["radiance"][..., 3]
+    alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
+    planes = {n: np.ascontiguousarray(read_rgba(t)[..., :3]) for n, t in picture.composite.textures.items()}
     # Sums over the samples that hit the object become their means; most pixels are hit by all or none.
     edge = (alpha > 0.0) & (alpha < 1.0)
     for name in ("position", "normal", "irradiance", "exitance"):
         planes[name][edge] /= alpha[edge, None]
     hit = alpha > 0.0
     normals = planes["normal"][hit]
-    planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals[:, :3], axis=1, keepdims=True), 1e-6)
+    planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
     return Frame(
-        **{name: plane[..., :3] for name, plane in planes.items()},
+        **planes,
         alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1
         image=read_image(picture),
         timings=timings,

@@ -2,16 +2,22 @@
 
 from dataclasses import dataclass
 
-from core.ewald import predicted_error, spacing_for
+import numpy as np
+
+from core.accuracy import LIT, SHINING, ErrorLaw, Roughness, spacing_for
+from core.ewald import TENT, TSC
 from core.mesh import Mesh
-from core.transport import Profiles
+from core.transport import EwaldTransport, Profiles, tail_reach
 from viewer.settings import TransportSettings
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
-# Nodes along the longest side that an error target may choose: below, detail of the light is lost; above, a change of
-# material takes longer than a slider can wait.
-COARSEST, FINEST = 32, 80
+COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
+# Padded nodes, over the channels, that an error target may choose. The default's keep up with a slider: twice the
+# paper's 3 x 4 x 512 x 512. A target that a person has set may take four times as many, and the time.
+NODES = 2 * 3 * 4 * 512 * 512
+NODES_ASKED_FOR = 4 * NODES
+SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
 
 
@@ -25,8 +31,11 @@ class Quality:
     layers : int or None
         None: as dense as the nodes.
     resolution : int
-    predicted_error : float or None
-        Of exitance, rms; None where no prediction exists (`layered`).
+    assignment : str
+        `core.ewald.TENT` or `TSC`; the former for `layered`.
+    predicted_error, predicted_lit : float or None
+        Rms of exitance to expect: the most that any view has, and what those have that light falls on. None where no
+        prediction exists (`layered`).
     error_target : float or None
         What was asked for; None where the resolution was.
     """
@@ -34,7 +43,9 @@ class Quality:
     method: str
     layers: int | None
     resolution: int
+    assignment: str = TENT
     predicted_error: float | None = None
+    predicted_lit: float | None = None
     error_target: float | None = None
 
     @property
@@ -43,45 +54,120 @@ class Quality:
         if self.predicted_error is None:
             return f"{self.method}, {self.layers} layers of {self.resolution} texels"
         layers = "" if self.layers is None else f", {self.layers} layers"
-        error = f"about {100 * self.predicted_error:.2g} % error to expect"
-        return f"{self.method}, {self.resolution} nodes along the object{layers}, {error}"
+        return f"{self.method}, {self.resolution} nodes along the object{layers}, {self.expected}"
+
+    @property
+    def expected(self) -> str:
+        """The error to expect, in a few words."""
+        if self.predicted_error is None or self.predicted_lit is None:
+            return "no prediction"
+        if round(self.predicted_lit, 3) == round(self.predicted_error, 3):
+            return f"about {percent(self.predicted_error)} error to expect"
+        return (
+            f"about {percent(self.predicted_lit)} error to expect where light falls, at most "
+            f"{percent(self.predicted_error)} where it only shines through"
+        )
 
     @property
     def warning(self) -> str | None:
         """One sentence where the target cannot be met."""
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
+        fix = "set transport.error_target to let it take longer, or transport.resolution"
+        if self.error_target != DEFAULT_ERROR_TARGET:
+            fix = "set transport.resolution for more"
         return (
-            f"the mean free path is far below the distance of {self.resolution} nodes along the object: expect about "
-            f"{100 * self.predicted_error:.2g} % error instead of {100 * self.error_target:g} %; set "
-            "transport.resolution for more nodes"
+            f"{self.resolution} nodes along the object are too coarse for this material and shape to meet an error of "
+            f"{percent(self.error_target)}: {self.expected}; {fix}"
         )
 
 
-def choose_quality(settings: TransportSettings, profiles: Profiles, mesh: Mesh) -> Quality:
-    """Fill in what the settings leave open, for a material's profiles and an object."""
-    if settings.method == "layered":
-        return Quality("layered", settings.layers or DEFAULT_LAYERS, _finest(settings))
-    longest = _longest_side(mesh)
+def choose_quality(
+    settings: TransportSettings, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+) -> Quality:
+    """Fill in what the settings leave open, for a material's profiles, an object and its light.
+
+    Parameters
+    ----------
+    settings, profiles, mesh
+    shape : from `core.accuracy.roughness`
+        None will do for `layered`.
+    sharp_light : bool
+        Whether a light casts shadows; an environment alone does not.
+    """
+    if settings.method == "layered" or shape is None:
+        return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
+    longest = longest_side(mesh)
     detail = min((p.detail for p in profiles if not p.is_black), default=longest)
+    law = SHINING if sharp_light else LIT
+    target = None if settings.resolution is not None else settings.error_target or DEFAULT_ERROR_TARGET
+
+    def made(resolution: int, assignment: str) -> Quality:
+        grid = EwaldTransport(resolution=resolution, n_layers=settings.layers).grid(mesh, np.eye(3))
+        spacing = max(grid.texel, grid.layer_distance)
+        worst, lit = (one(spacing / detail, shape(spacing), assignment) for one in (law, LIT))
+        return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target)
+
     if settings.resolution is not None:
-        predicted = predicted_error(longest / (settings.resolution - 1), detail)
-        return Quality("ewald", settings.layers, settings.resolution, predicted)
-    target = settings.error_target or DEFAULT_ERROR_TARGET
-    resolution = int(min(max(longest / spacing_for(target, detail) + 2.0, COARSEST), FINEST))
-    predicted = predicted_error(longest / (resolution - 1), detail)
-    return Quality("ewald", settings.layers, resolution, predicted, target)
+        return made(settings.resolution, settings.assignment or TSC)
+    assert target is not None
+    most = _most_nodes(settings, profiles, mesh)
+    orders = (TENT, TSC) if settings.assignment is None else (settings.assignment,)
+    found = [made(_nodes(target, detail, shape, law, order, longest, most), order) for order in orders]
+    # Tents are read and written in a third of the time: theirs, where they need no finer grid.
+    good = [q for q in found if q.predicted_error is not None and q.predicted_error <= target]
+    return min(good or found[-1:], key=lambda q: q.resolution)
 
 
-def sample_spacing(mesh: Mesh, settings: TransportSettings) -> float:
-    """Longest edge of a surface sample's piece, mm: for the finest layers that any material may ask for."""
-    return SAMPLE_EDGE * _longest_side(mesh) / (_finest(settings) - 1)
+def survey_spacing(mesh: Mesh) -> float:
+    """Longest edge of a surface sample's piece, mm, of the samples that serve most grids."""
+    return float(SAMPLE_EDGE * longest_side(mesh) / (SURVEY - 1))
 
 
-def _finest(settings: TransportSettings) -> int:
-    return settings.resolution or (DEFAULT_RESOLUTION if settings.method == "layered" else FINEST)
+def sample_spacing(mesh: Mesh, settings: TransportSettings, resolution: int = SURVEY) -> float:
+    """Longest edge of a surface sample's piece, mm, for a resolution that `choose_quality` found.
+
+    The samples of `SURVEY` nodes serve every coarser grid, and finer ones come in steps: a material that changes the
+    grid keeps its samples.
+    """
+    if settings.resolution is not None or settings.method == "layered":
+        return SAMPLE_EDGE * longest_side(mesh) / ((settings.resolution or DEFAULT_RESOLUTION) - 1)
+    steps = max(0, int(np.ceil(2.0 * np.log2(resolution / SURVEY))))
+    return float(survey_spacing(mesh) * 2.0 ** (-0.5 * steps))
 
 
-def _longest_side(mesh: Mesh) -> float:
+def longest_side(mesh: Mesh) -> float:
+    """Longest side of the bounding box, mm."""
     low, high = mesh.bounds
     return float((high - low).max())
+
+
+def percent(share: float) -> str:
+    """Return a share as per cent, two digits."""
+    return f"{100.0 * share:.2g} %" if share < 0.995 else "100 %"
+
+
+def _nodes(
+    target: float, detail: float, shape: Roughness, law: ErrorLaw, assignment: str, longest: float, most: int
+) -> int:
+    """Nodes along the longest side that meet a target, or the most there may be."""
+    wanted = longest / spacing_for(target, detail, shape, law, assignment) + 2.0
+    return int(min(max(wanted, COARSEST), most))
+
+
+def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh) -> int:
+    """Largest resolution whose padded grid keeps within the budget, by bisection."""
+    budget = NODES if settings.error_target is None else NODES_ASKED_FOR
+    low, high = COARSEST, FINEST + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        fits = padded_nodes(EwaldTransport(resolution=middle, n_layers=settings.layers), profiles, mesh) <= budget
+        low, high = (middle, high) if fits else (low, middle)
+    return low
+
+
+def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
+    """Nodes that are transformed, over the channels."""
+    grid = transport.grid(mesh, np.eye(3))
+    reaches = [tail_reach(p, mesh.area) for p in profiles if not p.is_black]
+    return sum(transport.padded(grid, reach).padded_nodes for reach in reaches)

@@ -159,7 +159,9 @@ def _content(
             "spacing_mm": grid.texel,
             "layer_distance_mm": grid.layer_distance,
             "error_target": quality.error_target,
+            "assignment": quality.assignment,
             "predicted_error": quality.predicted_error,
+            "predicted_error_lit": quality.predicted_lit,
         },
         "error": {
             "of": "exitance, over the rms of the reference",

@@ -43,18 +43,13 @@ class ModelSettings:
     )
     bodies: str = setting(
         "text", "joined", choices=("joined", "separate"),
-        why="joined: equation (1) over the whole surface, air gaps crossed; separate: each closed part scatters alone"
+        why="joined: equation (1) over all of the surface, across air gaps; separate: each closed part scatters alone"
     )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
         if self.path is not None and self.builtin is not None:
             raise InputError("model.path and model.builtin are both given; keep one of them")
-
-    @property
-    def shape(self) -> "ModelSettings":
-        """What the mesh depends on: these settings, but for the bodies."""
-        return replace(self, bodies="joined")
 
     @property
     def builtin_name(self) -> str | None:
@@ -252,8 +247,12 @@ class TransportSettings:
         why="texels along the longer side of a layer (layered), nodes along the longest side of the object (ewald)"
     )
     error_target: float | None = setting(
-        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02",
-        why="wanted rms error of exitance; chooses the resolution of ewald where none is given"
+        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
+        why="wanted rms error of exitance; chooses the resolution of ewald; if given, it may take longer"
+    )
+    assignment: str | None = setting(
+        "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
+        why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
     )
 
     def __post_init__(self) -> None:
