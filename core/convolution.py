@@ -97,26 +97,6 @@ class LayerConvolver:
         self._rows = pyfftw.zeros_aligned((shape.n_layers, shape.height, columns), "complex64")
         self._workers = [_Worker(shape, self._block, effort) for _ in range(self._threads)]
 
-    def prepare(self, spectrum: Float32) -> tuple[Float32, ...]:
-        """Bring a kernel spectrum (`ConvolutionShape.quadrant`, real) into the form that `convolve` multiplies by.
-
-        Every value stands twice, once for the real and once for the imaginary part: NumPy multiplies complex by real
-        at half the speed of real by real.
-        """
-        shape = self.shape
-        scale = 1.0 / (shape.padded_height * shape.padded_width)
-        if not shape.mixes_pairs:
-            return (_doubled(spectrum * np.float32(scale / shape.padded_layers)),)
-        half = (shape.n_layers + 1) // 2
-        toeplitz = np.abs(np.subtract.outer(np.arange(half), np.arange(shape.n_layers)))
-        mirrored = toeplitz[:, ::-1][:, :half]
-        scaled = _doubled(spectrum * np.float32(0.5 * scale))  # y_l = (sum + difference) / 2
-        even = scaled[toeplitz[:, :half]] + scaled[mirrored]
-        odd = scaled[toeplitz[:, :half]] - scaled[mirrored]
-        if shape.n_layers % 2:  # the middle layer is its own mirror image and was counted twice
-            even[:, -1] *= np.float32(0.5)
-        return even, odd
-
     def convolve(self, layers: Float32, spectra: tuple[Float32, ...]) -> Float32:
         """Convolve one channel.
 
@@ -124,7 +104,7 @@ class LayerConvolver:
         ----------
         layers : (n_layers, height, width) float32
             Incoming flux a texel (power, irradiance times area).
-        spectra : from `prepare`
+        spectra : from `prepared`
             Of a kernel in mm^-2.
 
         Returns
@@ -155,6 +135,26 @@ class LayerConvolver:
         list(thread_pool().map(share, range(n)))
 
 
+def prepared(shape: ConvolutionShape, spectrum: Float32) -> tuple[Float32, ...]:
+    """Bring a kernel spectrum (`ConvolutionShape.quadrant`, real) into the form that `LayerConvolver` multiplies by.
+
+    Every value stands twice, once for the real and once for the imaginary part: NumPy multiplies complex by real
+    at half the speed of real by real.
+    """
+    scale = 1.0 / (shape.padded_height * shape.padded_width)
+    if not shape.mixes_pairs:
+        return (_doubled(spectrum * np.float32(scale / shape.padded_layers)),)
+    half = (shape.n_layers + 1) // 2
+    toeplitz = np.abs(np.subtract.outer(np.arange(half), np.arange(shape.n_layers)))
+    mirrored = toeplitz[:, ::-1][:, :half]
+    scaled = _doubled(spectrum * np.float32(0.5 * scale))  # y_l = (sum + difference) / 2
+    even = scaled[toeplitz[:, :half]] + scaled[mirrored]
+    odd = scaled[toeplitz[:, :half]] - scaled[mirrored]
+    if shape.n_layers % 2:  # the middle layer is its own mirror image and was counted twice
+        even[:, -1] *= np.float32(0.5)
+    return even, odd
+
+
 class _Worker:
     """One thread's plans and buffers."""
 
@@ -183,6 +183,9 @@ class _Worker:
         self._product = np.empty((half, shape.padded_height // 2 + 1, 2 * block), np.float32)
 
     def rows_in(self, image: Float32, out: Complex64) -> None:
+        if not image.any():  # a dark layer
+            out[:] = 0.0
+            return
         self._line[:, : image.shape[1]] = image
         self._line[:, image.shape[1] :] = 0.0
         self._row_in.execute()

@@ -5,9 +5,7 @@ the body's own area, and what a body computed is kept until something that it de
 the bodies' boxes together, and where a body is in the dark there is none.
 """
 
-from collections.abc import Callable, Iterable
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +13,14 @@ import numpy.typing as npt
 from core.atlas import Atlas
 from core.bodies import Bodies
 from core.samples import SurfaceSamples
+from core.spectra import Profiles
 from core.stages import Stages
-from core.transport import Profiles, Transport
+from core.transport import Transport
 
 Float32 = npt.NDArray[np.float32]
-T = TypeVar("T")
 
-AREAS_A_DOUBLING = 2  # areas are rounded up to this many steps each factor of two: alike bodies share padding
-KERNELS = "spectra"  # the step of a transport that alike bodies have in common
+# Areas are rounded up to this many steps each factor of two, so that alike bodies share padding and kernels.
+AREAS_A_DOUBLING = 2
 
 
 class SeparateTransport:
@@ -31,7 +29,7 @@ class SeparateTransport:
     Parameters
     ----------
     transport : Transport
-        Keeps at least as many convolvers as there are bodies.
+        Keeps convolvers for all bodies, up to three each.
     bodies : Bodies
     samples : SurfaceSamples
         Made from the faces that `bodies` speaks of.
@@ -45,8 +43,7 @@ class SeparateTransport:
         self._samples = [order[start:stop] for start, stop in pairwise(bounds)]
         areas = np.maximum(np.bincount(body, samples.areas, bodies.count), np.finfo(np.float64).tiny)
         self._areas = 2.0 ** (np.ceil(AREAS_A_DOUBLING * np.log2(areas)) / AREAS_A_DOUBLING)
-        self._kernels: _Kernels = {}
-        self._stages = [_BodyStages(self._kernels) for _ in self._samples]
+        self._stages = [Stages() for _ in self._samples]
 
     def exitance(
         self, atlas: Atlas, coordinates: Float32, flux: Float32, profiles: Profiles, stages: Stages
@@ -81,7 +78,6 @@ class SeparateTransport:
         self, atlas: Atlas, places: list[Float32], fluxes: list[Float32], profiles: Profiles, stages: Stages
     ) -> list[Float32 | None]:
         parts: list[Float32 | None] = []
-        used: set[_Key] = set()
         for i, (crop, own) in enumerate(zip(atlas.crops, self._stages, strict=True)):
             if not fluxes[i].any():
                 parts.append(None)
@@ -89,36 +85,6 @@ class SeparateTransport:
             own.begin()
             area = float(self._areas[i])
             parts.append(self._transport.exitance(crop, places[i], fluxes[i], profiles, area, own))
-            used |= own.used
             for name, milliseconds in own.timings.items():
                 stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
-        for key in self._kernels.keys() - used:
-            del self._kernels[key]
         return parts
-
-
-_Key = tuple[object, ...]
-_Kernels = dict[_Key, object]
-
-
-class _BodyStages(Stages):
-    """Stages of one body; its kernels are where all bodies find them."""
-
-    def __init__(self, kernels: _Kernels) -> None:
-        super().__init__()
-        self._shared = kernels
-        self.used: set[_Key] = set()
-
-    def begin(self) -> None:
-        super().begin()
-        self.used = set()
-
-    def run(self, name: str, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
-        if name != KERNELS:
-            return super().run(name, depends_on, compute)
-        key = tuple(depends_on)
-        self.used.add(key)
-        if key not in self._shared:
-            self._shared[key] = super().run(name, key, compute)
-            self.forget(name)  # else it would be held twice
-        return self._shared[key]  # type: ignore[return-value]

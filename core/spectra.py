@@ -8,6 +8,7 @@ in for samples.
 """
 
 import os
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +50,9 @@ class Profile(Protocol):
 
     def total_within(self, r: npt.ArrayLike, e: npt.ArrayLike = 0.0) -> Array:
         """Integral over the disc of radius r in a plane at distance e."""
+
+
+Profiles = Sequence[Profile]  # R, G, B
 
 
 def layer_kernels(profile: Profile, grid: LayerGrid) -> Array:

@@ -39,6 +39,10 @@ class Stages:
         key, kept = tuple(depends_on), self._kept.get(name)
         return kept is not None and len(kept[0]) == len(key) and all(map(_same, kept[0], key))
 
+    def kept(self, name: str) -> tuple[tuple[object, ...], Any] | None:
+        """Return what a stage last depended on and gave, outdated or not: parts of it may serve again."""
+        return self._kept.get(name)
+
     def forget(self, name: str) -> None:
         """Drop a stage's result, because what it holds is no longer what it says."""
         self._kept.pop(name, None)

@@ -12,8 +12,7 @@ Each step is kept until something that it depends on changes: kernels with (mate
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -21,17 +20,16 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from core import ewald
-from core.convolution import ConvolutionShape, LayerConvolver, thread_pool
-from core.layers import LayerGrid, deposit, fit_box, fit_layers, smooth_matrix, tent_matrix
+from core.convolution import ConvolutionShape
+from core.layers import LayerGrid, fit_box, fit_layers, smooth_matrix, tent_matrix
 from core.mesh import Mesh
-from core.spectra import Profile, kernel_spectrum, layer_kernels
+from core.spectra import Profile, Profiles, kernel_spectrum, layer_kernels
 from core.stages import Stages
+from core.transport_steps import FftTransport
 
 Float32 = npt.NDArray[np.float32]
-Profiles = Sequence[Profile]
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
-CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
 TAIL = 1e-4  # share of a channel's reflectance that may wrap around its padded box: a ball's dark side shows 0.02
 
 
@@ -92,59 +90,7 @@ class Transport(Protocol):
 
 
 @dataclass
-class _FftTransport:
-    """The steps that both methods share."""
-
-    threads: int = 0
-    effort: str = "FFTW_ESTIMATE"
-    keep: int = CONVOLVERS
-    _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
-
-    def exitance(
-        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
-    ) -> Float32:
-        """Deposit, kernels, convolution; see `Transport.exitance`."""
-        convolvers = [self._convolver(self._shape(grid, profile, area)) for profile in profiles]
-        weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
-        layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
-        spectra = stages.run(
-            "spectra",
-            (tuple(profiles), *convolvers, grid.texel, grid.layer_distance),
-            lambda: list(thread_pool().map(lambda p, c: self._prepared(p, grid, c), profiles, convolvers)),
-        )
-
-        def convolve() -> Float32:
-            out = np.zeros_like(layers)
-            for channel, (spectrum, convolver) in enumerate(zip(spectra, convolvers, strict=True)):
-                if spectrum is not None and layers[channel].any():
-                    out[channel] = convolver.convolve(layers[channel], spectrum)
-            return out
-
-        return stages.run("convolution", (layers, spectra), convolve)
-
-    def _prepared(self, profile: Profile, grid: LayerGrid, convolver: LayerConvolver) -> tuple[Float32, ...] | None:
-        return None if profile.is_black else convolver.prepare(self._spectrum(profile, grid, convolver.shape))
-
-    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """See `Transport.weights`."""
-        raise NotImplementedError
-
-    def _shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
-        raise NotImplementedError
-
-    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
-        raise NotImplementedError
-
-    def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
-        if shape not in self._convolvers:
-            if len(self._convolvers) >= self.keep:
-                self._convolvers.pop(next(iter(self._convolvers)))
-            self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
-        return self._convolvers[shape]
-
-
-@dataclass
-class LayeredTransport(_FftTransport):
+class LayeredTransport(FftTransport):
     """The paper: layers across the view, every pair convolved, (3) to (6).
 
     Parameters
@@ -189,7 +135,7 @@ class LayeredTransport(_FftTransport):
 
 
 @dataclass
-class EwaldTransport(_FftTransport):
+class EwaldTransport(FftTransport):
     """Particle-mesh Ewald split on layers that are fixed to the object, so that orbiting convolves nothing.
 
     Parameters

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.convolution import PAIRS_UP_TO, ConvolutionShape, LayerConvolver
+from core.convolution import PAIRS_UP_TO, ConvolutionShape, LayerConvolver, prepared
 from core.spectra import kernel_spectrum
 
 
@@ -24,7 +24,7 @@ def test_equals_the_direct_sum(n_layers: int, threads: int) -> None:
     kernels = rng.random((n_layers, 7, 11))
     shape = ConvolutionShape(*layers.shape)
     convolver = LayerConvolver(shape, threads, "FFTW_ESTIMATE")
-    result = convolver.convolve(layers, convolver.prepare(kernel_spectrum(kernels, shape)))
+    result = convolver.convolve(layers, prepared(shape, kernel_spectrum(kernels, shape)))
     expected = direct_convolution(layers, kernels)
     assert np.linalg.norm(result - expected) < 1e-6 * np.linalg.norm(expected)
 
@@ -42,7 +42,7 @@ def test_nothing_wraps_around() -> None:
     layers = np.zeros((10, 16, 24), np.float32)
     layers[0, 0, 0] = 1.0
     convolver = LayerConvolver(shape, 2, "FFTW_ESTIMATE")
-    result = convolver.convolve(layers, convolver.prepare(kernel_spectrum(kernels, shape)))
+    result = convolver.convolve(layers, prepared(shape, kernel_spectrum(kernels, shape)))
     assert result[-1, -1, -1] == pytest.approx(1.0, abs=1e-5)
     result[-1, -1, -1] = 0.0
     assert np.abs(result).max() < 1e-5
@@ -52,7 +52,7 @@ def test_linear_and_shift_equivariant() -> None:
     rng = np.random.default_rng(0)
     shape = ConvolutionShape(4, 20, 20)
     convolver = LayerConvolver(shape, 1, "FFTW_ESTIMATE")
-    spectrum = convolver.prepare(kernel_spectrum(rng.random((4, 20, 20)) * np.exp(-np.arange(20.0)), shape))
+    spectrum = prepared(shape, kernel_spectrum(rng.random((4, 20, 20)) * np.exp(-np.arange(20.0)), shape))
     a, b = np.zeros((2, 4, 20, 20), np.float32)
     a[:, 5:9, 5:9] = rng.random((4, 4, 4))
     b[:, 2:] = a[:, :-2]
@@ -65,7 +65,7 @@ def test_a_convolver_keeps_nothing_of_the_last_call() -> None:
     rng = np.random.default_rng(0)
     shape = ConvolutionShape(12, 9, 9)
     convolver = LayerConvolver(shape, 2, "FFTW_ESTIMATE")
-    spectrum = convolver.prepare(kernel_spectrum(rng.random((12, 9, 9)), shape))
+    spectrum = prepared(shape, kernel_spectrum(rng.random((12, 9, 9)), shape))
     layers = rng.random((12, 9, 9), dtype=np.float32)
     first = convolver.convolve(layers, spectrum)
     convolver.convolve(1e6 * layers, spectrum)

@@ -33,7 +33,7 @@ def test_separating_neither_loads_nor_samples_again(driver, method, lit):
     assert driver.stages() == PIXELS | lit | SEPARATED | TRANSPORT | {"find bodies"}
     assert np.any(driver.picture() != joined)
     put(driver, "model.bodies=joined")
-    kept = {"weights"} if lit else {"weights", "deposit"}
+    kept = {"weights", "spectra"} if lit else {"weights", "deposit", "spectra", "convolution"}
     assert driver.stages() == PIXELS | lit | TRANSPORT - kept
     np.testing.assert_array_equal(driver.picture(), joined)
 

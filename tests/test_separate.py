@@ -157,5 +157,4 @@ def test_two_hundred_balls_share_their_kernels():
     assert case.bodies.count == 200
     assert np.prod(case.atlas.shape) < 2.5 * np.prod(case.grid.shape)
     case.run()
-    assert len(case.separate._kernels) < 30
-    assert case.separate._kernels.keys() == {key for own in case.separate._stages for key in own.used}
+    assert len(case.transport._spectra) < 30

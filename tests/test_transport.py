@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from core import materials
+from core.convolution import LayerConvolver
 from core.dipole import dipoles
 from core.layers import gather, tent_matrix
 from core.materials import Material
@@ -11,7 +12,7 @@ from core.mesh import Mesh
 from core.reference import Occluder, direct_exitance
 from core.samples import SurfaceSamples, surface_samples
 from core.stages import Stages
-from core.transport import LayeredTransport
+from core.transport import EwaldTransport, LayeredTransport
 from tests.shapes import ball
 
 LIGHT = np.array([0.3, 0.4, 1.0])
@@ -88,3 +89,58 @@ def test_only_what_changed_runs_again(lit_ball) -> None:  # type: ignore[no-unty
     assert ran(flux, marble) == set()
     assert ran(flux, ketchup) == {"spectra", "convolution"}
     assert ran(2 * flux, ketchup) == {"deposit", "convolution"}
+
+
+@pytest.fixture
+def convolved(monkeypatch):
+    """Channels that were convolved and kernels that were made, counted."""
+    counts = {"convolutions": 0, "kernels": 0}
+
+    def counting(name, of, what):
+        original = getattr(of, what)
+
+        def counted(*arguments):
+            counts[name] += 1
+            return original(*arguments)
+
+        monkeypatch.setattr(of, what, counted)
+
+    counting("convolutions", LayerConvolver, "convolve")
+    counting("kernels", EwaldTransport, "_spectrum")
+    return counts
+
+
+def test_only_channels_that_changed_are_done_anew(lit_ball, convolved):  # type: ignore[no-untyped-def]
+    mesh, samples, flux = lit_ball
+    transport, stages = EwaldTransport(resolution=32), Stages()
+    grid = transport.grid(mesh, np.eye(3))
+    coordinates = grid.coordinates(samples.points).astype(np.float32)
+
+    def run(sigma_a: tuple[float, float, float], flux=flux):
+        convolved.update(convolutions=0, kernels=0)
+        profiles = dipoles(Material("m", (1.0, 1.5, 2.0), sigma_a, 1.3))
+        found = transport.exitance(grid, coordinates, flux, profiles, mesh.area, stages)
+        fresh = EwaldTransport(resolution=32).exitance(grid, coordinates, flux, profiles, mesh.area, Stages())
+        np.testing.assert_array_equal(found, fresh)
+        return convolved["convolutions"] - 3, convolved["kernels"] - 3
+
+    assert run((0.1, 0.1, 0.1)) == (3, 3)
+    assert run((0.1, 0.2, 0.1)) == (1, 1)
+    assert run((0.1, 0.2, 0.1)) == (0, 0)
+    assert run((0.1, 0.1, 0.1)) == (1, 0)  # its kernel is still there
+    assert run((0.1, 0.1, 0.1), 2.0 * flux) == (3, 0)
+
+
+def test_channels_that_are_alike_are_convolved_once_and_black_ones_never(lit_ball, convolved):  # type: ignore[no-untyped-def]
+    mesh, samples, flux = lit_ball
+    transport = EwaldTransport(resolution=32)
+    grid = transport.grid(mesh, np.eye(3))
+    coordinates = grid.coordinates(samples.points).astype(np.float32)
+    grey = np.repeat(flux[:, :1], 3, axis=1)
+    for sigma_s_prime, expected in (((1.0,) * 3, (1, 1)), ((1.0, 0.0, 1.0), (1, 1)), ((0.0,) * 3, (0, 0))):
+        convolved.update(convolutions=0, kernels=0)
+        profiles = dipoles(Material("m", sigma_s_prime, (0.1,) * 3, 1.3))
+        found = EwaldTransport(resolution=32).exitance(grid, coordinates, grey, profiles, mesh.area, Stages())
+        assert (convolved["convolutions"], convolved["kernels"]) == expected
+        np.testing.assert_array_equal(found[0], found[2])
+        assert found[1].any() == (sigma_s_prime[1] > 0.0)

@@ -16,7 +16,7 @@ from core.bodies import Bodies, find_bodies
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
-from core.transport import Profiles
+from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
 from viewer.quality import Quality, choose_quality, survey_spacing

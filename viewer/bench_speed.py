@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import pyfftw
 
-from core.convolution import ConvolutionShape, LayerConvolver
+from core.convolution import ConvolutionShape, LayerConvolver, prepared
 from core.errors import InputError
 from viewer.frame import Renderer
 from viewer.gl import headless_context
@@ -92,7 +92,7 @@ def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: 
         maps = rng.random((3, n, side, side), dtype=np.float32)
         for effort in EFFORTS:
             convolver = LayerConvolver(shape, threads, effort)
-            kernel = convolver.prepare(rng.random(shape.quadrant, dtype=np.float32))
+            kernel = prepared(shape, rng.random(shape.quadrant, dtype=np.float32))
 
             def convolve(convolver: LayerConvolver = convolver, kernel: Kernel = kernel) -> None:
                 for channel in maps:  # noqa: B023 (runs before the maps change)

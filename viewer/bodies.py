@@ -10,8 +10,8 @@ from core.atlas import Atlas
 from core.bodies import Bodies
 from core.mesh import Mesh
 from core.separate import SeparateTransport
+from core.spectra import Profiles
 from core.stages import Stages
-from core.transport import Profiles
 
 Float32 = npt.NDArray[np.float32]
 

@@ -15,8 +15,10 @@ from core.layers import LayerGrid
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
 from core.separate import SeparateTransport
+from core.spectra import Profiles
 from core.stages import Stages
-from core.transport import CONVOLVERS, EwaldTransport, LayeredTransport, Profiles, Transport
+from core.transport import EwaldTransport, LayeredTransport, Transport
+from core.transport_steps import CONVOLVERS
 from viewer.assets import Assets, shape_of
 from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers

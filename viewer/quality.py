@@ -7,7 +7,8 @@ import numpy as np
 from core.accuracy import LIT, SHINING, ErrorLaw, Roughness, spacing_for
 from core.ewald import TENT, TSC
 from core.mesh import Mesh
-from core.transport import EwaldTransport, Profiles, tail_reach
+from core.spectra import Profiles
+from core.transport import EwaldTransport, tail_reach
 from viewer.settings import TransportSettings
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
