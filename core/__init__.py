@@ -10,14 +10,15 @@ The pipeline, one module a stage::
     convolution   every pair of layers convolved by FFT, (6)
     transport     layers + spectra + convolution behind one interface: exitance at the nodes, a local term;
                   transport_steps: the steps that both methods share, each channel only when it changed
+    bodies        the solids of a mesh; atlas: the layers of each; separate: transport in each alone
     tonemap       float64 reference of the display transform
 
 Beside it ``materials`` (coefficients), ``dipole`` (R_d), ``fresnel``, ``stages`` (run only what changed),
-``sculpture`` and ``implicit`` (the built-in object), ``probe_maps``, ``probe_blur`` and ``spherical_harmonics`` (light
-probes); and to judge it all, ``reference`` (equation (1) summed directly in float64, visibility by rays),
-``reference_sources`` (where its sources lie), ``hierarchical`` (the sum with an octree) and ``accuracy`` (the error to
-expect). Numbers in brackets are the equations of Echevarria et al., "Screen-space subsurface scattering rendering",
-CEIG 2010.
+``sculpture`` and ``implicit`` (the built-in object), ``boxes`` and ``rays`` (for bodies), ``probe_maps``,
+``probe_blur`` and ``spherical_harmonics`` (light probes); and to judge it all, ``reference`` (equation (1) summed
+directly in float64, visibility by rays), ``reference_sources`` (where its sources lie), ``hierarchical`` (the sum with
+an octree) and ``accuracy`` (the error to expect). Numbers in brackets are the equations of Echevarria et al.,
+"Screen-space subsurface scattering rendering", CEIG 2010.
 
 core does NOT draw, open windows or files other than its own tables, print, or know OpenGL.
 """

@@ -92,7 +92,8 @@ class LayerConvolver:
         self._threads = threads or os.cpu_count() or 1
         bytes_a_column = 8 * shape.padded_layers * shape.padded_height
         columns = shape.padded_width // 2 + 1
-        self._block = int(np.clip(BLOCK_BYTES // bytes_a_column, 16, 64))
+        # Small maps fit into less than a block, and a plan transforms all of its columns.
+        self._block = min(int(np.clip(BLOCK_BYTES // bytes_a_column, 16, 64)), columns)
         self._rows = pyfftw.zeros_aligned((shape.n_layers, shape.height, columns), "complex64")
         self._workers = [_Worker(shape, self._block, effort) for _ in range(self._threads)]
 

@@ -6,7 +6,7 @@ miss the deposited flux of a scan ten times less than as many random ones (0.8 %
 of 128 texels across, 140k samples on the dragon), and long thin faces are covered as well as compact ones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -28,11 +28,14 @@ class SurfaceSamples:
         Unit, outward, interpolated like the picture's.
     areas : (n,) float32
         mm^2; they sum to the area of the mesh.
+    faces : (n,) int32
+        The face of the mesh that each lies on; empty where samples were not made from faces.
     """
 
     points: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
     areas: npt.NDArray[np.float32]
+    faces: npt.NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -44,18 +47,18 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
     At most about `MAX_SAMPLES` come back unless the mesh itself has more faces: the spacing is widened to fit.
     """
     corners = mesh.vertices[mesh.faces]  # (m, 3 corners, 3)
-    normals = mesh.normals[mesh.faces]
+    normals, faces = mesh.normals[mesh.faces], np.arange(len(mesh.faces), dtype=np.int32)
     # A piece of longest edge s has an area of about s^2 / 4 on average.
     spacing = max(spacing, 2.0 * float(np.sqrt(mesh.area / MAX_SAMPLES)))
-    done: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]] = []
+    done: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]] = []
     while len(corners):
         edge, longest = _longest_edges(corners)
         small = longest <= spacing
-        done.append((corners[small], normals[small]))
-        corners, normals = corners[~small], normals[~small]
+        done.append((corners[small], normals[small], faces[small]))
+        corners, normals, faces = corners[~small], normals[~small], np.tile(faces[~small], 2)
         corners, normals = _halve(corners, edge[~small]), _halve(normals, edge[~small])
-    corners = np.concatenate([piece for piece, _ in done])
-    normals = np.concatenate([piece for _, piece in done]).sum(axis=1)
+    corners = np.concatenate([piece for piece, _, _ in done])
+    normals = np.concatenate([piece for _, piece, _ in done]).sum(axis=1)
     sides = (corners[:, 1:] - corners[:, :1]).astype(np.float64)
     cross = np.cross(sides[:, 0], sides[:, 1])
     areas = 0.5 * np.linalg.norm(cross, axis=1)
@@ -63,7 +66,10 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
     flat = cross / np.maximum(2.0 * areas[:, None], 1e-300)
     normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), flat)
     return SurfaceSamples(
-        points=corners.mean(axis=1), normals=normals.astype(np.float32), areas=areas.astype(np.float32)
+        points=corners.mean(axis=1),
+        normals=normals.astype(np.float32),
+        areas=areas.astype(np.float32),
+        faces=np.concatenate([face for _, _, face in done]),
     )
 
 

@@ -105,6 +105,8 @@ class LayeredTransport(FftTransport):
         Of the convolution; 0 takes all cores.
     effort : str
         FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
+    keep : int
+        Convolvers, one a shape of layers, that are kept for the next call.
     """
 
     n_layers: int = 8
@@ -149,7 +151,7 @@ class EwaldTransport(FftTransport):
         ``tsc``, quadratic B-splines over 27 nodes, or ``tent``, linear ones over 8.
     tail : float
         See `tail_reach`; the padding follows from it.
-    threads, effort
+    threads, effort, keep
         See `LayeredTransport`.
     """
 
@@ -201,7 +203,7 @@ class EwaldTransport(FftTransport):
         return spectrum
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=1024)  # every body asks again
 def tail_reach(profile: Profile, area: float, tail: float) -> float:
     """Distance, mm, beyond which the tails of all sources together are negligible, on an object of `area` mm^2.
 

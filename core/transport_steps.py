@@ -36,10 +36,13 @@ class FftTransport:
         Of the convolution; 0 takes all cores.
     effort : str
         FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
+    keep : int
+        Convolvers, one a shape of layers, that are kept for the next call.
     """
 
     threads: int = 0
     effort: str = "FFTW_ESTIMATE"
+    keep: int = CONVOLVERS
     _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
     _spectra: dict[Kernel, Spectra] = field(default_factory=dict, init=False, repr=False)
 
@@ -100,7 +103,7 @@ class FftTransport:
 
     def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
         if shape not in self._convolvers:
-            if len(self._convolvers) >= CONVOLVERS:
+            if len(self._convolvers) >= self.keep:
                 self._convolvers.pop(next(iter(self._convolvers)))
             self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
         return self._convolvers[shape]

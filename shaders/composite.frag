@@ -5,12 +5,14 @@
 #include "fresnel.glsl"
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
-uniform sampler2D t_normal;
+uniform sampler2D t_normal;     // a: body
 uniform sampler2D t_irradiance;
 uniform sampler2D t_specular;
 uniform sampler2D t_local;      // exitance, see irradiance_pixels.frag
 uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
 uniform mat4 u_world_to_texture;
+uniform bool u_separate;        // whether t_exitance is an atlas of bodies (core/atlas.py)
+uniform sampler2D t_offsets;    // then: what each body adds to its texture coordinates, row by row
 uniform bool u_smooth;          // gather with quadratic B-splines instead of tents
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
@@ -48,9 +50,13 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
-    vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
-    
+    vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
+    vec3 normal = normal_and_body.xyz;
     vec3 coordinates = (u_world_to_texture * vec4(position.xyz, 1.0)).xyz;
+    if (u_separate) {
+        int body = int(normal_and_body.a), columns = textureSize(t_offsets, 0).x;
+        coordinates += texelFetch(t_offsets, ivec2(body % columns, body / columns), 0).xyz;
+    }
     vec3 gathered = u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0).rgb;
     // M >= 0; the FFT leaves noise of 1e-7 of the maximum where no light arrives
     vec3 exitance = max(gathered + texelFetch(t_local, pixel, 0).rgb, 0.0);

@@ -6,7 +6,7 @@
 #include "sheet.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
-uniform sampler2D t_normal;
+uniform sampler2D t_normal;    // a: body
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 uniform float u_strength;
 uniform float u_shininess;
@@ -19,7 +19,8 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
-    vec3 normal = texelFetch(t_normal, pixel, 0).xyz;
+    vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
+    vec3 normal = normal_and_body.xyz;
     vec3 irradiance, specular = vec3(0.0), through = vec3(0.0);
     if (u_light_kind == ENVIRONMENT) {
         irradiance = environment_irradiance(normal);
@@ -32,7 +33,7 @@ void main() {
         if (dot(normal, arrival.to_light) > 0.0 && lobe > 0.0)
             specular = u_strength * pow(lobe, u_shininess) * arrival.irradiance;
         if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
-            through = light_through_sheet(position.xyz, normal);
+            through = light_through_sheet(position.xyz, normal, normal_and_body.a);
     }
     o_irradiance = vec4(irradiance, 0.0);
     o_specular = vec4(specular, 0.0);

@@ -5,14 +5,20 @@
 // applies to the irradiance over there (translucent shadow maps, Dachsbacher and Stamminger 2003, used for a remainder).
 
 uniform sampler2D t_shadow_depth;         // the texture of t_shadow, its depths
+uniform bool u_separate_shadow;           // whether bodies scatter light each alone
+uniform sampler2D t_shadow_body;          // then: the body that t_shadow_depth is of
 uniform mat4 u_shadow_clip_to_world[6];
 uniform sampler2D t_sheet;                // factor over thickness, RGB; one row
 uniform float u_sheet_reach;              // thickness of its last texel, mm; 0: no local term
 
+// Texture coordinates of a place (NDC) of one of the shadow map's views.
+vec2 shadow_uv(int view, vec2 place) {
+    return (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / shadow_tiles();
+}
+
 // Point where light enters, world space, that the shadow map knows at a place of one of its views (NDC).
 vec3 light_entry(int view, vec2 place) {
-    vec2 uv = (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / shadow_tiles();
-    float depth = textureLod(t_shadow_depth, uv, 0.0).r;
+    float depth = textureLod(t_shadow_depth, shadow_uv(view, place), 0.0).r;
     vec4 entry = u_shadow_clip_to_world[view] * vec4(place, 2.0 * depth - 1.0, 1.0);
     return entry.xyz / entry.w;
 }
@@ -29,8 +35,8 @@ float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 
     return 0.25 * sum;
 }
 
-// normal: outward at `position`, facing away from the light. Returns exitance.
-vec3 light_through_sheet(vec3 position, vec3 normal) {
+// normal: outward at `position`, facing away from the light. body: the one that `position` is of. Returns exitance.
+vec3 light_through_sheet(vec3 position, vec3 normal, float body) {
     bool point = u_light_kind == POINT;
     vec3 to_light = point ? normalize(u_light_vector - position) : u_light_vector;
     vec2 texel = 2.0 * shadow_tiles() / vec2(textureSize(t_shadow_depth, 0));
@@ -38,6 +44,8 @@ vec3 light_through_sheet(vec3 position, vec3 normal) {
         vec4 clip = u_shadow_world_to_clip[view] * vec4(position, 1.0);
         if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) continue;
         vec2 place = clip.xy / clip.w;
+        // What another body's surface catches does not go on in this one, which lies in its shadow.
+        if (u_separate_shadow && textureLod(t_shadow_body, shadow_uv(view, place), 0.0).r != body) return vec3(0.0);
         vec3 entry = light_entry(view, place);
         float way = dot(entry - position, to_light);
         if (way <= 0.0 || way >= u_sheet_reach) return vec3(0.0);

@@ -27,6 +27,15 @@ def write_knot(path: Path) -> Path:
     return path
 
 
+def write_pair(path: Path) -> Path:
+    """Write the mesh of `write_knot` and a ball beside it, a gap apart."""
+    write_knot(path)
+    ball = trimesh.creation.icosphere(3, 1.0)
+    ball.apply_translation([2.4, 0.3, 0.0])
+    trimesh.util.concatenate([trimesh.load_mesh(path), ball]).export(path)
+    return path
+
+
 def small_scene(model: Path) -> Scene:
     """A scene that a frame of takes milliseconds."""
     return Scene(

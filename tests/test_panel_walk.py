@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from tests.driving import small_scene, write_knot
+from tests.driving import small_scene, write_knot, write_pair
 from tests.walking import CONTROLS, Control, Walker, choose, open_file, search
 from viewer.images import write_exr
 from viewer.panel_controls import default_of
@@ -47,6 +47,7 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         ),
         "ewald": replace(scene, transport=TransportSettings(method="ewald", layers=4)),
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
+        "pair": replace(scene, model=replace(scene.model, path=write_pair(probe.with_name("pair.ply")))),
         "point": replace(scene, lights=(lamp, DEFAULT_LIGHTS[1])),
     }  # fmt: skip
 

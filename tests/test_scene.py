@@ -66,7 +66,7 @@ def load(folder: Path, text: str) -> Scene:
 def rich_scene(folder: Path) -> Scene:
     """A scene where no value is a default, with values that are hard to print exactly."""
     return Scene(
-        model=ModelSettings(path=folder / 'odd "näme" \\ #1.ply', size_mm=1 / 3, up="-z"),
+        model=ModelSettings(path=folder / 'odd "näme" \\ #1.ply', size_mm=1 / 3, up="-z", bodies="separate"),
         camera=CameraSettings(math.pi, -89.9, 12.5, 40.1, 1e-2, True, (0.1, -2e-7, 3e5)),
         material=MaterialSettings(sigma_s_prime=(0.1, 0.2, 1e-5), sigma_a=(0.0, 1e6, 0.3), eta=1.37),
         specular=SpecularSettings(0.0, 1.5),

@@ -136,6 +136,7 @@ CONTROLS = [
     ),
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
     Control("model.up", "model.up", choose("model.up", "z")),
+    Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
     Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
     Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),

@@ -7,10 +7,12 @@ still there when an edit is undone, even if the file is gone by then.
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from core.accuracy import Roughness, roughness
+from core.bodies import Bodies, find_bodies
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
@@ -40,7 +42,7 @@ class Assets:
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
         """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
-        return self._get("mesh", settings, lambda: _load(settings))  # type: ignore[no-any-return]
+        return self._get("mesh", shape_of(settings), lambda: _load(settings))  # type: ignore[no-any-return]
 
     def probe(self, path: Path) -> Probe:
         """Return a light probe; errors as `viewer.images.read_radiance`."""
@@ -52,6 +54,11 @@ class Assets:
         key = (id(mesh), self._spacing_at_hand(mesh, spacing) if accept_finer else spacing)
         _, samples = self._get("samples", key, lambda: (mesh, surface_samples(mesh, spacing)))
         return samples  # type: ignore[no-any-return]
+
+    def bodies(self, mesh: Mesh) -> Bodies:
+        """Return the bodies of a mesh, see `core.bodies.find_bodies`."""
+        # The mesh is kept with them, as with its samples.
+        return self._get("bodies", id(mesh), lambda: (mesh, find_bodies(mesh)))[1]  # type: ignore[no-any-return]
 
     def roughness(self, mesh: Mesh) -> Roughness:
         """Return how rough a mesh is, from samples that serve most grids too."""
@@ -73,11 +80,15 @@ class Assets:
 
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
-        return self._has("mesh", settings)
+        return self._has("mesh", shape_of(settings))
 
     def has_probe(self, path: Path) -> bool:
         """Whether `probe` would return at once."""
         return self._has("probe", path)
+
+    def has_bodies(self, mesh: Mesh) -> bool:
+        """Whether `bodies` would return at once."""
+        return self._has("bodies", id(mesh))
 
     def has_roughness(self, mesh: Mesh) -> bool:
         """Whether `roughness` would return at once."""
@@ -116,6 +127,11 @@ class Assets:
             while len(kept) > self._keep:
                 kept.popitem(last=False)
         return value
+
+
+def shape_of(settings: ModelSettings) -> ModelSettings:
+    """Return what a mesh depends on: the settings of its model, but for the bodies."""
+    return replace(settings, bodies="joined")
 
 
 def _load(settings: ModelSettings) -> LoadedMesh:

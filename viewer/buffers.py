@@ -16,14 +16,21 @@ class MeshBuffers:
         self._normals = context.buffer(mesh.normals)
         self._faces = context.buffer(mesh.faces)
 
-    def positions(self, program: Program) -> moderngl.VertexArray:
-        """Bind a program that reads ``a_position``."""
+    def positions(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position``, and ``a_body`` if given: one float a vertex."""
         content = [(self._positions, "3f", "a_position")]
-        return self._context.vertex_array(program.program, content, self._faces)
+        return self._bound(program, content, bodies)
 
-    def positions_and_normals(self, program: Program) -> moderngl.VertexArray:
-        """Bind a program that reads ``a_position`` and ``a_normal``."""
+    def positions_and_normals(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position``, ``a_normal`` and ``a_body``, which is 0 if not given."""
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        return self._bound(program, content, bodies)
+
+    def _bound(
+        self, program: Program, content: list[tuple[moderngl.Buffer, str, str]], bodies: moderngl.Buffer | None
+    ) -> moderngl.VertexArray:
+        if bodies is not None:
+            content.append((bodies, "1f", "a_body"))
         return self._context.vertex_array(program.program, content, self._faces)
 
 

@@ -37,4 +37,5 @@ def same_light(a: LitScene, b: LitScene) -> bool:
         and a.flux is b.flux
         and a.profiles == b.profiles
         and a.sources == b.sources
+        and a.bodies is b.bodies
     )

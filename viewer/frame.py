@@ -119,7 +119,12 @@ class Renderer:
         return self._lighting.light(scene, progress)
 
     def scatter(self, lit: LitScene) -> Float32:
-        """Transport: exitance at the nodes of the layers. Uses no OpenGL, so any one thread may run it."""
+        """Transport: exitance at the nodes of the layers, or of an atlas of bodies.
+
+        Uses no OpenGL, so any one thread may run it.
+        """
+        if lit.separated is not None:
+            return lit.separated.exitance(lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
         return lit.transport.exitance(
             lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
         )

@@ -24,6 +24,8 @@ class Gather:
         Its thickness range, mm.
     eta : float
         On the way out.
+    offsets : texture, optional
+        Where the volume is an atlas of bodies: what each adds to its texture coordinates, row by row.
     """
 
     volume: moderngl.Texture3D
@@ -32,3 +34,4 @@ class Gather:
     local: moderngl.Texture
     local_reach: float
     eta: float
+    offsets: moderngl.Texture | None = None

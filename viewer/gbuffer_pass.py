@@ -1,4 +1,4 @@
-"""G-buffer: position and normal of the visible surface at every pixel."""
+"""G-buffer: position, normal and body of the visible surface at every pixel."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from viewer.gl import Program, checked, float_targets
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """Float textures of one image size; position's alpha is 1 where the object is."""
+    """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body."""
 
     position: moderngl.Texture
     normal: moderngl.Texture
@@ -32,12 +32,21 @@ class GBufferPass:
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         return GBuffer(position, normal, self._context.framebuffer([position, normal], depth))
 
-    def render(self, buffers: MeshBuffers, world_to_clip: npt.NDArray[np.float64], out: GBuffer) -> None:
-        """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes."""
+    def render(
+        self,
+        buffers: MeshBuffers,
+        world_to_clip: npt.NDArray[np.float64],
+        out: GBuffer,
+        bodies: moderngl.Buffer | None = None,
+    ) -> None:
+        """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
+
+        `bodies` holds the body of each vertex where there are several.
+        """
         out.framebuffer.use()
         out.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._program.set({"u_world_to_clip": world_to_clip})
-        vertices = buffers.positions_and_normals(self._program)
+        vertices = buffers.positions_and_normals(self._program, bodies)
         vertices.render()
         vertices.release()

@@ -4,14 +4,16 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.atlas import Atlas
 from core.errors import InputError
 from core.layers import LayerGrid
 from viewer.buffers import SampleBuffers
-from viewer.gl import Program, checked, driver_name
+from viewer.gl import Program, checked, driver_name, float_texture
 
 Float32 = npt.NDArray[np.float32]
 
 LLVMPIPE_TEXTURE_BYTES = 1 << 30  # Mesa's LP_MAX_TEXTURE_SIZE; OpenGL has no query for it
+OFFSETS_A_ROW = 256
 
 
 class LayersPass:
@@ -50,6 +52,31 @@ class LayersPass:
                 f"transport.resolution = {largest} with {grid.n_layers} layers exceeds this GPU's texture size; "
                 f"the largest that fits is {fits}"
             )
+
+    def check_atlas(self, atlas: Atlas) -> None:
+        """Refuse bodies whose layers together the GPU cannot hold, before anything is computed.
+
+        Raises
+        ------
+        InputError
+        """
+        side = int(self._context.info["GL_MAX_3D_TEXTURE_SIZE"])
+        too_large = "llvmpipe" in driver_name(self._context) and 16 * np.prod(atlas.shape) > LLVMPIPE_TEXTURE_BYTES
+        if too_large or max(atlas.shape) > side:
+            size = " x ".join(map(str, atlas.shape[::-1]))
+            raise InputError(
+                f"model.bodies = separate needs a texture of {size} for {len(atlas.crops)} bodies, more than this GPU"
+                " holds; lower transport.resolution or set model.bodies to joined"
+            )
+
+    def offsets(self, atlas: Atlas) -> moderngl.Texture:
+        """Upload what leads each body to its place in an atlas, in rows of `OFFSETS_A_ROW`."""
+        rows = -(-len(atlas.offsets) // OFFSETS_A_ROW)
+        values = np.zeros((rows * OFFSETS_A_ROW, 3), np.float32)
+        values[: len(atlas.offsets)] = atlas.offsets
+        texture = float_texture(self._context, (OFFSETS_A_ROW, rows), 3)
+        texture.write(values)
+        return texture
 
     def volume(self, exitance: Float32) -> moderngl.Texture3D:
         """Upload exitance (3, n_layers, height, width) as a 3-D texture, read trilinearly, clamped at its edges."""

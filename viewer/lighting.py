@@ -7,15 +7,20 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.atlas import fit_atlas
+from core.bodies import Bodies
 from core.dipole import dipoles
 from core.environment import Probe, irradiance_table
 from core.layers import LayerGrid
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
+from core.separate import SeparateTransport
 from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
-from viewer.assets import Assets
+from core.transport_steps import CONVOLVERS
+from viewer.assets import Assets, shape_of
+from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import Gather
@@ -64,6 +69,10 @@ class LitScene:
         Grid coordinates of the samples.
     flux : (n, 3) float32
         E dA of the samples, all lights.
+    bodies : Bodies, optional
+        Where they are to be separate.
+    separated : Separated, optional
+        Where they are more than one.
     """
 
     model: Model
@@ -76,6 +85,8 @@ class LitScene:
     profiles: Profiles
     coordinates: Float32
     flux: Float32
+    bodies: Bodies | None = None
+    separated: Separated | None = None
 
 
 class Lighting:
@@ -96,14 +107,20 @@ class Lighting:
         run, material = self._run, scene.material.resolve()
 
         say("loading the model")
-        model = run("model", [scene.model], lambda: self._load(scene.model))
+        model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
+        bodies = None
+        if scene.model.bodies == "separate":
+            bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
+        count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None)
-        transport = run("transport", [made_for], lambda: make_transport(quality, self._effort))
+        keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
+        transport = run("transport", [made_for, keep], lambda: make_transport(quality, self._effort, keep))
         grid = transport.grid(model.mesh, camera.rotation)
-        self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
+        if count == 1:
+            self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
 
         say("sampling the surface")
         spacing = sample_spacing(model.mesh, scene.transport, quality.resolution)
@@ -112,13 +129,20 @@ class Lighting:
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
+        separated = marks = None
+        if bodies is not None and count > 1:
+            separated = self._separated(model, bodies, transport, grid, samples)
+            # Light through thin sheets, of ewald alone, asks which body a shadow map shows.
+            marks = separated.marks.buffer if quality.method == "ewald" else None
+
         say("casting shadows")
-        sources = (*self._lamps(scene, model), *self._surround(scene.environment, material.eta))
+        sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta))
 
         say("lighting the surface")
         flux = self._flux(surface, sources, material.eta)
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        return LitScene(model, camera, sources, material.eta, quality, transport, grid, profiles, coordinates, flux)
+        placed = transport, grid, profiles, coordinates, flux
+        return LitScene(model, camera, sources, material.eta, quality, *placed, bodies, separated)
 
     def gather(self, lit: LitScene, exitance: Float32) -> Gather:
         """Upload the result of transport."""
@@ -127,8 +151,12 @@ class Lighting:
             "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
         )
         table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
-        to_texture, smooth = lit.grid.world_to_texture, lit.transport.smooth
-        return Gather(volume, to_texture, smooth, table, local.reach, lit.eta)
+        to_texture, offsets = lit.grid.world_to_texture, None
+        if lit.separated is not None:
+            atlas = lit.separated.atlas
+            to_texture = atlas.world_to_texture
+            offsets = self._run("body offsets", [atlas], lambda: self._layers.offsets(atlas))
+        return Gather(volume, to_texture, lit.transport.smooth, table, local.reach, lit.eta, offsets)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -140,15 +168,30 @@ class Lighting:
         mesh, warning = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
 
-    def _lamps(self, scene: Scene, model: Model) -> list[LightSource]:
-        """Directional and point lights, each with its shadow map."""
+    def _separated(
+        self, model: Model, bodies: Bodies, transport: Transport, grid: LayerGrid, samples: SurfaceSamples
+    ) -> Separated:
+        run, mesh = self._run, model.mesh
+        marks = run("body marks", [model, bodies], lambda: BodyMarks(self._context, mesh, bodies))
+        cut = grid, transport.smooth
+        atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
+        self._layers.check_atlas(atlas)
+        alone = run(
+            "separate transport",
+            [transport, bodies, samples],
+            lambda: SeparateTransport(transport, bodies, samples),
+        )
+        return Separated(marks, atlas, alone)
+
+    def _lamps(self, scene: Scene, model: Model, bodies: moderngl.Buffer | None) -> list[LightSource]:
+        """Directional and point lights, each with its shadow map, which tells bodies apart if they are given."""
 
         def cast(light: Light) -> LightSource:
-            shadow = self._shadows.render(model.buffers, model.mesh, light)
+            shadow = self._shadows.render(model.buffers, model.mesh, light, bodies)
             return lamp(light, shadow, self._no_probe)
 
         return [
-            self._run(f"shadow of light {i}", [model, light], lambda light=light: cast(light))  # type: ignore[misc]
+            self._run(f"shadow of light {i}", [model, light, bodies], lambda light=light: cast(light))  # type: ignore[misc]
             for i, light in enumerate(scene.effective_lights(), start=1)
         ]
 

@@ -14,11 +14,11 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.layers import deposit
 from core.mesh import Mesh
 from viewer.assets import Assets
 from viewer.camera import place_camera
 from viewer.dependence import angle, files, lighting_key, same_light, turned
+from viewer.finished import Finished
 from viewer.frame import Renderer
 from viewer.gather import Gather
 from viewer.lighting import LitScene, quality_of
@@ -42,15 +42,6 @@ class Detail:
 
     draft: bool = False
     samples: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Finished:
-    """Transport that came back: the light it is of, the volume that is drawn, the maps behind it."""
-
-    lit: LitScene
-    gather: Gather
-    exitance: Float32
 
 
 class Live:
@@ -140,8 +131,9 @@ class Live:
         self._submit(lit)
         if self.finished is None:
             return None
-        if lit.model is not self.finished.lit.model:  # its first volume is on the way: the old model until then
-            lit = self.finished.lit
+        old = self.finished.lit
+        if lit.model is not old.model or lit.bodies is not old.bodies:
+            lit = old  # the first volume of a new model, or of its bodies, is on the way: the old one until then
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), self.finished.gather
 
@@ -161,13 +153,6 @@ class Live:
         for future in (self._load, self._job):
             if future is not None:
                 future.exception(timeout)
-
-    def incoming(self) -> Float32 | None:
-        """Flux on the layers, (3, n_layers, height, width), of the volume that is drawn."""
-        if self.finished is None:
-            return None
-        lit = self.finished.lit
-        return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
 
     def close(self) -> None:
         """Let the worker finish and free it."""
@@ -199,6 +184,8 @@ class Live:
         if probe is not None and not self.assets.has_probe(probe):
             return False
         mesh, _ = self.assets.mesh(scene.model)
+        if scene.model.bodies == "separate" and not self.assets.has_bodies(mesh):
+            return False
         if detail.draft:
             return True
         if scene.transport.method == "ewald" and not self.assets.has_roughness(mesh):
@@ -208,6 +195,8 @@ class Live:
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
+        if scene.model.bodies == "separate":
+            self.assets.bodies(mesh)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))

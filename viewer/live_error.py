@@ -23,8 +23,10 @@ from core.mesh import Mesh
 from core.stages import Stages
 from viewer.camera import place_camera
 from viewer.dependence import lighting_key
+from viewer.finished import Finished
 from viewer.gl import leave_framebuffer
-from viewer.live import Finished, Live
+from viewer.lighting import LitScene
+from viewer.live import Live
 from viewer.quality import Quality
 from viewer.scene import Scene
 from viewer.shading import Shading
@@ -218,13 +220,10 @@ class LiveError:
         if self._worker is None:
             self._worker = ThreadPoolExecutor(1, thread_name_prefix="error")
         self._job = job = _Job(asked, self._wake)
-        mesh, quality = finished.lit.model.mesh, finished.lit.quality
-        job.future = self._worker.submit(lambda: self._measure(job, scene, surface, mesh, probe, quality))
+        job.future = self._worker.submit(lambda: self._measure(job, scene, surface, finished.lit, probe))
         job.future.add_done_callback(lambda _: self._wake())
 
-    def _measure(
-        self, job: _Job, scene: Scene, surface: Surface, mesh: Mesh, probe: Probe | None, quality: Quality
-    ) -> Measured:
+    def _measure(self, job: _Job, scene: Scene, surface: Surface, lit: LitScene, probe: Probe | None) -> Measured:
         """Run in the worker: nothing here touches OpenGL."""
         from viewer.report import lights_of
         from viewer.visible_error import measure, visible_points
@@ -233,9 +232,10 @@ class LiveError:
         start, (alpha, position, exitance) = time.perf_counter(), surface
         seen = visible_points(alpha, position, exitance, job.of.points)
         light, material = lights_of(scene, probe), scene.material.resolve()
-        error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh))
-        seconds = time.perf_counter() - start
-        return Measured(job.of, error, (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha)), quality, seconds)
+        mesh = lit.model.mesh
+        error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh), lit.bodies)
+        size, covered = (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha))
+        return Measured(job.of, error, size, covered, lit.quality, time.perf_counter() - start)
 
     def _occluder_of(self, mesh: Mesh) -> "Occluder":
         """Return what rays are cast against, made once a mesh: no other thread of Python runs while it is made."""

@@ -67,7 +67,7 @@ class Panel:
             ("Tone mapping", False, self._tone_mapping),
             ("Light transport", True, lambda: self._transport(live)),
             ("Error", False, lambda: self._error.draw(error, live)),
-            ("Model", False, self._model),
+            ("Model", False, lambda: self._model(live)),
             ("Camera", False, self._camera),
         ):
             if label == "Error" and self._session.view.measure and not self._was_measuring:  # a key asked for it
@@ -248,7 +248,7 @@ class Panel:
             controls.setting("transport.assignment", "Assignment", lit.quality.assignment)
             controls.note(lit.quality.warning or lit.quality.expected)
 
-    def _model(self) -> None:
+    def _model(self, live: Live) -> None:
         session, controls = self._session, self.controls
         path = session.scene.model.path
         controls.begin_row("Model")
@@ -256,6 +256,12 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
+        controls.setting("model.bodies", "Bodies")
+        if live.finished is not None and live.finished.lit.bodies is not None:
+            count = live.finished.lit.bodies.count
+            controls.note(
+                "one body: nothing to separate" if count == 1 else f"{count} bodies, each scatters light alone"
+            )
         if path is not None:
             if imgui.button("Built-in sculpture"):
                 model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)

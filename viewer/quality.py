@@ -9,6 +9,7 @@ from core.ewald import TENT, TSC
 from core.mesh import Mesh
 from core.spectra import Profiles
 from core.transport import LOOSE_TAIL, TAIL, EwaldTransport, LayeredTransport, Transport
+from core.transport_steps import CONVOLVERS
 from viewer.settings import TransportSettings
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
@@ -128,16 +129,17 @@ def choose_quality(
     return replace(made(most, orders[-1]), tail=LOOSE_TAIL)
 
 
-def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE") -> Transport:
-    """Make the transport of a quality; `effort` is FFTW's planner flag."""
+def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> Transport:
+    """Make the transport of a quality; `effort` and `keep` as of `core.transport.LayeredTransport`."""
     if quality.method == "layered":
-        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort)
+        return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
     return EwaldTransport(
         n_layers=quality.layers,
         resolution=quality.resolution,
         assignment=quality.assignment,
         tail=quality.tail,
         effort=effort,
+        keep=keep,
     )
 
 

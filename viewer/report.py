@@ -114,7 +114,7 @@ def error_report(
     start = time.perf_counter()
     seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
     illumination = illumination_of(renderer, scene)
-    error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress)
+    error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress, bodies=lit.bodies)
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
     return Report(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
@@ -148,6 +148,7 @@ def _content(
             "path": None if scene.model.path is None else Path(scene.model.path).name,
             "builtin": scene.model.builtin_name,
             "size_mm": scene.model.size_mm,
+            "bodies": {"mode": scene.model.bodies, "count": 1 if lit.bodies is None else lit.bodies.count},
         },
         "material": {
             "name": material.name,

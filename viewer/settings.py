@@ -41,6 +41,10 @@ class ModelSettings:
         "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
         why="axis of the file that points up; most scans use y"
     )
+    bodies: str = setting(
+        "text", "joined", choices=("joined", "separate"),
+        why="joined: equation (1) over all of the surface, across air gaps; separate: each closed part scatters alone"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)

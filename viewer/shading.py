@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from core.probe_blur import blurred
 from core.stages import Stages
+from viewer.bodies import bodies_warnings
 from viewer.camera import jittered, pixel_offsets
 from viewer.composite_pass import Composite, CompositePass
 from viewer.gather import Gather
@@ -81,7 +82,7 @@ class Shading:
             ),
         )
         missed = () if lit.quality.warning is None else (lit.quality.warning,)
-        warnings = (*lit.model.warnings, *missed)
+        warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *missed)
         transparent = display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average)
 
@@ -154,10 +155,11 @@ class Shading:
         gbuffer = self._seen = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))
         clip = jittered(camera, offsets[i], size)
+        marks = None if lit.separated is None else lit.separated.marks.buffer
         run(
             "gbuffer",
-            [lit.model, gbuffer, clip.tobytes()],
-            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer),
+            [lit.model, gbuffer, clip.tobytes(), marks],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks),
         )
         if i == 0:
             targets.framebuffer.clear()

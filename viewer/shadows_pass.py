@@ -1,6 +1,7 @@
 """Shadow maps: one depth texture a light, fitted to the object."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -9,7 +10,7 @@ from pyrr import matrix44
 
 from core.mesh import Mesh
 from viewer.buffers import MeshBuffers
-from viewer.gl import Program, checked, leave_framebuffer
+from viewer.gl import Program, checked, float_texture, leave_framebuffer
 from viewer.settings import DirectionalLight, Light
 
 Array = npt.NDArray[np.float64]
@@ -45,6 +46,9 @@ class ShadowMap:
         0 (no shadow), 1 or 6.
     texel : float
         Size of a texel on the object: mm for a directional light, mm per mm of distance for a point light.
+    bodies : texture
+        The body at each texel, where bodies are told apart; else any texture.
+    tells_bodies : bool
     """
 
     texture: moderngl.Texture
@@ -52,6 +56,8 @@ class ShadowMap:
     world_to_clip: Array
     views: int
     texel: float
+    bodies: moderngl.Texture
+    tells_bodies: bool = False
 
     def uniforms(self) -> dict[str, object]:
         """Values for shadows.glsl."""
@@ -67,7 +73,12 @@ class ShadowMap:
         views = self.world_to_clip[: self.views]
         clip_to_world = np.zeros((6, 4, 4))
         clip_to_world[: self.views] = np.linalg.inv(views)
-        return {"t_shadow_depth": self.depths, "u_shadow_clip_to_world": clip_to_world}
+        return {
+            "t_shadow_depth": self.depths,
+            "u_shadow_clip_to_world": clip_to_world,
+            "u_separate_shadow": self.tells_bodies,
+            "t_shadow_body": self.bodies,
+        }
 
 
 class ShadowsPass:
@@ -77,11 +88,18 @@ class ShadowsPass:
         self._context = context
         self._program = Program(context, "shadows.vert", "shadows.frag")
         self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
+        self._no_bodies = float_texture(context, (1, 1), 1)
         nothing = self._texture((1, 1))
-        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0)
+        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0, self._no_bodies)
 
-    def render(self, buffers: MeshBuffers, mesh: Mesh, light: Light) -> ShadowMap:
-        """Render the mesh's depth as the light sees it."""
+    @cached_property
+    def _bodies_program(self) -> Program:
+        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
+
+    def render(
+        self, buffers: MeshBuffers, mesh: Mesh, light: Light, bodies: moderngl.Buffer | None = None
+    ) -> ShadowMap:
+        """Render the mesh's depth as the light sees it, and its bodies if given: one float a vertex."""
         tiles = (1, 1)
         side = self._size
         if isinstance(light, DirectionalLight):
@@ -94,22 +112,27 @@ class ShadowsPass:
         else:
             tiles, side = (3, 2), self._size // 2
             matrices, texel = _cube_views(mesh, light.position_mm, side)
-        texture = self._texture((side * tiles[0], side * tiles[1]))
-        framebuffer = self._context.framebuffer(depth_attachment=texture)
+        size = side * tiles[0], side * tiles[1]
+        texture, seen = self._texture(size), self._no_bodies
+        program, colours = self._program, []
+        if bodies is not None:
+            program, seen = self._bodies_program, float_texture(self._context, size, 1)
+            colours = [seen]
+        framebuffer = self._context.framebuffer(colours, texture)
         framebuffer.use()
         framebuffer.clear(depth=1.0)
-        vertices = buffers.positions(self._program)
+        vertices = buffers.positions(program, bodies)
         self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
         for view, matrix in enumerate(matrices):
             framebuffer.viewport = (side * (view % tiles[0]), side * (view // tiles[0]), side, side)
-            self._program.set({"u_world_to_clip": matrix})
+            program.set({"u_world_to_clip": matrix})
             vertices.render()
         vertices.release()
         leave_framebuffer(self._context)
         framebuffer.release()
         padded = np.zeros((6, 4, 4))
         padded[: len(matrices)] = matrices
-        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel)
+        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
 
     def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
         texture = checked(self._context, lambda: self._context.depth_texture(size), "a shadow map")

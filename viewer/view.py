@@ -265,8 +265,7 @@ class ViewArea:
         display = self._session.scene.display
         key = (finished, is_incoming, layer, display.key, display.white)
         if self._map is None or self._map[0] != key:
-            maps = self.live.incoming() if is_incoming else finished.exitance
-            assert maps is not None
+            maps = finished.incoming() if is_incoming else finished.outgoing()
             layer = min(layer, maps.shape[1] - 1)
             pixels = developed(np.moveaxis(maps[:, layer], 0, -1), maps, display.key, display.white)
             texture = self._context.texture((pixels.shape[1], pixels.shape[0]), 4, pixels.tobytes())

@@ -6,13 +6,14 @@ from a picture by `visible_points` and from a scene by `Illumination`.
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from core.bodies import Bodies, bodies_at
 from core.dipole import dipoles
 from core.environment import Probe, irradiance_table, lookup
 from core.errors import InputError
@@ -170,6 +171,7 @@ def measure(
     progress: Callable[[float], None] | None = None,
     threads: int = 0,
     occluder: Occluder | None = None,
+    bodies: Bodies | None = None,
 ) -> VisibleError:
     """Sum equation (1) at visible points and compare.
 
@@ -185,29 +187,44 @@ def measure(
         0 takes all cores.
     occluder : Occluder, optional
         Of the mesh, where it has been made before.
+    bodies : Bodies, optional
+        Of the mesh, where each scatters light alone: the sum at a point then runs over its own body.
     """
     profiles, say = dipoles(material), progress or (lambda _: None)
     bright = [p.mean_free_path for p in profiles if not p.is_black]
     occluder, count = occluder or Occluder(mesh), len(seen.positions)
     reference, n_sources = np.zeros((count, 3)), 0
-    order = np.argsort(seen.positions[:, 1], kind="stable")  # neighbours share fine sources
-    for start in range(0, count, BATCH) if bright else ():
-        batch = order[start : start + BATCH]
-        points = seen.positions[batch]
+    before = 0  # points of the bodies that are done
+    for surface, own in _own_surfaces(mesh, seen.positions, bodies) if bright else ():
+        order = own[np.argsort(seen.positions[own, 1], kind="stable")]  # neighbours share fine sources
+        for start in range(0, len(own), BATCH):
+            batch = order[start : start + BATCH]
+            points = seen.positions[batch]
 
-        def finished(done: int, start: int = start) -> None:
-            say(min(1.0, (start + done) / count))
+            def finished(done: int, start: int = before + start) -> None:
+                say(min(1.0, (start + done) / count))
 
-        sources = graded_sources(mesh, points, min(bright), lambda finished=finished: finished(0))  # type: ignore[misc]
-        flux = np.empty((len(sources), 3))
-        for first in range(0, len(sources), RAYS):
-            finished(0)
-            part = sources[first : first + RAYS]
-            flux[first : first + RAYS] = illumination.irradiance(occluder, part, material.eta) * part.areas[:, None]
-        reference[batch] = _exitance(points, sources.points, flux, profiles, threads, finished)
-        n_sources = max(n_sources, len(sources))
-        finished(BATCH)
+            sources = graded_sources(surface, points, min(bright), lambda finished=finished: finished(0))  # type: ignore[misc]
+            flux = np.empty((len(sources), 3))
+            for first in range(0, len(sources), RAYS):
+                finished(0)
+                part = sources[first : first + RAYS]
+                flux[first : first + RAYS] = illumination.irradiance(occluder, part, material.eta) * part.areas[:, None]
+            reference[batch] = _exitance(points, sources.points, flux, profiles, threads, finished)
+            n_sources = max(n_sources, len(sources))
+            finished(len(batch))
+        before += len(own)
     return VisibleError(seen, reference, Deviation.of(seen.exitance, reference), n_sources)
+
+
+def _own_surfaces(mesh: Mesh, points: Array, bodies: Bodies | None) -> Iterator[tuple[Mesh, npt.NDArray[np.intp]]]:
+    """Surfaces whose light reaches points (n, 3), and which of the points they are."""
+    if bodies is None:
+        yield mesh, np.arange(len(points))
+        return
+    body = bodies_at(mesh, bodies, points)
+    for each in np.unique(body):
+        yield bodies.part(mesh, int(each)), np.flatnonzero(body == each)
 
 
 def _exitance(
