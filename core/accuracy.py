@@ -8,8 +8,8 @@ nodes along the object; equation (1) summed in float64 as the reference), the rm
     rms = a (h / d)^p kappa^q
 
 within a factor of two. Light that falls on what is seen follows one such law; light that only shines through, seen from
-the dark side, others: there all exitance has come across edges and thin parts, which the nodes must resolve, and on
-smooth shapes around the edge of the light, where strong absorbers need the kernel's very shape.
+the dark side, others: there all exitance has come across edges and thin parts, which the nodes must resolve, and in
+strong absorbers around the edge of the light, where the kernel's very shape decides.
 """
 
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from core.ewald import TENT, TSC
 from core.samples import SurfaceSamples
+from core.spectra import Profile, Profiles
 
 Array = npt.NDArray[np.float64]
 
@@ -31,21 +32,26 @@ COARSEST = 1e6  # of the finest detail: spacings beyond are not searched
 
 @dataclass(frozen=True)
 class ErrorLaw:
-    """The greatest of terms min(a (h / d)^p kappa^q, b), each given as (a, p, q, b)."""
+    """The greatest of terms min(a (h / d)^p kappa^q tau^r, b), each given as (a, p, q, r, b).
 
-    terms: tuple[tuple[float, float, float, float], ...]
+    tau = 1 - detail / mean free path is 0 without absorption and nears 1 with much.
+    """
 
-    def __call__(self, spacing_of_detail: float, roughness: float, assignment: str = TSC) -> float:
-        """Error to expect for h / d and kappa."""
-        kappa = max(roughness, SMOOTHEST)
-        law = max(min(a * spacing_of_detail**p * kappa**q, b) for a, p, q, b in self.terms)
+    terms: tuple[tuple[float, float, float, float, float], ...]
+
+    def __call__(self, profile: Profile, spacing: float, kappa: float, assignment: str = TSC) -> float:
+        """Error to expect in a channel, for a spacing of the nodes, mm, and the roughness there."""
+        if profile.is_black:
+            return 0.0
+        x, tau = spacing / profile.detail, 1.0 - profile.detail / profile.mean_free_path
+        law = max(min(a * x**p * max(kappa, SMOOTHEST) ** q * tau**r, b) for a, p, q, r, b in self.terms)
         added = TENT_ERROR if assignment == TENT else 0.0
         return float(min(1.0, np.sqrt(law * law + LEAST_ERROR**2 + added**2)))
 
 
 # Scales are a little above the fit's: 6 channels of 7 keep below.
-LIT = ErrorLaw(((0.025, 1.02, 0.35, 1.0),))
-SHINING = ErrorLaw(((0.10, 1.60, 0.42, 1.0), (0.0025, 3.4, 0.0, 0.15)))
+LIT = ErrorLaw(((0.025, 1.02, 0.35, 0.0, 1.0),))
+SHINING = ErrorLaw(((0.10, 1.60, 0.42, 0.0, 1.0), (0.0057, 3.4, 0.0, 2.0, 0.3)))
 
 
 @dataclass(frozen=True)
@@ -102,11 +108,21 @@ def roughness(samples: SurfaceSamples, bounds: Array) -> Roughness:
     return Roughness(tuple(longest / (cells - 1) for cells in CELLS), tuple(values))
 
 
-def spacing_for(target: float, detail: float, shape: Roughness, law: ErrorLaw, assignment: str = TSC) -> float:
-    """Return the spacing, mm, at which a law meets the target, for the shortest `Profile.detail` (mm); by bisection."""
-    low, high = 1e-6 * detail, COARSEST * detail
+def predicted_error(
+    law: ErrorLaw, profiles: Profiles, spacing: float, shape: Roughness, assignment: str = TSC
+) -> float:
+    """Return the rms error over rms exitance to expect in the worst channel, for a spacing of the nodes, mm."""
+    return max(law(profile, spacing, shape(spacing), assignment) for profile in profiles)
+
+
+def spacing_for(target: float, law: ErrorLaw, profiles: Profiles, shape: Roughness, assignment: str = TSC) -> float:
+    """Return the spacing, mm, at which `predicted_error` meets the target, by bisection; infinite where all do."""
+    details = [profile.detail for profile in profiles if not profile.is_black]
+    if not details:
+        return np.inf
+    low, high = 1e-6 * min(details), COARSEST * max(details)
     for _ in range(60):
-        middle = np.sqrt(low * high)
-        fits = law(middle / detail, shape(middle), assignment) <= target
+        middle = float(np.sqrt(low * high))
+        fits = predicted_error(law, profiles, middle, shape, assignment) <= target
         low, high = (middle, high) if fits else (low, middle)
-    return float(low)
+    return low

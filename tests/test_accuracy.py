@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.accuracy import LIT, SHINING, SMOOTHEST, TENT_ERROR, Roughness, roughness, spacing_for
+from core import materials
+from core.accuracy import LIT, SHINING, SMOOTHEST, TENT_ERROR, Roughness, predicted_error, roughness, spacing_for
+from core.dipole import dipoles
+from core.materials import Material
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
 from tests.shapes import ball, plate
@@ -61,15 +64,30 @@ def test_between_and_beyond_a_power_law_holds():
 
 @pytest.mark.parametrize("law", [LIT, SHINING])
 def test_errors_fall_with_the_spacing_and_spacing_is_their_inverse(law):
-    spacings = np.geomspace(1e-3, 1e3, 60)
-    errors = [law(h / 0.3, SMOOTH(h)) for h in spacings]
+    milk = dipoles(materials.lookup("whole milk"))
+    errors = [predicted_error(law, milk, h, SMOOTH) for h in np.geomspace(1e-3, 1e3, 60)]
     assert np.all(np.diff(errors) >= 0.0)
     assert errors[-1] <= 1.0
     for target in (0.005, 0.01, 0.02, 0.1):
-        h = spacing_for(target, 0.3, SMOOTH, law)
-        assert law(h / 0.3, SMOOTH(h)) == pytest.approx(target, rel=1e-6)
+        assert predicted_error(law, milk, spacing_for(target, law, milk, SMOOTH), SMOOTH) == pytest.approx(target)
+
+
+def test_absorbers_need_more_where_light_only_shines_through():
+    clear, dark = (dipoles(Material("m", (2.0,) * 3, (a,) * 3, 1.3))[0] for a in (1e-4, 2.0))
+    for law, more in ((LIT, 1.0), (SHINING, 3.0)):
+        clear_error, dark_error = (law(p, 3.0 * p.detail, SMOOTHEST) for p in (clear, dark))
+        assert dark_error > more * clear_error * 0.99
+
+
+def test_the_worst_channel_counts_and_black_ones_have_no_error():
+    red, green, black = dipoles(Material("m", (0.5, 3.0, 0.0), (0.01,) * 3, 1.3))
+    worst = LIT(green, 0.5, SMOOTH(0.5))
+    assert predicted_error(LIT, (red, green, black), 0.5, SMOOTH) == worst > LIT(red, 0.5, SMOOTH(0.5))
+    assert predicted_error(LIT, (black,) * 3, 0.5, SMOOTH) == 0.0
+    assert spacing_for(0.01, LIT, (black,) * 3, SMOOTH) == np.inf
 
 
 def test_tents_have_an_error_of_their_own():
-    assert LIT(0.1, SMOOTHEST, "tent") == pytest.approx(np.hypot(LIT(0.1, SMOOTHEST), TENT_ERROR))
-    assert spacing_for(0.03, 0.3, SMOOTH, LIT, "tent") < spacing_for(0.03, 0.3, SMOOTH, LIT)
+    (milk, *_) = profiles = dipoles(materials.lookup("whole milk"))
+    assert LIT(milk, 0.01, SMOOTHEST, "tent") == pytest.approx(np.hypot(LIT(milk, 0.01, SMOOTHEST), TENT_ERROR))
+    assert spacing_for(0.03, LIT, profiles, SMOOTH, "tent") < spacing_for(0.03, LIT, profiles, SMOOTH)

@@ -94,9 +94,9 @@ def test_the_warning_is_one_sentence_with_both_errors_and_the_fix():
 def test_a_resolution_wins_over_a_target_and_still_predicts():
     quality = choose_quality(ewald(resolution=50, error_target=0.01), profiles(2.0), BALL)
     assert (quality.resolution, quality.error_target, quality.warning) == (50, None, None)
-    h, d = 20.0 / 49.0, profiles(2.0)[0].detail
-    assert quality.predicted_error == pytest.approx(SHINING(h / d, ASSETS.roughness(BALL)(h)), rel=1e-3)
-    assert quality.predicted_lit == pytest.approx(LIT(h / d, ASSETS.roughness(BALL)(h)), rel=1e-3)
+    h, profile = 20.0 / 49.0, profiles(2.0)[0]
+    assert quality.predicted_error == pytest.approx(SHINING(profile, h, ASSETS.roughness(BALL)(h)), rel=1e-3)
+    assert quality.predicted_lit == pytest.approx(LIT(profile, h, ASSETS.roughness(BALL)(h)), rel=1e-3)
     assert "where light falls" in quality.summary
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.accuracy import LIT, SHINING, ErrorLaw, Roughness, spacing_for
+from core.accuracy import LIT, SHINING, Roughness, predicted_error, spacing_for
 from core.ewald import TENT, TSC
 from core.mesh import Mesh
 from core.spectra import Profiles
@@ -104,14 +104,13 @@ def choose_quality(
     if settings.method == "layered" or shape is None:
         return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
     longest = longest_side(mesh)
-    detail = min((p.detail for p in profiles if not p.is_black), default=longest)
     law = SHINING if sharp_light else LIT
     target = None if settings.resolution is not None else settings.error_target or DEFAULT_ERROR_TARGET
 
     def made(resolution: int, assignment: str) -> Quality:
         grid = EwaldTransport(resolution=resolution, n_layers=settings.layers).grid(mesh, np.eye(3))
         spacing = max(grid.texel, grid.layer_distance)
-        worst, lit = (one(spacing / detail, shape(spacing), assignment) for one in (law, LIT))
+        worst, lit = (predicted_error(one, profiles, spacing, shape, assignment) for one in (law, LIT))
         return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target)
 
     if settings.resolution is not None:
@@ -119,7 +118,8 @@ def choose_quality(
     assert target is not None
     orders = (TENT, TSC) if settings.assignment is None else (settings.assignment,)
     most = _most_nodes(settings, profiles, mesh, TAIL, NODES if settings.error_target is None else NODES_ASKED_FOR)
-    found = [made(_nodes(target, detail, shape, law, order, longest, most), order) for order in orders]
+    wanted = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
+    found = [made(int(min(max(n, COARSEST), most)), order) for order, n in wanted.items()]
     # Tents are read and written in a third of the time: theirs, where they need no finer grid.
     good = [q for q in found if q.predicted_error is not None and q.predicted_error <= target]
     if good:
@@ -169,14 +169,6 @@ def longest_side(mesh: Mesh) -> float:
 def percent(share: float) -> str:
     """Return a share as per cent, two digits."""
     return f"{100.0 * share:.2g} %" if share < 0.995 else "100 %"
-
-
-def _nodes(
-    target: float, detail: float, shape: Roughness, law: ErrorLaw, assignment: str, longest: float, most: int
-) -> int:
-    """Nodes along the longest side that meet a target, or the most there may be."""
-    wanted = longest / spacing_for(target, detail, shape, law, assignment) + 2.0
-    return int(min(max(wanted, COARSEST), most))
 
 
 def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
