@@ -3,8 +3,6 @@
 Nothing here needs OpenGL; `test_ewald_chain.py` measures the same transport through the renderer.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -15,11 +13,10 @@ from core.dipole import Dipole, dipoles
 from core.layers import deposit, fit_box, gather, smooth_matrix
 from core.materials import Material
 from core.mesh import Mesh
-from core.reference import Occluder, direct_exitance
-from core.samples import surface_samples
 from core.stages import Stages
 from core.transport import EwaldTransport
-from tests.rendering import BACK, FRONT, relative_rms
+from tests.lit import Lit, of_coefficients
+from tests.rendering import BACK, relative_rms
 from tests.shapes import ball, plate
 
 S = 0.35  # mm, the width of the window that the values below are for
@@ -133,43 +130,6 @@ def test_deposit_conserves_flux():
 
 
 # The transport
-
-
-class Lit:
-    """A mesh lit from a direction, seen at random points of its surface; exitance by the split and summed directly."""
-
-    def __init__(self, mesh: Mesh, material: Material, direction=FRONT, n_points: int = 80) -> None:
-        self.mesh, self.profiles = mesh, dipoles(material)
-        occluder, sources = Occluder(mesh), surface_samples(mesh, 0.3)
-
-        def irradiance(samples):
-            return occluder.irradiance(
-                samples.points, samples.normals, samples.normals, direction, (3, 3, 3), material.eta
-            )
-
-        chosen = np.random.default_rng(0).choice(len(sources), n_points, replace=False)
-        E = irradiance(sources)
-        self.points, self.E = sources.points[chosen].astype(np.float64), E[chosen]
-        self.flux, self.sources = E * sources.areas[:, None], sources.points
-
-    def direct(self):
-        return direct_exitance(self.points, self.sources, self.flux, self.profiles)
-
-    def split(self, resolution: int, phase=(0.0, 0.0, 0.0)):
-        """(n, 3) exitance with the grid moved by a phase, in spacings."""
-        transport = EwaldTransport(resolution=resolution)
-        grid = transport.grid(self.mesh, np.eye(3))
-        matrix = np.array(grid.world_to_grid)
-        matrix[3, :3] += phase
-        grid = replace(grid, world_to_grid=tuple(map(tuple, matrix.tolist())))
-        u = grid.coordinates(self.sources).astype(np.float32)
-        nodes = transport.exitance(grid, u, self.flux.astype(np.float32), self.profiles, self.mesh.area, Stages())
-        local = transport.local(grid, self.profiles).factors[0] * self.E
-        return gather(transport.weights(grid, grid.coordinates(self.points)), nodes) + local
-
-
-def of_coefficients(sigma_s_prime: float, sigma_a: float) -> Material:
-    return Material("test", (sigma_s_prime,) * 3, (sigma_a,) * 3, 1.3, "test")
 
 
 @pytest.fixture(scope="module")
