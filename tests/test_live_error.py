@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from core.errors import InputError
 from tests.driving import Driver, small_scene, write_knot
+from tests.solids import ball, mesh_of
 from viewer.frame import Renderer
 from viewer.images import write_exr
 from viewer.live_error import LARGEST, Cancelled, LiveError
 from viewer.report import error_report
 from viewer.scene import apply_set
 from viewer.session import DEFAULT_ERROR_POINTS
-from viewer.settings import MaterialSettings, TransportSettings
+from viewer.settings import DirectionalLight, MaterialSettings, ModelSettings, TransportSettings
 from viewer.visible_error import DEFAULT_POINTS, measure
 
 POINTS = 40
@@ -91,6 +93,25 @@ def test_off_costs_nothing(driver):
     assert error.progress is None
     assert error.result is None
     assert error._worker is None
+
+
+def test_separate_bodies_are_measured_each_alone(driver, context, tmp_path):
+    two = mesh_of(ball(1.0), ball(1.0, (2.1, 0.0, 0.0)))
+    trimesh.Trimesh(two.vertices, two.faces, vertex_normals=two.normals, process=False).export(tmp_path / "two.ply")
+    scene = replace(
+        driver.session.scene,
+        transport=EWALD,
+        lights=(DirectionalLight((1.0, 0.0, 0.0)),),  # one ball is in the other's shadow
+        model=ModelSettings(path=tmp_path / "two.ply", size_mm=20.0),
+    )
+    deviations = []
+    for bodies in ("joined", "separate"):
+        driver.session.put(replace(scene, model=replace(scene.model, bodies=bodies)))
+        deviations.append(measured(driver).error.deviation)
+        report = error_report(Renderer(context), driver.session.scene, points=POINTS, seed=0)
+        assert report.deviation.rms == pytest.approx(deviations[-1].rms, rel=1e-9)
+        assert max(deviations[-1].rms) < 0.02
+    assert deviations[0] != deviations[1]
 
 
 def test_measuring_leaves_the_picture_and_its_stages_alone(driver, context):

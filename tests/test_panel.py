@@ -8,6 +8,7 @@ import pytest
 from tests.driving import Driver, small_scene, write_knot
 from viewer.declaration import settings_of
 from viewer.panel_controls import default_of, explained
+from viewer.panel_transport import chosen
 from viewer.scene import Scene
 from viewer.session import SHOWN
 from viewer.settings import DEFAULT_LIGHTS, DirectionalLight, PointLight
@@ -290,3 +291,12 @@ def test_panel_text_is_drawn_and_only_where_the_panel_is(driver):
     panel = shown[:, -370:].astype(int)
     assert np.ptp(panel) > 180  # letters are light, the ground is dark
     assert np.abs(panel - hidden[:, -370:]).mean() > 5.0
+
+
+def test_the_grid_that_was_chosen_and_its_cost_are_told(driver):
+    finished = driver.view.live.finished
+    told = chosen(finished, driver.view.live.stage_times)
+    assert f"{finished.lit.grid.width} x " in told
+    assert "new light in" in told
+    assert "a new material in" in told
+    assert "new light" not in chosen(finished, {})

@@ -10,7 +10,7 @@ from viewer.panel_controls import RESET_HINT, Box, Controls
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
-from viewer.quality import DEFAULT_ERROR_TARGET
+from viewer.panel_transport import draw_transport
 from viewer.session import SHOWN, Session
 from viewer.settings import BUILTINS, ModelSettings
 
@@ -65,7 +65,7 @@ class Panel:
             ("Environment", False, self._environment),
             ("Highlights", False, self._highlights),
             ("Tone mapping", False, self._tone_mapping),
-            ("Light transport", True, lambda: self._transport(live)),
+            ("Light transport", True, lambda: draw_transport(self.controls, live)),
             ("Error", False, lambda: self._error.draw(error, live)),
             ("Model", False, lambda: self._model(live)),
             ("Camera", False, self._camera),
@@ -234,19 +234,6 @@ class Panel:
             "display.background", "Background", tip,
             lambda: session.edit("display", background="black"), current != "black",
         )  # fmt: skip
-
-    def _transport(self, live: Live) -> None:
-        controls = self.controls
-        controls.setting("transport.method", "Method")
-        if live.finished is None:
-            return
-        lit = live.finished.lit
-        controls.setting("transport.layers", "Layers", lit.grid.n_layers)
-        controls.setting("transport.resolution", "Resolution", lit.quality.resolution)
-        if lit.quality.predicted_error is not None:
-            controls.setting("transport.error_target", "Error target", lit.quality.error_target or DEFAULT_ERROR_TARGET)
-            controls.setting("transport.assignment", "Assignment", lit.quality.assignment)
-            controls.note(lit.quality.warning or lit.quality.expected)
 
     def _model(self, live: Live) -> None:
         session, controls = self._session, self.controls
