@@ -36,7 +36,7 @@ def of_plates(context):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_plate_in_the_shadow_of_another_glows_only_where_they_are_joined(of_plates, method):
-    """Measured at the default: .304 .216 .146 (R, G, B), a tenth of the irradiance, in marble; and nothing."""
+    """Measured in marble with 80 nodes: .319 .227 .154 (R, G, B), a tenth of the irradiance; and nothing."""
     joined = of_plates.render(scene(mode="joined", method=method), samples=1)
     separate = of_plates.render(scene(method=method), samples=1)
     assert joined.exitance[facing(joined)].min() > 0.05
