@@ -94,8 +94,9 @@ class ErrorPanel:
                 self._row(label, values)
             quality = live.finished.lit.quality if measured is None and live.finished is not None else None
             quality = measured.quality if measured is not None else quality
-            if quality is not None and quality.predicted_error is not None:
-                self._row("expected", [percent(quality.predicted_error)])
+            if quality is not None and quality.predicted_error is not None and quality.predicted_lit is not None:
+                self._row("expected, lit", [percent(quality.predicted_lit)])
+                self._row("expected, at most", [percent(quality.predicted_error)])
             if quality is not None and quality.error_target is not None:
                 self._row("error target", [percent(quality.error_target)])
             imgui.end_table()
