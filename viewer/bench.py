@@ -77,7 +77,7 @@ FULL = Plan()
 QUICK = Plan(
     repeats=8,
     frames=(PAPER, DEFAULT),
-    frame_repeats=3,
+    frame_repeats=2,
     process_repeats=1,
     window=(),
     yardsticks=("knot",),
@@ -88,6 +88,7 @@ QUICK = Plan(
     points=60,
     rivals=FULL.rivals[:1],
     pictures=FULL.pictures[1:2],
+    picture_schemes=(PAPER, LAYERED[1], DEFAULT),
 )
 
 

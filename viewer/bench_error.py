@@ -200,13 +200,16 @@ def error_rows(
     light_names: Sequence[str],
     n_points: int,
 ) -> Iterator[ErrorRow]:
-    """Run every combination; rows come as they are ready, shape by shape and scheme by scheme."""
+    """Run every combination; rows come as they are ready, shape by shape and material by material.
+
+    Schemes take turns: what else the machine does then meets all alike.
+    """
     several, lights = [materials.lookup(name) for name in material_names], [LIGHTS[name] for name in light_names]
     for shape, make in shapes.items():
         target = Target.of(make(), n_points)
         references = target.references(lights, several)
-        for scheme in schemes:
-            run = Run(scheme, target)
-            for name, material, by_light in zip(material_names, several, references, strict=True):
+        runs = [Run(scheme, target) for scheme in schemes]
+        for name, material, by_light in zip(material_names, several, references, strict=True):
+            for run in runs:
                 for light, reference in zip(lights, by_light, strict=True):
                     yield run.row((shape, name, light.name), light, material, reference)

@@ -17,6 +17,8 @@ PANEL = 4.6, 3.9  # inches
 NEAR, FAR, DIRECTIONS = 9.0, 60.0, 16  # points from a marker where its name may stand, and ways to look
 MARKERS = "osD^v"
 
+Place = tuple[float, float, float, float]  # time, median error, least and largest
+
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     """Indices of the points (time, error) that no other beats or equals in both, by rising time."""
@@ -52,7 +54,7 @@ def error_plot(rows: Sequence[ErrorRow], times: Mapping[Scheme, float]) -> bytes
     for axes in panels[-1]:
         axes.set_xlabel("time of new light / the paper's 4 x 256")
     figure.supylabel("rms error of the worst channel, % (median and range over shapes and materials)", fontsize=10)
-    panels[0, 0].legend(loc="upper right", fontsize=8)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=9)
     figure.draw_without_rendering()  # settles the layout: names are placed in it
     for axes, named in zip(panels.flat, places, strict=False):
         _write_names(axes, named)
@@ -61,8 +63,8 @@ def error_plot(rows: Sequence[ErrorRow], times: Mapping[Scheme, float]) -> bytes
     return picture.getvalue()
 
 
-def _panel(axes: "Axes", rows: Sequence[ErrorRow], times: Mapping[Scheme, float]) -> dict[str, tuple[float, float]]:
-    """Draw one light; return the names of the schemes and their places."""
+def _panel(axes: "Axes", rows: Sequence[ErrorRow], times: Mapping[Scheme, float]) -> dict[str, Place]:
+    """Draw one light; return the schemes' names and places."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     found = {scheme: 100.0 * np.array([r.rms for r in rows if r.scheme == scheme]) for scheme in times}
@@ -84,7 +86,10 @@ def _panel(axes: "Axes", rows: Sequence[ErrorRow], times: Mapping[Scheme, float]
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_locator(NullLocator())
-    return {str(scheme).removeprefix(f"{scheme.method} "): place for scheme, place in middle.items()}
+    return {
+        str(scheme).removeprefix(f"{scheme.method} "): (*place, float(found[scheme].min()), float(found[scheme].max()))
+        for scheme, place in middle.items()
+    }
 
 
 def _kind(scheme: Scheme) -> str:
@@ -94,18 +99,20 @@ def _kind(scheme: Scheme) -> str:
     return scheme.method if scheme.assignment is None else f"{scheme.method}, {scheme.assignment}"
 
 
-def _write_names(axes: "Axes", places: Mapping[str, tuple[float, float]]) -> None:
-    """Write each name beside its marker, as near as it covers no marker and no other name."""
+def _write_names(axes: "Axes", places: Mapping[str, Place]) -> None:
+    """Write each name beside its marker, as near as it covers no marker, no range and no other name."""
+    from matplotlib.patheffects import AbstractPathEffect, withStroke
     from matplotlib.transforms import Bbox
 
     figure = axes.get_figure()
     assert figure is not None
     scale = figure.dpi / 72.0
-    marks = {name: axes.transData.transform(place) for name, place in places.items()}
-    taken = [Bbox.from_bounds(x - 4 * scale, y - 4 * scale, 8 * scale, 8 * scale) for x, y in marks.values()]
-    legend = axes.get_legend()
-    if legend is not None:
-        taken.append(legend.get_window_extent())
+    taken = []
+    for x, y, low, high in places.values():
+        (left, below), (right, above) = axes.transData.transform([(x, low), (x, high)])
+        taken.append(Bbox([[left - 2.0 * scale, below], [right + 2.0 * scale, above]]))
+        middle = axes.transData.transform((x, y))
+        taken.append(Bbox([middle - 4.0 * scale, middle + 4.0 * scale]))
     inside = axes.get_window_extent()
     offsets = [
         (distance * np.cos(angle), distance * np.sin(angle))
@@ -113,7 +120,9 @@ def _write_names(axes: "Axes", places: Mapping[str, tuple[float, float]]) -> Non
         for angle in np.pi / 8.0 + 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     ]
     line: dict[str, Any] = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 3}
-    for name, place in sorted(places.items(), key=lambda item: item[1]):
+    halo: list[AbstractPathEffect] = [withStroke(linewidth=2.0, foreground="white")]
+    for name, (x, y, _, _) in sorted(places.items(), key=lambda item: item[1]):
+        place = x, y
         for offset in offsets:
             align = "left" if offset[0] > 0.0 else "right"
             text = axes.annotate(name, place, offset, textcoords="offset points", fontsize=8, ha=align, va="center")
@@ -122,6 +131,7 @@ def _write_names(axes: "Axes", places: Mapping[str, tuple[float, float]]) -> Non
                 break
             text.remove()
         taken.append(extent)
+        text.set_path_effects(halo)
         if np.hypot(*offset) > 1.5 * NEAR:
             axes.annotate("", place, offset, textcoords="offset points", arrowprops=line)
 
