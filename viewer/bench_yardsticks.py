@@ -119,28 +119,34 @@ def yardstick_rows(
 
 
 def bare_transforms(boxes: Sequence[Box]) -> Callable[[], object]:
-    """Return real 3-D transforms of the boxes and back, and nothing else.
+    """Return real 3-D transforms of the boxes and back, and nothing else, by all cores."""
+    threads = os.cpu_count() or 1
+    pool = ThreadPoolExecutor(threads)
+    phases = [phase for box in boxes for phase in plan_phases(box, threads)]
+    return lambda: [list(pool.map(pyfftw.FFTW.execute, phase)) for phase in phases]
+
+
+def plan_phases(box: Box, threads: int) -> list[list[pyfftw.FFTW]]:
+    """Plan a transform and its inverse, not normalised, as four phases whose plans may run at the same time.
 
     Threads share the layers for rows and columns, then the rows for the transform across layers, each with plans of its
     own, for the reason that `viewer.bench_speed` has.
     """
-    threads = os.cpu_count() or 1
-    pool = ThreadPoolExecutor(threads)
-    phases: list[list[pyfftw.FFTW]] = []
-    for depth, height, width in boxes:
-        real = pyfftw.zeros_aligned((depth, height, width), "float32")
-        spectrum = pyfftw.zeros_aligned((depth, height, width // 2 + 1), "complex64")
-        inverse = {"direction": "FFTW_BACKWARD", "normalise_idft": False, "flags": (EFFORT,)}
-        flat = [(real[part], spectrum[part]) for part in _shares(depth, threads)]
-        deep = [spectrum[:, part] for part in _shares(height, threads)]
-        phases += [
-            [pyfftw.FFTW(own, values, axes=(1, 2), flags=(EFFORT,)) for own, values in flat],
-            [pyfftw.FFTW(values, values, axes=(0,), flags=(EFFORT,)) for values in deep],
-            [pyfftw.FFTW(values, values, axes=(0,), **inverse) for values in deep],
-            [pyfftw.FFTW(values, own, axes=(1, 2), **inverse) for own, values in flat],
-        ]
-        real[:] = 0.0  # planning leaves anything there, and NaN is slow
-    return lambda: [list(pool.map(pyfftw.FFTW.execute, phase)) for phase in phases]
+    depth, height, width = box
+    real = pyfftw.zeros_aligned(box, "float32")
+    spectrum = pyfftw.zeros_aligned((depth, height, width // 2 + 1), "complex64")
+    flat = [(real[part], spectrum[part]) for part in _shares(depth, threads)]
+    deep = [spectrum[:, part] for part in _shares(height, threads)]
+    options = {"flags": (EFFORT,)}
+    inverse = {"direction": "FFTW_BACKWARD", "normalise_idft": False, **options}
+    phases = [
+        [pyfftw.FFTW(own, values, axes=(1, 2), **options) for own, values in flat],
+        [pyfftw.FFTW(values, values, axes=(0,), **options) for values in deep],
+        [pyfftw.FFTW(values, values, axes=(0,), **inverse) for values in deep],
+        [pyfftw.FFTW(values, own, axes=(1, 2), **inverse) for own, values in flat],
+    ]
+    real[:] = 0.0  # planning leaves anything there, and NaN is slow
+    return phases
 
 
 def _shares(count: int, parts: int) -> list[slice]:
