@@ -25,7 +25,7 @@ def report_errors(report: Report, rows: Sequence[ErrorRow]) -> None:
         own = [r for r in rows if r.scheme == scheme]
 
         def cell(shape: str, light: str) -> str:
-            return f"{100.0 * over([value(r.deviation) for r in own if (r.shape, r.light) == (shape, light)]):.2g}"
+            return _two_digits(100.0 * over([value(r.deviation) for r in own if (r.shape, r.light) == (shape, light)]))
 
         ratios = (f"{ms / base:.2f}" for ms, base in zip(times[scheme], paper, strict=True))
         memory = f"{max(r.megabytes for r in own):.0f}"
@@ -104,3 +104,8 @@ def scheme_times(rows: Sequence[ErrorRow]) -> dict[Scheme, tuple[float, float]]:
         median = {stage: float(np.median([t[stage] for t in runs if stage in t])) for stage in stages}
         times[scheme] = sum(median.get(stage, 0.0) for stage in LIGHT_STAGES), sum(median.values())
     return times
+
+
+def _two_digits(value: float) -> str:
+    """Round to two digits and write in full."""
+    return f"{float(f'{value:.2g}'):g}"
