@@ -7,30 +7,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from core import materials
 from core.dipole import dipoles
+from core.environment import irradiance_direct
 from core.errors import InputError
-from core.reference import direct_exitance
+from core.mesh import flaws
+from core.normals import vertex_normals
+from core.reference import Occluder, direct_exitance
+from core.samples import surface_samples
+from core.stages import Stages
 from viewer import bench, bench_window
-from viewer.bench_error import (
-    EWALD,
-    LAYERED,
-    LIGHTS,
-    PAPER,
-    BenchLight,
-    Scheme,
-    Target,
-    error_rows,
-)
-from viewer.bench_report import scheme_times
-from viewer.bench_shapes import SHAPES, ball
+from viewer.bench_error import Run, Target, error_rows
+from viewer.bench_error_report import scheme_times
+from viewer.bench_lights import LIGHTS, Directional, sky_pixels
+from viewer.bench_memory import megabytes
+from viewer.bench_plot import pareto
+from viewer.bench_reference import graded_exitance
+from viewer.bench_schemes import DEFAULT, LAYERED, PAPER, Scheme
+from viewer.bench_shapes import SHAPES, ball, detail
+from viewer.bench_yardsticks import plan_phases, yardstick_rows
 from viewer.deviation import Deviation
 from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), window=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
+    pictures=(), rivals=(), window=(), yardsticks=(), repeats=1, frame_repeats=1, process_repeats=1,
+    image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
 SETTLING = bench_window.FIRST, bench_window.SETTLED
@@ -51,17 +55,16 @@ def assert_finite(rows: list[dict[str, str]]) -> None:
 
 @pytest.fixture
 def coarse_reference(monkeypatch):
-    monkeypatch.setattr("viewer.bench_error.REFERENCE_EDGE", 0.6)
-    monkeypatch.setattr("viewer.bench_chain.REFERENCE_EDGE", 0.6)
-    of = Target.of.__func__
-    monkeypatch.setattr(Target, "of", classmethod(lambda cls, mesh, n: of(cls, mesh, n, edge=0.6)))
+    monkeypatch.setattr("core.reference_sources.OF_MEAN_FREE_PATH", 0.8)
+    monkeypatch.setattr("core.reference_sources.SHARE", 0.4)
+    monkeypatch.setattr("viewer.bench_rivals.SAMPLE_EDGE", 0.6)
 
 
 @pytest.mark.gl
 def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_reference):
     monkeypatch.setattr("viewer.bench_chain.IMAGE", 64)
     plan = replace(
-        NOTHING, convolutions=(2,), frames=(SMALL,), schemes=(SMALL, EWALD[0]), picture_schemes=(SMALL,),
+        NOTHING, convolutions=(2,), frames=(SMALL,), schemes=(SMALL, DEFAULT), picture_schemes=(SMALL,),
         pictures=(("plate", "skim milk", "back"),),
     )  # fmt: skip
     bench.run_plan(plan, tmp_path / "new" / "folder")
@@ -71,7 +74,17 @@ def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_
         rows = rows_of(found[name])
         assert rows
         assert_finite(rows)
-    assert len(rows_of(found["error.csv"])) == 2 * 1 * 1 * 3
+    rows = rows_of(found["error.csv"])
+    assert len(rows) == 2 * 1 * 1 * 4
+    for row in rows:  # what was used, not what was asked for
+        assert row["assignment"] in ("tent", "tsc")
+        assert (row["predicted_error"] == "") == (row["transport"] == "layered")
+        assert int(row["layers"]) >= 2
+        assert int(row["resolution"]) >= 16
+        assert float(row["memory_mb"]) > 0.0
+        assert float(row["rms"]) == max(float(row[f"rms_{c}"]) for c in "rgb")
+        for stage in ("weights", "deposit", "spectra", "convolution"):
+            assert float(row[f"{stage}_ms"]) > 0.0
     # What the terminal shows is what the file keeps, and no line is broken or padded.
     shown = capsys.readouterr().out
     for line in found["bench.md"].read_text().splitlines():
@@ -113,14 +126,20 @@ def test_plans_name_what_exists():
             materials.lookup(name)
         for scheme in (*plan.schemes, *plan.frames, *plan.picture_schemes):
             assert isinstance(scheme.settings, TransportSettings)
-    assert [str(s) for s in bench.QUICK.schemes[:5]] == [str(s) for s in LAYERED[:5]]
+    assert [str(s) for s in bench.QUICK.schemes[:3]] == [str(s) for s in LAYERED[:3]]
+    assert bench.FULL.materials == ("marble", "skim milk", "whole milk", "ketchup", "skin1", "jade")
+    assert set(bench.FULL.shapes) == {"ball", "plate", "knot", "detail"}
+    assert set(bench.FULL.lights) == {"front", "back", "sharp shadow", "environment"}
+    assert {s.assignment for s in bench.FULL.schemes} == {None, "tent", "tsc"}
+    assert Scheme("layered", 4, 256) == PAPER
     assert str(PAPER) == "layered 4 x 256"
-    assert str(EWALD[0]) == "ewald 2 %"
+    assert str(DEFAULT) == "ewald default"
+    assert str(Scheme("ewald", None, 40, assignment="tent")) == "ewald 40 tent"
 
 
 def test_error_falls_with_layers_and_the_split_beats_the_paper(coarse_reference):
     schemes = (Scheme("layered", 2, 64), Scheme("layered", 32, 64), Scheme("ewald", None, 40))
-    rows = list(error_rows(schemes, ["plate"], ["skim milk"], ["back"], 60))
+    rows = list(error_rows(schemes, {"plate": SHAPES["plate"]}, ["skim milk"], ["back"], 60))
     few, many, split = (max(r.deviation.rms) for r in rows)
     assert many < 0.5 * few
     assert split < 0.05 < few
@@ -135,35 +154,132 @@ def test_rivals_are_the_same_sum(tmp_path, coarse_reference):
     assert_finite(rows)
     methods = [row["method"] for row in rows]
     assert methods[0] == "direct sum"
-    assert methods[-1] == str(EWALD[0])
+    assert methods[-1] == str(DEFAULT)
     errors = [float(row["rms_g"]) for row in rows]
     assert errors[0] == 0.0
     assert errors[-2] < errors[1] / 3.0  # the tolerances fall
     assert errors[-1] < 0.02
 
 
-def test_points_are_visible_and_the_reference_is_the_direct_sum():
-    target = Target.of(ball(subdivisions=3), 40, edge=1.0)
+def test_points_are_visible():
+    target = Target.of(ball(subdivisions=3), 40)
     towards = target.rotation[:, 2]  # +z of view space points to the eye
     assert ((target.points.normals @ towards) > -1e-3).all()
-    material, light = materials.lookup("marble"), LIGHTS["stripes"]
-    flux = light.irradiance(target.occluder, target.sources, material.eta) * target.sources.areas[:, None]
-    expected = direct_exitance(target.points.points, target.sources.points, flux, dipoles(material))
-    np.testing.assert_allclose(target.reference(light, material), expected, rtol=1e-12)
+
+
+def test_the_reference_is_the_direct_sum_of_every_material_and_light():
+    """Against an even cover by `core.reference.direct_exitance`."""
+    mesh = ball(diameter=4.0, subdivisions=3)
+    target, lights = Target.of(mesh, 12), list(LIGHTS.values())
+    several = [materials.lookup(name) for name in ("whole milk", "ketchup")]
+    sources, points = surface_samples(mesh, 0.05), target.points.points
+    found = target.references(lights, several)
+    for material, by_light in zip(several, found, strict=True):
+        for light, M in zip(lights, by_light, strict=True):
+            flux = light.irradiance(target.occluder, sources, material.eta) * sources.areas[:, None]
+            expected = direct_exitance(points, sources.points, flux, dipoles(material))
+            assert max(Deviation.of(M, expected).rms) < 0.003
+
+
+def test_black_has_no_reference():
+    black = materials.Material("black", (0.0,) * 3, (1.0,) * 3)
+    assert not graded_exitance(ball(subdivisions=1), np.zeros((1, 3)), list(LIGHTS.values()), [black]).any()
 
 
 def test_stripes_are_bars_and_gaps_of_one_width():
-    target = Target.of(ball(subdivisions=4), 1, edge=0.3)
-    striped, plain = (LIGHTS[name].irradiance(target.occluder, target.sources, 1.5) for name in ("stripes", "front"))
+    mesh = ball(subdivisions=4)
+    occluder, samples = Occluder(mesh), surface_samples(mesh, 0.3)
+    striped, plain = (LIGHTS[name].irradiance(occluder, samples, 1.5) for name in ("sharp shadow", "front"))
     lit = plain[:, 0] > 0.0
     share = (striped[lit, 0] > 0.0).mean()
     assert 0.4 < share < 0.6
     np.testing.assert_array_equal(striped[striped > 0.0], plain[striped > 0.0])
 
 
+def test_the_sky_lights_by_normals_and_not_the_ground_side():
+    mesh, sky = ball(subdivisions=3), LIGHTS["environment"]
+    assert not sky.sharp
+    samples = surface_samples(mesh, 2.0)
+    found = sky.irradiance(Occluder(mesh), samples, 1.3)
+    few = slice(None, None, 50)
+    expected = irradiance_direct(sky_pixels(), samples.normals[few], 1.3)
+    np.testing.assert_allclose(found[few], expected, rtol=0.01)
+    up = samples.normals[:, 1]
+    assert found[up > 0.9].mean() > 3.0 * found[up < -0.9].mean()
+    thickness, other_side = sky.across(Target.of(mesh, 1).rays, samples, 1.3, 1.0)
+    assert not thickness.any()
+    assert not other_side.any()
+
+
+def test_the_sky_is_no_sharp_light_for_the_error_target(coarse_reference):
+    run = Run(DEFAULT, Target.of(SHAPES["plate"](), 5))
+    soft, sharp = (run.quality(LIGHTS[name], materials.lookup("jade")) for name in ("environment", "front"))
+    assert soft.resolution < sharp.resolution
+
+
+def test_detail_is_a_closed_solid_of_fine_bumps():
+    mesh = detail()
+    assert flaws(mesh).solid
+    assert np.ptp(mesh.bounds, axis=0).max() == pytest.approx(20.0, rel=1e-5)
+    height = np.linalg.norm(mesh.vertices, axis=1)
+    assert 0.4 < np.ptp(height) < 0.7
+    of_faces = vertex_normals(mesh.vertices.astype(np.float64), mesh.faces)
+    assert np.einsum("ij,ij->i", of_faces, mesh.normals).min() > 0.99
+
+
+def test_memory_counts_each_array_once_and_views_by_what_they_show():
+    stages = Stages()
+    base = np.zeros(250_000, np.float32)
+    stages.run("a", [base], lambda: [base[10:20], base.reshape(500, 500)])
+    stages.run("b", [], lambda: {"own": np.zeros(500_000)})
+    assert megabytes(stages) == pytest.approx(5.0)
+    assert megabytes(stages, leave_out=[base]) == pytest.approx(4.0)
+
+
+def test_pareto_front_is_what_nothing_beats():
+    points = [(1.0, 5.0), (2.0, 6.0), (2.0, 3.0), (3.0, 3.0), (4.0, 1.0), (0.5, 9.0)]
+    assert pareto(points) == [5, 0, 2, 4]
+
+
+def test_yardsticks_transform_the_boxes_of_the_default(tmp_path):
+    shapes = {"ball": lambda: ball(subdivisions=2)}
+    (row,) = yardstick_rows(shapes, DEFAULT, 2, 500)
+    assert len(row.boxes) == 3
+    assert min(row.ratios.values()) > 0.0
+    for found in (row.bare, row.scipy, *row.default.values(), *row.paper.values()):
+        assert len(found.times) == 2
+    assert row.default.keys() == row.paper.keys() == {"deposit", "convolution", "gather"}
+
+
+def test_bare_transforms_are_whole_ones():
+    """There and back is the number of nodes times what went in, and halfway lies the spectrum."""
+    phases = plan_phases((6, 8, 10), 3)
+    box = np.random.default_rng(0).random((6, 8, 10), dtype=np.float32)
+    for plan, part in zip(phases[0], np.array_split(box, 3), strict=True):
+        plan.input_array[:] = part
+    for plan in (*phases[0], *phases[1]):
+        plan.execute()
+    spectrum = np.concatenate([plan.output_array for plan in phases[1]], axis=1)
+    np.testing.assert_allclose(spectrum, np.fft.rfftn(box), rtol=0.0, atol=1e-4)
+    for plan in (*phases[2], *phases[3]):
+        plan.execute()
+    found = np.concatenate([plan.output_array for plan in phases[3]])
+    np.testing.assert_allclose(found, box.size * box, rtol=1e-4)
+
+
+def test_a_model_joins_the_error_sweep(tmp_path, coarse_reference):
+    mesh = ball(diameter=1.0, subdivisions=2)
+    trimesh.Trimesh(mesh.vertices, mesh.faces).export(tmp_path / "egg.ply")
+    plan = replace(NOTHING, schemes=(SMALL,), lights=("front",), materials=("jade",))
+    bench.run_plan(plan, tmp_path / "out", tmp_path / "egg.ply")
+    rows = rows_of(tmp_path / "out" / "error.csv")
+    assert [row["shape"] for row in rows] == ["plate", "egg, 100 mm"]
+    assert_finite(rows)
+
+
 def test_light_across_a_plate_has_its_thickness_and_the_irradiance_of_the_other_side():
-    target = Target.of(SHAPES["plate"](), 30, edge=0.6)
-    light = BenchLight("behind", (0.2, 0.1, -1.0))
+    target = Target.of(SHAPES["plate"](), 30)
+    light = Directional("behind", (0.2, 0.1, -1.0))
     reach = 4.0
     # farther from the rim than the rays that look whether the sheet goes on
     inner = np.abs(target.points.points[:, :2]).max(axis=1) < 8.5
@@ -171,14 +287,15 @@ def test_light_across_a_plate_has_its_thickness_and_the_irradiance_of_the_other_
     assert front.sum() > 15
     thickness, other_side = light.across(target.rays, target.points, 1.5, reach)
     np.testing.assert_allclose(thickness[front], 1.0, rtol=1e-4)
-    lit = light.irradiance(target.occluder, target.sources, 1.5)[target.sources.normals[:, 2] < -0.5]
+    sources = surface_samples(target.mesh, 0.6)
+    lit = light.irradiance(target.occluder, sources, 1.5)[sources.normals[:, 2] < -0.5]
     np.testing.assert_allclose(other_side[front], np.broadcast_to(lit[0], (front.sum(), 3)), rtol=1e-5)
 
 
 def test_the_far_side_of_a_ball_is_no_sheet():
     """At the edge of the light both sides are close, but not parallel."""
-    target = Target.of(ball(subdivisions=4), 200, edge=1.0)
-    _, other_side = BenchLight("behind", (0.2, 0.1, -1.0)).across(target.rays, target.points, 1.5, 4.0)
+    target = Target.of(ball(subdivisions=4), 200)
+    _, other_side = Directional("behind", (0.2, 0.1, -1.0)).across(target.rays, target.points, 1.5, 4.0)
     assert other_side.max() < 0.01
 
 

@@ -1,13 +1,14 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Five parts: speed as ratios within one run (`viewer.bench_speed`), the window (`viewer.bench_window`), error of the
-transport against equation (1) (`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and
-error of the whole renderer (`viewer.bench_chain`).
+Six parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
+(`viewer.bench_yardsticks`), the window (`viewer.bench_window`), error of the transport against equation (1)
+(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and error of the whole renderer
+(`viewer.bench_chain`).
 """
 
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -15,15 +16,26 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import Progress
 
-from viewer import bench_chain, bench_error, bench_report, bench_rivals, bench_speed, bench_window
-from viewer.bench_error import EWALD, LAYERED, LIGHTS, MATERIALS, PAPER, Scheme
+from core.mesh import Mesh
+from viewer import (
+    bench_chain,
+    bench_error,
+    bench_error_report,
+    bench_report,
+    bench_rivals,
+    bench_speed,
+    bench_window,
+    bench_yardsticks,
+)
+from viewer.bench_error import MATERIALS
+from viewer.bench_lights import LIGHTS
+from viewer.bench_schemes import DEFAULT, EWALD, FIXED, LAYERED, PAPER, Scheme
 from viewer.bench_shapes import SHAPES
+from viewer.model import builtin_model, load_model
 from viewer.scene import Scene
 from viewer.settings import DisplaySettings, ModelSettings
 
 T = TypeVar("T")
-
-DEFAULT = EWALD[0]
 
 
 @dataclass(frozen=True)
@@ -41,12 +53,15 @@ class Plan:
     process_repeats: int = 3
     window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
     window_repeats: int = 24
-    # error of the transport
-    schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD)
+    # the transport beside bare transforms, on shapes and on the scene's model
+    yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
+    yardstick_repeats: int = 15
+    # error of the transport; a model that is given comes to these shapes
+    schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED)
     shapes: tuple[str, ...] = tuple(SHAPES)
     materials: tuple[str, ...] = MATERIALS
     lights: tuple[str, ...] = tuple(LIGHTS)
-    points: int = 300
+    points: int = 200
     # sums over samples beside the transport: shape, material, light
     rivals: tuple[tuple[str, str, str], ...] = (("knot", "marble", "back"), ("ball", "skim milk", "front"))
     # error of the renderer: shape, material, light
@@ -55,22 +70,25 @@ class Plan:
         ("knot", "marble", "back"),
         ("plate", "marble", "back"),
     )
-    picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[4], DEFAULT)
+    picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[5], DEFAULT)
 
 
 FULL = Plan()
 QUICK = Plan(
     repeats=8,
     frames=(PAPER, DEFAULT),
-    frame_repeats=3,
+    frame_repeats=2,
     process_repeats=1,
     window=(),
-    schemes=(*LAYERED[:5], *EWALD[:2]),
+    yardsticks=("knot",),
+    yardstick_repeats=5,
+    schemes=(*LAYERED[:3], DEFAULT, *FIXED[:2]),
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
-    points=100,
+    points=60,
     rivals=FULL.rivals[:1],
     pictures=FULL.pictures[1:2],
+    picture_schemes=(PAPER, LAYERED[1], DEFAULT),
 )
 
 
@@ -84,7 +102,7 @@ def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
     output : Path, optional
         Folder for CSV files, the tables as Markdown and the plot.
     model : Path, optional
-        Mesh of the frames; the built-in sculpture without one.
+        Mesh of the frames, whose error is measured too; the frames show the built-in sculpture without one.
 
     Raises
     ------
@@ -98,9 +116,29 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     """Measure what `plan` says; see `run`."""
     report = bench_report.Report(output)
     scene = Scene(model=ModelSettings(path=model), display=DisplaySettings(image_size=plan.image_size))
+    given = _given(model, scene)
     _speed(plan, scene, report)
-    _errors(plan, report)
+    _yardsticks(plan, scene, given, report)
+    _errors(plan, given, report)
     report.finish()
+
+
+def _given(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
+    """Return the model that was given, in the scene's size, under its name."""
+    if model is None:
+        return {}
+    mesh, _ = load_model(model, scene.model.size_mm, scene.model.up)
+    return {f"{model.stem}, {scene.model.size_mm:g} mm": lambda: mesh}
+
+
+def _yardsticks(plan: Plan, scene: Scene, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+    if plan.yardsticks:
+        size = scene.model.size_mm
+        shown = given or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
+        shapes = {name: SHAPES[name] for name in plan.yardsticks if name in SHAPES}
+        shapes |= shown if "scene" in plan.yardsticks else {}
+        rows = bench_yardsticks.yardstick_rows(shapes, DEFAULT, plan.yardstick_repeats)
+        bench_yardsticks.report_yardsticks(report, _watched(rows, len(shapes), "beside bare transforms"))
 
 
 def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
@@ -132,12 +170,13 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
         bench_window.report_window(report, window)
 
 
-def _errors(plan: Plan, report: bench_report.Report) -> None:
+def _errors(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
     if plan.schemes:
-        sets = plan.schemes, plan.shapes, plan.materials, plan.lights
-        count = len(plan.schemes) * len(plan.shapes) * len(plan.materials) * len(plan.lights)
+        shapes = {name: SHAPES[name] for name in plan.shapes} | given
+        sets = plan.schemes, shapes, plan.materials, plan.lights
+        count = len(plan.schemes) * len(shapes) * len(plan.materials) * len(plan.lights)
         errors = _watched(bench_error.error_rows(*sets, plan.points), count, "error of the transport")
-        bench_report.report_errors(report, errors)
+        bench_error_report.report_errors(report, errors)
     if plan.rivals:
         rivals = bench_rivals.rival_rows(plan.rivals, DEFAULT, plan.points)
         count = len(plan.rivals) * (len(bench_rivals.TOLERANCES) + 2)

@@ -10,11 +10,11 @@ import trimesh
 from scipy.ndimage import binary_erosion
 
 from core import materials
-from core.dipole import dipoles
 from core.mesh import Mesh
-from core.reference import Occluder
-from core.samples import surface_samples
-from viewer.bench_error import CAMERA, LIGHTS, REFERENCE_EDGE, Scheme, parallel_exitance
+from viewer.bench_error import CAMERA
+from viewer.bench_lights import LIGHTS, Directional
+from viewer.bench_reference import graded_exitance
+from viewer.bench_schemes import Scheme
 from viewer.bench_shapes import SHAPES
 from viewer.deviation import Deviation
 from viewer.frame import Renderer
@@ -66,11 +66,14 @@ def chain_rows(
 
 
 def _scene(path: Path, mesh: Mesh, material: str, light: str, scheme: Scheme) -> Scene:
+    lamp = LIGHTS[light]
+    assert isinstance(lamp, Directional)  # pictures know no slats, and probes come from files
+    assert lamp.stripe == 0.0
     return Scene(
         model=ModelSettings(path=path, size_mm=float(np.ptp(mesh.bounds, axis=0).max())),
         camera=replace(CAMERA, orthographic=False),
         material=MaterialSettings(name=material),
-        lights=(DirectionalLight(LIGHTS[light].direction, (1.0, 1.0, 1.0)),),
+        lights=(DirectionalLight(lamp.direction, (1.0, 1.0, 1.0)),),
         transport=scheme.settings,
         display=DisplaySettings(image_size=(IMAGE, IMAGE)),
     )
@@ -84,7 +87,5 @@ def _pixels(frame: Frame, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _reference(mesh: Mesh, points: np.ndarray, material: str, light: str) -> np.ndarray:
-    found = materials.lookup(material)
-    sources = surface_samples(mesh, REFERENCE_EDGE)
-    flux = LIGHTS[light].irradiance(Occluder(mesh), sources, found.eta) * sources.areas[:, None]
-    return parallel_exitance(points, sources.points, flux, dipoles(found))
+    found = graded_exitance(mesh, points, [LIGHTS[light]], [materials.lookup(material)])
+    return np.asarray(found[0, 0])

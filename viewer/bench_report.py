@@ -7,19 +7,15 @@ import secrets
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from core.errors import InputError
 from viewer.bench_chain import ChainRow
-from viewer.bench_error import PAPER, ErrorRow, Scheme
 from viewer.bench_speed import ConvolutionRow, FrameRow, ProcessRow, Timing
-from viewer.deviation import Deviation
 
 TARGETS = {4: 2.0, 8: 3.0}  # layers -> wanted ratio to the bare transforms
-LIGHT_STAGES = ("deposit", "convolution")  # what transport does anew when a light changes
 UNLIMITED = 10_000  # columns in a pipe, where no line may break
 NO_PLOT = 'The plot needs matplotlib: pip install "milkglass[bench]".'
 
@@ -80,12 +76,12 @@ class Report:
             writer.writerows(rows)
             self._write(self._folder / name, text.getvalue().encode())
 
-    def plot(self, name: str, rows: Sequence[ErrorRow]) -> None:
-        """Draw error against time, or say what that needs."""
+    def plot(self, name: str, draw: Callable[[], bytes]) -> None:
+        """Write what `draw` returns, a PNG picture, or say what that needs."""
         if self._folder is None:
             return
         try:
-            picture = error_plot(rows)
+            picture = draw()
         except ImportError:
             self.say(NO_PLOT)
         else:
@@ -168,35 +164,6 @@ def report_processes(report: Report, rows: Sequence[ProcessRow]) -> None:
     )
 
 
-def report_errors(report: Report, rows: Sequence[ErrorRow]) -> None:
-    """Error of each scheme by shape and light, over materials; times as ratios to the paper's setting."""
-    lights, shapes = (list(dict.fromkeys(values)) for values in zip(*((r.light, r.shape) for r in rows), strict=True))
-    times = scheme_times(rows)
-    paper = times.get(PAPER, next(iter(times.values())))
-
-    def line(scheme: Scheme, value: Callable[[Deviation], float], over: Callable[[list[float]], float]) -> list[str]:
-        def cell(shape: str, light: str) -> str:
-            found = [r for r in rows if (r.scheme, r.shape, r.light) == (scheme, shape, light)]
-            return f"{100.0 * over([value(r.deviation) for r in found]):.3g}"
-
-        ratios = (f"{ms / base:.2f}" for ms, base in zip(times[scheme], paper, strict=True))
-        return [str(scheme), *("/".join(cell(shape, light) for light in lights) for shape in shapes), *ratios]
-
-    measures: list[tuple[str, Callable[[Deviation], float], Callable[[list[float]], float]]] = [
-        ("rms, % of the rms exitance, worst channel of the worst material", lambda d: max(d.rms), max),
-        ("rms, %, worst channel of the median material", lambda d: max(d.rms), lambda v: float(np.median(v))),
-        ("99th percentile, % of the rms exitance, worst channel and material", lambda d: max(d.p99), max),
-    ]
-    headings = [*(f"{shape} {'/'.join(lights)}" for shape in shapes), "time, new light", "time, all anew"]
-    for title, value, over in measures:
-        lines = [line(scheme, value, over) for scheme in times]
-        report.table(f"Error against equation (1): {title}", ["transport", *headings], lines)
-    report.say(f"Time 1 is {paper[0]:.1f} ms for new light, {paper[1]:.1f} ms for all of transport anew.")
-    stages = list(dict.fromkeys(stage for r in rows for stage in r.timings))
-    report.csv("error.csv", [_csv_scheme(r) | {f"{s}_ms": r.timings.get(s, 0.0) for s in stages} for r in rows])
-    report.plot("error.png", rows)
-
-
 def report_chain(report: Report, rows: Sequence[ChainRow]) -> None:
     """Error of whole pictures."""
     report.table(
@@ -213,59 +180,19 @@ def report_chain(report: Report, rows: Sequence[ChainRow]) -> None:
             for r in rows
         ),
     )
-    report.csv("chain.csv", [_csv_scheme(r) for r in rows])
-
-
-def scheme_times(rows: Sequence[ErrorRow]) -> dict[Scheme, tuple[float, float]]:
-    """Scheme -> transport's ms for new light, and for all of its steps: medians over the runs."""
-    times = {}
-    for scheme in dict.fromkeys(r.scheme for r in rows):
-        runs = [r.timings for r in rows if r.scheme == scheme]
-        stages = dict.fromkeys(stage for timings in runs for stage in timings)
-        median = {stage: float(np.median([t[stage] for t in runs if stage in t])) for stage in stages}
-        times[scheme] = sum(median.get(stage, 0.0) for stage in LIGHT_STAGES), sum(median.values())
-    return times
-
-
-def error_plot(rows: Sequence[ErrorRow]) -> bytes:
-    """Error against the time of new light, both logarithmic, one panel a light: PNG.
-
-    Raises
-    ------
-    ImportError
-        Without matplotlib.
-    """
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-
-    times = {scheme: new_light for scheme, (new_light, _) in scheme_times(rows).items()}
-    base = times.get(PAPER, next(iter(times.values())))
-    lights = list(dict.fromkeys(r.light for r in rows))
-    figure = Figure(figsize=(3.6 * len(lights), 3.8), layout="constrained")
-    panels = figure.subplots(1, len(lights), sharey=True, squeeze=False)[0]
-    for axes, light in zip(panels, lights, strict=True):
-        for i, method in enumerate(dict.fromkeys(scheme.method for scheme in times)):
-            schemes = [scheme for scheme in times if scheme.method == method]
-            x = [times[scheme] / base for scheme in schemes]
-            found = [[100.0 * max(r.deviation.rms) for r in rows if (r.scheme, r.light) == (s, light)] for s in schemes]
-            middle = np.array([np.median(values) for values in found])
-            low, high = (np.array([end(values) for values in found]) for end in (min, max))
-            axes.errorbar(x, middle, (middle - low, high - middle), fmt="o", color=f"C{i}", capsize=3, label=method)
-            for scheme, place in zip(schemes, zip(x, middle, strict=True), strict=True):
-                name = str(scheme).removeprefix(f"{method} ")
-                axes.annotate(name, place, xytext=(5, 5), textcoords="offset points", fontsize=8)
-        axes.set(xscale="log", yscale="log", title=light, xlabel="time of new light / the paper's 4 x 256")
-        axes.grid(visible=True, which="both", alpha=0.25)
-        axes.margins(x=0.15)  # room for the names
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_locator(NullLocator())
-    panels[0].set_ylabel("rms error of the worst channel, %\n(median and range over shapes and materials)")
-    panels[0].legend()
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=110)
-    return picture.getvalue()
+    report.csv(
+        "chain.csv",
+        [
+            {
+                "transport": str(r.scheme),
+                "shape": r.shape,
+                "material": r.material,
+                "light": r.light,
+                **r.deviation.columns(),
+            }
+            for r in rows
+        ],
+    )
 
 
 def _pair(timing: Timing) -> str:
@@ -278,18 +205,3 @@ def _channels(values: Sequence[float]) -> str:
 
 def _csv_timing(name: str, timing: Timing) -> dict[str, object]:
     return {f"{name}_min_ms": timing.least, f"{name}_median_ms": timing.median}
-
-
-def _csv_scheme(row: ErrorRow | ChainRow) -> dict[str, object]:
-    deviation = row.deviation
-    values = {"rms": deviation.rms, "p99": deviation.p99, "mean_ratio": deviation.ratio}
-    return {
-        "transport": row.scheme.method,
-        "layers": row.scheme.layers or "",
-        "resolution": row.scheme.resolution or "",
-        "error_target": row.scheme.error_target or "",
-        "shape": row.shape,
-        "material": row.material,
-        "light": row.light,
-        **{f"{name}_{c}": value for name, triple in values.items() for c, value in zip("rgb", triple, strict=True)},
-    }

@@ -1,8 +1,8 @@
 """Sums over surface samples beside the default transport: time for the same error.
 
-The direct sum and Jensen and Buhler's hierarchical sum (`core.hierarchical`) over the samples of the reference, all
-cores for each. They give exitance at single points; a picture needs it at the mesh's vertices at least, the transport's
-volume gives it everywhere. What is timed is what a new light costs: the tree is built anew, the kernels stay.
+The direct sum and Jensen and Buhler's hierarchical sum (`core.hierarchical`) over the same samples, all cores for each.
+They give exitance at single points; a picture needs it at the mesh's vertices at least, the transport's volume gives it
+everywhere. What is timed is what a new light costs: the tree is built anew, the kernels stay.
 """
 
 import os
@@ -19,8 +19,12 @@ import numpy.typing as npt
 from core import materials
 from core.dipole import dipoles
 from core.hierarchical import build_tree, tree_exitance
-from viewer.bench_error import LIGHTS, Run, Scheme, Target, parallel_exitance
+from core.samples import surface_samples
+from viewer.bench_error import Run, Target
+from viewer.bench_lights import LIGHTS
+from viewer.bench_reference import parallel_exitance
 from viewer.bench_report import Report
+from viewer.bench_schemes import Scheme
 from viewer.bench_shapes import SHAPES
 from viewer.deviation import Deviation
 
@@ -28,6 +32,7 @@ Array = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 TOLERANCES = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02)
+SAMPLE_EDGE = 0.15  # mm; longest edge of a sample's piece: under half the mean free path of the materials measured
 STAGES = ("deposit", "convolution")  # of the transport, for a new light
 
 
@@ -64,7 +69,8 @@ def rival_rows(cases: Sequence[tuple[str, str, str]], scheme: Scheme, n_points: 
 
 def _rows(shape: str, name: str, light_name: str, scheme: Scheme, n_points: int) -> Iterator[RivalRow]:
     target, material, light = Target.of(SHAPES[shape](), n_points), materials.lookup(name), LIGHTS[light_name]
-    sources, points, profiles = target.sources, target.points.points, dipoles(material)
+    sources = surface_samples(target.mesh, SAMPLE_EDGE)
+    points, profiles = target.points.points, dipoles(material)
     vertices = len(target.mesh.vertices)
     flux = light.irradiance(target.occluder, sources, material.eta) * sources.areas[:, None]
     reference, taken = _timed(lambda: parallel_exitance(points, sources.points, flux, profiles))

@@ -1,4 +1,4 @@
-"""Shapes of the benchmark, procedural, as meshes in world space (mm): thick, thin, and concave with both.
+"""Shapes of the benchmark, procedural, as meshes in world space (mm): thick, thin, concave, and fine in detail.
 
 Tests use them too. Normals are the exact surface's where it is smooth.
 """
@@ -19,6 +19,25 @@ def ball(diameter: float = 20.0, subdivisions: int = 5) -> Mesh:
     """An icosphere, smooth normals: thick."""
     shape = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5 * diameter)
     return Mesh.of(shape.vertices, shape.vertices / (0.5 * diameter), shape.faces)
+
+
+def detail(size: float = 20.0, bump: float = 1.5, height: float = 0.5, subdivisions: int = 6) -> Mesh:
+    """A ball all over bumps about `bump` mm apart and `height` mm high, smooth normals: fine detail."""
+    radius = 0.5 * size - height
+    around = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
+    u = np.asarray(around.vertices, np.float64)
+    bumps = _spread(round(4.0 * np.pi * (radius / bump) ** 2 / (0.5 * np.sqrt(3.0))))
+    sharpness = (radius / (0.27 * bump)) ** 2  # Gaussians of a standard deviation of 0.27 of their distance
+    r, slope = np.empty((len(u), 1)), np.empty_like(u)
+    for part in np.array_split(np.arange(len(u)), 1 + len(u) // 4096):
+        rise = height * np.exp(sharpness * (u[part] @ bumps.T - 1.0))
+        r[part] = radius + rise.sum(axis=1, keepdims=True)
+        slope[part] = sharpness * rise @ bumps
+    slope -= np.einsum("ij,ij->i", slope, u)[:, None] * u
+    normals = r * u - slope  # of a surface r(u) u
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    vertices = r * u
+    return Mesh.of(vertices * size / np.ptp(vertices, axis=0).max(), normals, around.faces)
 
 
 def plate(side: float = 20.0, thickness: float = 1.0, n: int = 96) -> Mesh:
@@ -82,10 +101,23 @@ def flat_shaded(vertices: Array, faces: Faces) -> Mesh:
     return Mesh.of(corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), split)
 
 
+def _spread(n: int) -> Array:
+    """Return n directions, evenly spread in a spiral: (n, 3)."""
+    z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
+    flat = np.sqrt(1.0 - z * z)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
+
+
 def _joined(parts: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
     offsets = np.cumsum([0, *(len(v) for v, _ in parts)])
     vertices = np.concatenate([v for v, _ in parts])
     return vertices, np.concatenate([f + o for (_, f), o in zip(parts, offsets, strict=False)])
 
 
-SHAPES: dict[str, Callable[[], Mesh]] = {"ball": ball, "knot": torus_knot, "plate": plate}
+SHAPES: dict[str, Callable[[], Mesh]] = {
+    "ball": ball,
+    "plate": plate,
+    "knot": torus_knot,
+    "detail": detail,
+}

@@ -133,7 +133,8 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
     output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for tables and the plot.")] = None,
     model: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Mesh of the frames; the built-in sculpture without one.")
+        str | None,
+        typer.Option(metavar="FILE", help="Mesh of the frames and the error; the built-in sculpture's frames without."),
     ] = None,
 ) -> None:
     """Measure speed against error, and write tables and a plot."""

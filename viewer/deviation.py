@@ -41,3 +41,8 @@ class Deviation:
             ratio=tuple(np.divide(M.mean(axis=0), mean, out=np.ones(3), where=mean > 0.0).tolist()),
             rms_together=float(np.sqrt(np.mean(difference**2) / (np.mean(M_ref**2) or 1.0))),
         )
+
+    def columns(self) -> dict[str, float]:
+        """Return rms, 99th percentile and ratio of each channel by name, as a row of a CSV file has them."""
+        values = {"rms": self.rms, "p99": self.p99, "mean_ratio": self.ratio}
+        return {f"{name}_{c}": value for name, three in values.items() for c, value in zip("rgb", three, strict=True)}
