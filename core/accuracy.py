@@ -12,7 +12,7 @@ the dark side, others: there all exitance has come across edges and thin parts, 
 strong absorbers around the edge of the light, where the kernel's very shape decides.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,10 +34,11 @@ COARSEST = 1e6  # of the finest detail: spacings beyond are not searched
 class ErrorLaw:
     """The greatest of terms min(a (h / d)^p kappa^q tau^r, b), each given as (a, p, q, r, b).
 
-    tau = 1 - detail / mean free path is 0 without absorption and nears 1 with much.
+    tau = 1 - detail / mean free path is 0 without absorption and nears 1 with much; kappa is with or without sheets.
     """
 
     terms: tuple[tuple[float, float, float, float, float], ...]
+    with_sheets: bool = False
 
     def __call__(self, profile: Profile, spacing: float, kappa: float, assignment: str = TSC) -> float:
         """Error to expect in a channel, for a spacing of the nodes, mm, and the roughness there."""
@@ -49,8 +50,10 @@ class ErrorLaw:
         return float(min(1.0, np.sqrt(law * law + LEAST_ERROR**2 + added**2)))
 
 
-# Scales are a little above the fit's: 6 channels of 7 keep below.
+# Scales are a little above the fit's: 6 channels of 7 keep below. What lamps light, what an environment does, and what
+# lamps shine through.
 LIT = ErrorLaw(((0.025, 1.02, 0.35, 0.0, 1.0),))
+SURROUNDED = replace(LIT, with_sheets=True)
 SHINING = ErrorLaw(((0.10, 1.60, 0.42, 0.0, 1.0), (0.0057, 3.4, 0.0, 2.0, 0.3)))
 
 
@@ -62,14 +65,18 @@ class Roughness:
     ----------
     sizes : cell sizes h, mm, falling
     values : kappa at them, in [0, 1/3]
+    with_sheets : (1 - |mean normal|^2) / 2 at them, in [0, 1/2]
+        Where both sides of a flat sheet lie in a cell they count too.
     """
 
     sizes: tuple[float, ...]
     values: tuple[float, ...]
+    with_sheets: tuple[float, ...]
 
-    def __call__(self, size: float) -> float:
+    def __call__(self, size: float, with_sheets: bool = False) -> float:
         """Value at any cell size, mm: a power law between and beyond, never above the coarsest."""
-        x, y = np.log(self.sizes[::-1]), np.log(np.maximum(self.values[::-1], 1e-12))
+        values = self.with_sheets if with_sheets else self.values
+        x, y = np.log(self.sizes[::-1]), np.log(np.maximum(values[::-1], 1e-12))
         y = np.maximum.accumulate(y)  # a larger cell is never smoother, whatever its place says
         t = np.log(size)
         if t < x[0]:
@@ -82,7 +89,8 @@ def roughness(samples: SurfaceSamples, bounds: Array) -> Roughness:
     """Measure how far a surface is from planes, cell by cell.
 
     In a cell with the normals' second moments T = sum n n^T dA / sum dA, kappa = (1 - tr T^2) / 2: 0 on a plane and on
-    both sides of a flat sheet, which the sheet term of `core.ewald` knows, 1/3 for normals all around.
+    both sides of a flat sheet, 1/3 for normals all around. The sheet term of `core.ewald` knows the other side where
+    lamps light it; where an environment does it does not, hence `with_sheets`.
 
     Parameters
     ----------
@@ -95,7 +103,8 @@ def roughness(samples: SurfaceSamples, bounds: Array) -> Roughness:
     longest = float((high - low).max())
     normals, areas = samples.normals.astype(np.float64), samples.areas.astype(np.float64)
     pairs = [(i, j, normals[:, i] * normals[:, j] * areas) for i in range(3) for j in range(i, 3)]
-    values = []
+    values: list[float] = []
+    sheets: list[float] = []
     for cells in CELLS:
         size = longest / (cells - 1)
         shape = tuple(np.floor((high - low) / size).astype(int) + 1)
@@ -103,16 +112,19 @@ def roughness(samples: SurfaceSamples, bounds: Array) -> Roughness:
         cell = np.ravel_multi_index(tuple(np.maximum(place, 0).T), shape)
         area = np.bincount(cell, areas)
         square = sum((1.0 if i == j else 2.0) * np.bincount(cell, moment) ** 2 for i, j, moment in pairs)
-        spread = area - square / np.maximum(area, np.finfo(np.float64).tiny)
-        values.append(0.5 * float(max(spread.sum(), 0.0) / max(area.sum(), np.finfo(np.float64).tiny)))
-    return Roughness(tuple(longest / (cells - 1) for cells in CELLS), tuple(values))
+        mean = sum(np.bincount(cell, normals[:, i] * areas) ** 2 for i in range(3))
+        for found, part in ((values, square), (sheets, mean)):
+            spread = area - part / np.maximum(area, np.finfo(np.float64).tiny)
+            found.append(0.5 * float(max(spread.sum(), 0.0) / max(area.sum(), np.finfo(np.float64).tiny)))
+    return Roughness(tuple(longest / (cells - 1) for cells in CELLS), tuple(values), tuple(sheets))
 
 
 def predicted_error(
     law: ErrorLaw, profiles: Profiles, spacing: float, shape: Roughness, assignment: str = TSC
 ) -> float:
     """Return the rms error over rms exitance to expect in the worst channel, for a spacing of the nodes, mm."""
-    return max(law(profile, spacing, shape(spacing), assignment) for profile in profiles)
+    kappa = shape(spacing, law.with_sheets)
+    return max(law(profile, spacing, kappa, assignment) for profile in profiles)
 
 
 def spacing_for(target: float, law: ErrorLaw, profiles: Profiles, shape: Roughness, assignment: str = TSC) -> float:

@@ -14,7 +14,7 @@ from core.samples import SurfaceSamples, surface_samples
 from tests.shapes import ball, plate
 from viewer.bench_shapes import torus_knot
 
-SMOOTH = Roughness((1.0, 0.5, 0.25), (0.04, 0.01, 0.0025))  # falls as h^2
+SMOOTH = Roughness((1.0, 0.5, 0.25), (0.04, 0.01, 0.0025), (0.5, 0.5, 0.1))  # falls as h^2
 
 
 def measured(mesh: Mesh) -> Roughness:
@@ -24,7 +24,10 @@ def measured(mesh: Mesh) -> Roughness:
 def test_a_plane_has_none_and_a_thin_sheet_that_of_its_rim_alone():
     square = Mesh.of([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], [[0, 1, 0]] * 4, [[0, 2, 1], [0, 3, 2]])
     assert max(measured(square).values) < 1e-12
-    assert measured(plate(thickness=0.01)).values[0] < 0.01
+    thin = measured(plate(thickness=0.01))
+    assert max(thin.values) < 0.01
+    assert min(thin.with_sheets) > 0.45
+    assert max(measured(plate(thickness=4.0)).with_sheets[1:]) < 0.1
 
 
 def test_normals_all_around_have_a_third():

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from core.accuracy import LIT, SHINING, Roughness, predicted_error, spacing_for
+from core.accuracy import LIT, SHINING, SURROUNDED, Roughness, predicted_error, spacing_for
 from core.ewald import TENT, TSC
 from core.mesh import Mesh
 from core.spectra import Profiles
@@ -19,7 +19,7 @@ COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the
 # default target they may take a few times the paper's time, which a picture at rest can wait for; where they would miss
 # it, no more than the paper's. A target that a person has set may take longer.
 PAPER_NODES = 3 * 4 * 512 * 512
-NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 7 * PAPER_NODES // 10, 16 * PAPER_NODES
+NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 4, 16 * PAPER_NODES
 SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
 
@@ -104,13 +104,13 @@ def choose_quality(
     if settings.method == "layered" or shape is None:
         return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
     longest = longest_side(mesh)
-    law = SHINING if sharp_light else LIT
+    law, lit_law = (SHINING, LIT) if sharp_light else (SURROUNDED, SURROUNDED)
     target = None if settings.resolution is not None else settings.error_target or DEFAULT_ERROR_TARGET
 
     def made(resolution: int, assignment: str) -> Quality:
         grid = EwaldTransport(resolution=resolution, n_layers=settings.layers).grid(mesh, np.eye(3))
         spacing = max(grid.texel, grid.layer_distance)
-        worst, lit = (predicted_error(one, profiles, spacing, shape, assignment) for one in (law, LIT))
+        worst, lit = (predicted_error(one, profiles, spacing, shape, assignment) for one in (law, lit_law))
         return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target)
 
     if settings.resolution is not None:
