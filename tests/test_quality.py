@@ -14,6 +14,7 @@ from viewer.assets import Assets
 from viewer.quality import (
     COARSEST,
     DEFAULT_ERROR_TARGET,
+    NEAR,
     NODES,
     NODES_ASKED_FOR,
     NODES_OUT_OF_REACH,
@@ -71,7 +72,8 @@ def test_a_target_is_met_by_prediction_or_there_is_a_warning_and_the_largest_gri
             quality = choose_quality(ewald(error_target=target), found, PLATE)
             met = quality.predicted_error <= (target or DEFAULT_ERROR_TARGET)
             assert (quality.warning is None) == met
-            budget = NODES_ASKED_FOR if target else NODES if met else NODES_OUT_OF_REACH
+            near = quality.predicted_error <= NEAR * DEFAULT_ERROR_TARGET
+            budget = NODES_ASKED_FOR if target else NODES if near else NODES_OUT_OF_REACH
             assert nodes(quality, found, PLATE) <= budget
             finer = replace(quality, resolution=quality.resolution + 12)
             assert met or nodes(finer, found, PLATE) > budget

@@ -16,10 +16,11 @@ DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
 COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
 # Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
-# default target they may take a few times the paper's time, which a picture at rest can wait for; where they would miss
-# it, no more than the paper's. A target that a person has set may take longer.
+# default target, or nearly, they may take a few times the paper's time, which a picture at rest can wait for; where
+# they would miss it by far, no more than the paper's. A target that a person has set may take longer.
 PAPER_NODES = 3 * 4 * 512 * 512
 NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 4, 16 * PAPER_NODES
+NEAR = 2.0  # of the target
 SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
 
@@ -53,6 +54,11 @@ class Quality:
     predicted_lit: float | None = None
     error_target: float | None = None
     tail: float = TAIL
+
+    @property
+    def error(self) -> float:
+        """The predicted one; infinite where there is none."""
+        return np.inf if self.predicted_error is None else self.predicted_error
 
     @property
     def summary(self) -> str:
@@ -121,9 +127,12 @@ def choose_quality(
     wanted = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
     found = [made(int(min(max(n, COARSEST), most)), order) for order, n in wanted.items()]
     # Tents are read and written in a third of the time: theirs, where they need no finer grid.
-    good = [q for q in found if q.predicted_error is not None and q.predicted_error <= target]
+    good = [q for q in found if q.error <= target]
     if good:
         return min(good, key=lambda q: q.resolution)
+    best = min(found, key=lambda q: q.error)
+    if best.error <= NEAR * target:
+        return best
     budget = NODES_OUT_OF_REACH if settings.error_target is None else NODES_ASKED_FOR
     most = _most_nodes(settings, profiles, mesh, LOOSE_TAIL, budget)
     return replace(made(most, orders[-1]), tail=LOOSE_TAIL)
