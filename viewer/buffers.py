@@ -22,7 +22,7 @@ class MeshBuffers:
         return self._bound(program, content, bodies)
 
     def positions_and_normals(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
-        """Bind a program that reads ``a_position``, ``a_normal`` and ``a_body``, which is 0 if not given."""
+        """Bind a program that reads ``a_position`` and ``a_normal``, and ``a_body`` if given: one float a vertex."""
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
         return self._bound(program, content, bodies)
 

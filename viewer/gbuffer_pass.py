@@ -25,6 +25,7 @@ class GBufferPass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = Program(context, "gbuffer.vert", "gbuffer.frag")
+        self._bodies_program = Program(context, "gbuffer_bodies.vert", "gbuffer_bodies.frag")
 
     def targets(self, size: tuple[int, int]) -> GBuffer:
         """Allocate a G-buffer of (width, height) pixels."""
@@ -46,7 +47,8 @@ class GBufferPass:
         out.framebuffer.use()
         out.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
-        self._program.set({"u_world_to_clip": world_to_clip})
-        vertices = buffers.positions_and_normals(self._program, bodies)
+        program = self._program if bodies is None else self._bodies_program
+        program.set({"u_world_to_clip": world_to_clip})
+        vertices = buffers.positions_and_normals(program, bodies)
         vertices.render()
         vertices.release()

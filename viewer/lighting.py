@@ -114,6 +114,8 @@ class Lighting:
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
+        if scene.transport.method == "ewald":
+            run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None)
         keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
