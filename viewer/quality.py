@@ -19,7 +19,7 @@ COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the
 # default target, or nearly, they may take a few times the paper's time, which a picture at rest can wait for; where
 # they would miss it by far, no more than the paper's. A target that a person has set may take longer.
 PAPER_NODES = 3 * 4 * 512 * 512
-NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 4, 16 * PAPER_NODES
+NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 2 * PAPER_NODES // 3, 16 * PAPER_NODES
 NEAR = 2.0  # of the target
 SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
