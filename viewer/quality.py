@@ -15,11 +15,12 @@ from viewer.settings import TransportSettings
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
 COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
+STEP = 4  # chosen resolutions are multiples of it: a material that changes a little keeps its grid and all plans on it
 # Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
 # default target, or nearly, they may take a few times the paper's time, which a picture at rest can wait for; where
 # they would miss it by far, no more than the paper's. A target that a person has set may take longer.
 PAPER_NODES = 3 * 4 * 512 * 512
-NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 2 * PAPER_NODES // 3, 16 * PAPER_NODES
+NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 5, 16 * PAPER_NODES
 NEAR = 2.0  # of the target
 SURVEY = 80  # nodes along the longest side whose surface samples serve all coarser grids and measure the shape
 SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about two samples a texel
@@ -125,7 +126,7 @@ def choose_quality(
     orders = (TENT, TSC) if settings.assignment is None else (settings.assignment,)
     most = _most_nodes(settings, profiles, mesh, TAIL, NODES if settings.error_target is None else NODES_ASKED_FOR)
     wanted = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
-    found = [made(int(min(max(n, COARSEST), most)), order) for order, n in wanted.items()]
+    found = [made(int(np.clip(STEP * np.ceil(n / STEP), COARSEST, most)), order) for order, n in wanted.items()]
     # Tents are read and written in a third of the time: theirs, where they need no finer grid.
     good = [q for q in found if q.error <= target]
     if good:
@@ -188,7 +189,7 @@ def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh, tai
         transport = EwaldTransport(resolution=middle, n_layers=settings.layers, tail=tail)
         fits = padded_nodes(transport, profiles, mesh) <= budget
         low, high = (middle, high) if fits else (low, middle)
-    return low
+    return low // STEP * STEP
 
 
 def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
