@@ -47,7 +47,7 @@ def nodes(quality, found, mesh) -> int:
 
 def test_the_default_is_two_per_cent():
     default = choose_quality(TransportSettings(), profiles(2.0), PLATE)
-    assert default == choose_quality(ewald(error_target=0.02), profiles(2.0), PLATE)
+    assert replace(default, asked_for=True) == choose_quality(ewald(error_target=0.02), profiles(2.0), PLATE)
     assert default.error_target == DEFAULT_ERROR_TARGET == 0.02
     assert (default.method, default.layers, default.assignment, default.warning) == ("ewald", None, "tsc", None)
 
@@ -80,7 +80,8 @@ def test_a_target_is_met_by_prediction_or_there_is_a_warning_and_the_largest_gri
 
 
 def test_the_warning_is_one_sentence_with_both_errors_and_the_fix():
-    for target, fix in ((None, "set transport.error_target to let it take longer"), (0.01, "set transport.resolution")):
+    more = "set transport.resolution for more"
+    for target, fix in ((None, "set transport.error_target to let it take longer"), (0.02, more), (0.01, more)):
         quality = choose_quality(ewald(error_target=target), profiles(50.0), PLATE)
         warning = quality.warning
         assert warning is not None

@@ -117,7 +117,7 @@ class Lighting:
         if scene.transport.method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
-        made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None)
+        made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None, asked_for=False)
         keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
         transport = run("transport", [made_for, keep], lambda: make_transport(quality, self._effort, keep))
         grid = transport.grid(model.mesh, camera.rotation)

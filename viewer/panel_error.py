@@ -96,7 +96,7 @@ class ErrorPanel:
             quality = measured.quality if measured is not None else quality
             if quality is not None and quality.predicted_error is not None and quality.predicted_lit is not None:
                 self._row("expected, lit", [percent(quality.predicted_lit)])
-                self._row("expected, at most", [percent(quality.predicted_error)])
+                self._row("expected, up to", [percent(quality.predicted_error)])
             if quality is not None and quality.error_target is not None:
                 self._row("error target", [percent(quality.error_target)])
             imgui.end_table()

@@ -43,6 +43,8 @@ class Quality:
         prediction exists (`layered`).
     error_target : float or None
         What was asked for; None where the resolution was.
+    asked_for : bool
+        Whether a person set the target.
     tail : float
         See `core.transport.EwaldTransport`.
     """
@@ -54,6 +56,7 @@ class Quality:
     predicted_error: float | None = None
     predicted_lit: float | None = None
     error_target: float | None = None
+    asked_for: bool = False
     tail: float = TAIL
 
     @property
@@ -77,7 +80,7 @@ class Quality:
         if round(self.predicted_lit, 3) == round(self.predicted_error, 3):
             return f"about {percent(self.predicted_error)} error to expect"
         return (
-            f"about {percent(self.predicted_lit)} error to expect where light falls, at most "
+            f"about {percent(self.predicted_lit)} error to expect where light falls, up to about "
             f"{percent(self.predicted_error)} where it only shines through"
         )
 
@@ -87,7 +90,7 @@ class Quality:
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
         fix = "set transport.error_target to let it take longer, or transport.resolution"
-        if self.error_target != DEFAULT_ERROR_TARGET:
+        if self.asked_for:
             fix = "set transport.resolution for more"
         return (
             f"{self.resolution} nodes along the object are too coarse for this material and shape to meet an error of "
@@ -118,7 +121,8 @@ def choose_quality(
         grid = EwaldTransport(resolution=resolution, n_layers=settings.layers).grid(mesh, np.eye(3))
         spacing = max(grid.texel, grid.layer_distance)
         worst, lit = (predicted_error(one, profiles, spacing, shape, assignment) for one in (law, lit_law))
-        return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target)
+        asked = target is not None and settings.error_target is not None
+        return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target, asked)
 
     if settings.resolution is not None:
         return made(settings.resolution, settings.assignment or TSC)
