@@ -9,6 +9,7 @@ from core import materials
 from core.accuracy import LIT, SHINING
 from core.dipole import dipoles
 from core.materials import Material
+from core.transport import LOOSE_TAIL, TAIL
 from tests.shapes import ball, plate
 from viewer.assets import Assets
 from viewer.quality import (
@@ -101,6 +102,15 @@ def test_a_resolution_wins_over_a_target_and_still_predicts():
     assert quality.predicted_error == pytest.approx(SHINING(profile, h, ASSETS.roughness(BALL)(h)), rel=1e-3)
     assert quality.predicted_lit == pytest.approx(LIT(profile, h, ASSETS.roughness(BALL)(h)), rel=1e-3)
     assert "where light falls" in quality.summary
+
+
+@pytest.mark.parametrize("sigma_s_prime", [2.0, 50.0])
+def test_a_drag_that_holds_the_resolution_keeps_the_transport_of_the_picture_at_rest(sigma_s_prime):
+    found = profiles(sigma_s_prime)
+    rest = choose_quality(ewald(), found, PLATE)
+    held = choose_quality(ewald(resolution=rest.resolution, assignment=rest.assignment), found, PLATE)
+    assert held == replace(rest, error_target=None)
+    assert rest.tail == {2.0: TAIL, 50.0: LOOSE_TAIL}[sigma_s_prime]
 
 
 def test_layers_are_kept_and_their_distance_counts():

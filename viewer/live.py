@@ -221,7 +221,8 @@ class Live:
             self._held = None
         coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
         if coarse is not None:
-            scene = replace(scene, transport=replace(scene.transport, resolution=coarse))
+            order = scene.transport.assignment or (self._lit.quality.assignment if self._lit is not None else None)
+            scene = replace(scene, transport=replace(scene.transport, resolution=coarse, assignment=order))
         self.assets.accept_finer = detail.draft
         lit = self.renderer.light(scene)
         if self._lit is None or not same_light(lit, self._lit):

@@ -125,7 +125,8 @@ def choose_quality(
         return Quality("ewald", settings.layers, resolution, assignment, worst, min(lit, worst), target, asked)
 
     if settings.resolution is not None:
-        return made(settings.resolution, settings.assignment or TSC)
+        told = made(settings.resolution, settings.assignment or TSC)
+        return replace(told, tail=TAIL if told.error <= NEAR * DEFAULT_ERROR_TARGET else LOOSE_TAIL)
     assert target is not None
     orders = (TENT, TSC) if settings.assignment is None else (settings.assignment,)
     most = _most_nodes(settings, profiles, mesh, TAIL, NODES if settings.error_target is None else NODES_ASKED_FOR)
