@@ -101,12 +101,8 @@ class LayeredTransport(FftTransport):
         1 to 128.
     resolution : int
         Texels along the longer side of a map, 16 to 1024.
-    threads : int
-        Of the convolution; 0 takes all cores.
-    effort : str
-        FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
-    keep : int
-        Convolvers, one a shape of layers, that are kept for the next call.
+    threads, effort, keep
+        See `core.transport_steps.FftTransport`.
     """
 
     n_layers: int = 8
@@ -152,7 +148,7 @@ class EwaldTransport(FftTransport):
     tail : float
         See `tail_reach`; the padding follows from it.
     threads, effort, keep
-        See `LayeredTransport`.
+        See `core.transport_steps.FftTransport`.
     """
 
     resolution: int = 60

@@ -111,8 +111,9 @@ def choose_quality(
     sharp_light : bool
         Whether a light casts shadows; an environment alone does not.
     """
-    if settings.method == "layered" or shape is None:
+    if settings.method == "layered":
         return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
+    assert shape is not None  # else `ewald` would quietly become something else
     longest = longest_side(mesh)
     law, lit_law = (SHINING, LIT) if sharp_light else (SURROUNDED, SURROUNDED)
     target = None if settings.resolution is not None else settings.error_target or DEFAULT_ERROR_TARGET
@@ -145,7 +146,7 @@ def choose_quality(
 
 
 def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> Transport:
-    """Make the transport of a quality; `effort` and `keep` as of `core.transport.LayeredTransport`."""
+    """Make the transport of a quality; `effort` and `keep` as of `core.transport_steps.FftTransport`."""
     if quality.method == "layered":
         return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
     return EwaldTransport(
