@@ -9,7 +9,12 @@ The pipeline, one module a stage::
     spectra       kernels between layers and their spectra, (5); ewald: the kernels of the split
     convolution   every pair of layers convolved by FFT, (6)
     transport     layers + spectra + convolution behind one interface: exitance at the nodes, a local term;
-                  transport_steps: the steps that both methods share, each channel only when it changed
+                  transport_steps: the steps that both methods share, each channel only when it changed;
+                  kernels: what is kept of them
+    medium        or, instead of profiles, diffusion in the object itself: its constants; green: its kernel split
+    patches       samples merged into unknowns; boundary: the boundary integral equation's surface on the layers
+    entry         light refracted into the patches and scattered first; refracted: along one ray
+    diffusion     the equation solved; diffusion_channel: one channel's operator and steps, krylov: GMRES
     bodies        the solids of a mesh; atlas: the layers of each; separate: transport in each alone
     tonemap       float64 reference of the display transform
 

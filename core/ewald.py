@@ -8,14 +8,19 @@ That factor is applied at every pixel, with the pixel's own irradiance, and rest
 Works for any radial profile: the filter needs no Bessel functions, only the profile's values along a line.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.signal import fftconvolve
 
-from core.spectra import Profile
+from core.convolution import ConvolutionShape
+from core.layers import LayerGrid
+from core.spectra import Profile, kernel_spectrum
 
 Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
 
 # Assignment: how a point meets the nodes around it, by B-splines of order p; names of particle-mesh methods.
 TENT, TSC = "tent", "tsc"
@@ -82,3 +87,17 @@ def influence(frequency: Array, assignment: str = TSC) -> Array:
     cosine = np.cos(frequency)
     aliases = (2.0 + cosine) / 3.0 if assignment == TENT else (16.0 + 13.0 * cosine + cosine * cosine) / 30.0
     return np.asarray(np.sinc(frequency / (2.0 * np.pi)) ** (2 * ORDERS[assignment]) / aliases**2)
+
+
+def node_spectrum(
+    radial: Callable[[Array], Array], grid: LayerGrid, shape: ConvolutionShape, assignment: str = TSC
+) -> Float32:
+    """Spectrum between nodes of a smooth radial kernel, deposit and gather undone: `shape.quadrant` float32."""
+    z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
+    z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
+    rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
+    spectrum = kernel_spectrum(radial(rho), shape)
+    for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
+        factor = influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), assignment)
+        spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
+    return spectrum

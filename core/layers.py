@@ -154,13 +154,35 @@ def smooth_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc
 
     The grid must have a node to spare on every side of the points, as `fit_box` gives.
     """
+    return _product_matrix(grid, coordinates, _spline)
 
-    def spline(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
-        nearest = np.clip(np.floor(u + 0.5), 1, count - 2).astype(np.int64)
-        f = (u - nearest).astype(np.float32)
-        return nearest - 1, np.stack([0.5 * (0.5 - f) ** 2, 0.75 - f**2, 0.5 * (0.5 + f) ** 2])
 
-    return _product_matrix(grid, coordinates, spline)
+def smooth_slope_matrix(
+    grid: LayerGrid, coordinates: npt.NDArray[np.floating], vectors: npt.NDArray[np.floating]
+) -> csc_array:
+    """Slopes v . grad of the weights of `smooth_matrix`, 1/mm, along a world vector v (n, 3) of each point.
+
+    For grids along world axes, as `fit_box` gives; entries in the order of `smooth_matrix`.
+    """
+    axes = 3
+    steps = np.array([grid.texel, grid.texel, grid.layer_distance])
+    parts = [_spline(coordinates[:, i], grid.shape[::-1][i]) for i in range(axes)]
+    total = smooth_matrix(grid, coordinates)
+    data = np.zeros((len(coordinates), 27), np.float32)
+    for axis in range(axes):
+        weights = [w for _, w in parts]
+        f = (coordinates[:, axis] - parts[axis][0] - 1).astype(np.float32)
+        scale = (vectors[:, axis] / steps[axis]).astype(np.float32)
+        weights[axis] = np.stack([f - 0.5, -2.0 * f, f + 0.5]) * scale
+        x, y, z = weights
+        data += np.einsum("kn,jn,in->nkji", z, y, x).reshape(-1, 27)
+    return csc_array((data.ravel(), total.indices, total.indptr), shape=total.shape)
+
+
+def _spline(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
+    nearest = np.clip(np.floor(u + 0.5), 1, count - 2).astype(np.int64)
+    f = (u - nearest).astype(np.float32)
+    return nearest - 1, np.stack([0.5 * (0.5 - f) ** 2, 0.75 - f**2, 0.5 * (0.5 + f) ** 2])
 
 
 def _product_matrix(

@@ -102,7 +102,7 @@ class LayeredTransport(FftTransport):
     resolution : int
         Texels along the longer side of a map, 16 to 1024.
     threads, effort, keep
-        See `core.transport_steps.FftTransport`.
+        See `core.kernels.Kernels`.
     """
 
     n_layers: int = 8
@@ -148,7 +148,7 @@ class EwaldTransport(FftTransport):
     tail : float
         See `tail_reach`; the padding follows from it.
     threads, effort, keep
-        See `core.transport_steps.FftTransport`.
+        See `core.kernels.Kernels`.
     """
 
     resolution: int = 60
@@ -188,15 +188,10 @@ class EwaldTransport(FftTransport):
         return ewald.WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
-        z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
-        z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
-        rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
-        kernel = ewald.long_range(profile, self._window_width(grid), float(rho[-1, -1, -1]))(rho)
-        spectrum = kernel_spectrum(kernel, shape)
-        for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
-            factor = ewald.influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), self.assignment)
-            spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
-        return spectrum
+        spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
+        furthest = float(np.linalg.norm(spacing * (np.array(shape.quadrant) - 1)))
+        kernel = ewald.long_range(profile, self._window_width(grid), furthest)
+        return ewald.node_spectrum(kernel, grid, shape, self.assignment)
 
 
 @functools.lru_cache(maxsize=1024)  # every body asks again

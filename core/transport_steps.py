@@ -6,58 +6,42 @@ layers cost nothing, channels that are alike are convolved once.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from core.convolution import ConvolutionShape, LayerConvolver, prepared, thread_pool
+from core.convolution import ConvolutionShape
+from core.kernels import Kernels, Spectra
 from core.layers import LayerGrid, deposit
 from core.spectra import Profile, Profiles
 from core.stages import Stages
 
 Float32 = npt.NDArray[np.float32]
-Kernel = tuple[Profile, ConvolutionShape, float, float]  # with texel and layer distance
-Spectra = tuple[Float32, ...]
-
-CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
-SPECTRA_BYTES = 64 << 20  # kept beyond those in use: materials between which a person goes back and forth
 
 
 @dataclass
-class FftTransport:
-    """Deposit, kernels and convolution; what differs between the methods is left to them.
-
-    Parameters
-    ----------
-    threads : int
-        Of the convolution; 0 takes all cores.
-    effort : str
-        FFTW's planner flag; ``FFTW_ESTIMATE`` gives the same bits in every process.
-    keep : int
-        Convolvers, one a shape of layers, that are kept for the next call.
-    """
-
-    threads: int = 0
-    effort: str = "FFTW_ESTIMATE"
-    keep: int = CONVOLVERS
-    _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
-    _spectra: dict[Kernel, Spectra] = field(default_factory=dict, init=False, repr=False)
+class FftTransport(Kernels):
+    """Deposit, kernels and convolution; what differs between the methods is left to them."""
 
     def exitance(
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
         """See `core.transport.Transport.exitance`."""
-        convolvers = [self._convolver(self.shape(grid, profile, area)) for profile in profiles]
+        convolvers = [self.convolver(self.shape(grid, profile, area)) for profile in profiles]
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         kernels = tuple(
             None if p.is_black else (p, c.shape, grid.texel, grid.layer_distance)
             for p, c in zip(profiles, convolvers, strict=True)
         )
-        spectra = stages.run("spectra", kernels, lambda: self._prepared(kernels, grid))
+
+        def make(profile: Profile, shape: ConvolutionShape) -> Float32:
+            return self._spectrum(profile, grid, shape)
+
+        spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, make))
         before = stages.kept("convolution")
 
         def convolve() -> Float32:
@@ -71,25 +55,6 @@ class FftTransport:
 
         return stages.run("convolution", (layers, spectra), convolve)
 
-    def _prepared(self, kernels: Sequence[Kernel | None], grid: LayerGrid) -> list[Spectra | None]:
-        """Spectra of kernels, as `LayerConvolver.convolve` takes them; those made lately are still there."""
-        new = [kernel for kernel in dict.fromkeys(kernels) if kernel is not None and kernel not in self._spectra]
-
-        def prepare(kernel: Kernel) -> Spectra:
-            profile, shape, *_ = kernel
-            return prepared(shape, self._spectrum(profile, grid, shape))
-
-        self._spectra |= zip(new, thread_pool().map(prepare, new), strict=True)
-        for kernel in kernels:  # the latest last
-            if kernel is not None:
-                self._spectra[kernel] = self._spectra.pop(kernel)
-        while len(self._spectra) > len(kernels) and self._spectra_bytes() > SPECTRA_BYTES:
-            self._spectra.pop(next(iter(self._spectra)))
-        return [None if kernel is None else self._spectra[kernel] for kernel in kernels]
-
-    def _spectra_bytes(self) -> int:
-        return sum(part.nbytes for spectra in self._spectra.values() for part in spectra)
-
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """See `core.transport.Transport.weights`."""
         raise NotImplementedError
@@ -100,13 +65,6 @@ class FftTransport:
 
     def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
         raise NotImplementedError
-
-    def _convolver(self, shape: ConvolutionShape) -> LayerConvolver:
-        if shape not in self._convolvers:
-            if len(self._convolvers) >= self.keep:
-                self._convolvers.pop(next(iter(self._convolvers)))
-            self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
-        return self._convolvers[shape]
 
 
 def _known(

@@ -18,7 +18,7 @@ from core.separate import SeparateTransport
 from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
-from core.transport_steps import CONVOLVERS
+from core.kernels import CONVOLVERS
 from viewer.assets import Assets, shape_of
 from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers

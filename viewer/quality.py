@@ -9,7 +9,7 @@ from core.ewald import TENT, TSC
 from core.mesh import Mesh
 from core.spectra import Profiles
 from core.transport import LOOSE_TAIL, TAIL, EwaldTransport, LayeredTransport, Transport
-from core.transport_steps import CONVOLVERS
+from core.kernels import CONVOLVERS
 from viewer.settings import TransportSettings
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
@@ -146,7 +146,7 @@ def choose_quality(
 
 
 def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> Transport:
-    """Make the transport of a quality; `effort` and `keep` as of `core.transport_steps.FftTransport`."""
+    """Make the transport of a quality; `effort` and `keep` as of `core.kernels.Kernels`."""
     if quality.method == "layered":
         return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
     return EwaldTransport(

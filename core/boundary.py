@@ -1,0 +1,145 @@
+"""The boundary integral equation's surface on the grid: all that a mesh alone decides.
+
+phi / 2 + K phi + S phi / (2 A) = phi_0 on the surface, where S phi = int G phi dA and K phi = int D dG/dn phi dA. Both
+are one deposit: a patch's area with the weights W, and its vector area with their slopes. What the grid is too coarse
+for is local. For S that is `core.green.local_green`; for K it is found from what a constant must give, K 1 = -1/2 where
+nothing is absorbed: k0 = -1/2 - K_L 1. It holds curvature, thin sheets and the noise of the grid.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
+from scipy.spatial import cKDTree
+
+from core.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
+from core.mesh import Mesh, face_cross
+from core.patches import Patches
+from core.rays import RayMesh
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+ROWS = 24  # points at which the row sum is measured
+TOLERANCE = 0.02  # of the row sum -1/2: a closed surface has it to the last digits, one with a hole does not near it
+LEAST_PARALLEL, PARALLEL = 0.6, 0.95  # cosine between the sides of a sheet: below it is none, from there on it is one
+RAY_OFFSET = 1e-3  # cells that a ray starts below the surface
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """Patches on a grid.
+
+    Attributes
+    ----------
+    grid : LayerGrid
+    patches : Patches, n of them
+    weights : (nodes, n) sparse float32
+        W.
+    slopes : (27 n,) float32
+        Of the entries of `weights`, along each patch's mean normal, 1/mm.
+    constant : (n_layers, height, width) float32
+        K_L 1 at the nodes, which pixels gather.
+    near : (n,) float64
+        k0.
+    sheet : Sheet
+    """
+
+    grid: LayerGrid
+    patches: Patches
+    weights: csc_array
+    slopes: Float32
+    constant: Float32
+    near: Array
+    sheet: "Sheet"
+
+    def double_layer(self, boundary_factor: float, diffusion: float) -> csc_array:
+        """Deposit of phi dA: W / (2 A) + D n . grad W, (nodes, n) sparse float32."""
+        data = self.weights.data * np.float32(0.5 / boundary_factor) + self.slopes * np.float32(diffusion)
+        return csc_array((data, self.weights.indices, self.weights.indptr), shape=self.weights.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The m patches whose other side is nearer than the nodes can tell.
+
+    Attributes
+    ----------
+    patches, others : (m,) int
+        A patch, and the one across.
+    thickness : (m,) float64
+        mm.
+    share : (m,) float64
+        How parallel the two sides are, from 0 to 1.
+    """
+
+    patches: npt.NDArray[np.intp]
+    others: npt.NDArray[np.intp]
+    thickness: Array
+    share: Array
+
+
+def find_sheet(patches: Patches, thickness: Array, reach: float) -> Sheet:
+    """Pair the patches with those across the object, no further than `reach` along their normals; lengths in mm."""
+    thin = np.flatnonzero((thickness > 0.0) & (thickness < reach))
+    if len(thin) == 0:
+        return Sheet(thin, thin, np.empty(0), np.empty(0))
+    across = patches.on_surface[thin] - thickness[thin, None] * patches.face_normals[thin]
+    # Nearest in place and in normal: on the thinnest sheets a neighbour of one's own side would be nearer.
+    known = np.hstack([patches.on_surface, reach * patches.face_normals])
+    others = cKDTree(known).query(np.hstack([across, -reach * patches.face_normals[thin]]))[1]
+    facing = -np.einsum("ij,ij->i", patches.face_normals[thin], patches.face_normals[others])
+    share = np.clip((facing - LEAST_PARALLEL) / (PARALLEL - LEAST_PARALLEL), 0.0, 1.0)
+    share *= np.clip(2.0 - 2.0 * thickness[thin] / reach, 0.0, 1.0)
+    used = share > 0.0
+    return Sheet(thin[used], others[used], thickness[thin[used]], share[used])
+
+
+def place(grid: LayerGrid, patches: Patches) -> tuple[csc_array, Float32]:
+    """W of patches, and the slopes of its entries along their mean normals."""
+    coordinates = grid.coordinates(patches.points)
+    mean_normals = patches.vector_areas / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]
+    return smooth_matrix(grid, coordinates), smooth_slope_matrix(grid, coordinates, mean_normals).data
+
+
+class Depths:
+    """How far it is to the other side, by rays."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._rays = RayMesh(mesh.vertices, mesh.faces)
+
+    def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
+        """Way through the object from m patches along unit directions (m, 3): (m,) mm, 0 where a ray leaves at once.
+
+        `cell`, mm, sets how far below the surface rays start.
+        """
+        normals = patches.face_normals[chosen]
+        face, t = self._rays.first(patches.on_surface[chosen] - RAY_OFFSET * cell * normals, directions)
+        inward = np.einsum("ij,ij->i", directions, normals) < 0.0
+        return np.where((face >= 0) & inward, t, 0.0)
+
+
+def row_sums(mesh: Mesh, n: int = ROWS) -> Array:
+    """K 1 at n places spread over the surface, without absorption: -1/2 each where it is closed and wound outwards.
+
+    The solid angle of all faces seen from the middle of one, over -4 pi (van Oosterom and Strackee 1983), float64.
+    """
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    areas = np.cumsum(np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1))
+    chosen = np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1])
+    sums = np.empty(n)
+    for row, face in enumerate(chosen):
+        a, b, c = np.moveaxis(corners - corners[face].mean(axis=0), 1, 0)
+        la, lb, lc = (np.sqrt(np.einsum("ij,ij->i", side, side)) for side in (a, b, c))
+        ab, bc, ca = (np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a)))
+        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+        angle = 2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+        angle[face] = 0.0  # its own plane
+        sums[row] = -np.sum(angle) / (4.0 * np.pi)
+    return sums
+
+
+def is_closed(sums: Array) -> bool:
+    """Whether row sums are those of a surface that is closed and wound outwards."""
+    return bool(np.abs(sums + 0.5).max() <= TOLERANCE)

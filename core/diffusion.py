@@ -1,0 +1,239 @@
+"""Transport as diffusion in the object itself: its boundary integral equation, by FFT.
+
+-D lap phi + s_a phi = Q inside, phi + 2 A D dphi/dn = 0 on the surface, M = phi / (2 A). With the surface's own
+boundary in place of the dipole's plane, light crosses slabs, limbs and holes as it does in a photon walk. As an
+integral equation over the surface (`core.boundary`) each product with its matrix is the convolution that
+`core.transport.EwaldTransport` has, and a few of them solve it (`core.krylov`): its symbol on a plane,
+(1 + 1 / (z_b q)) / 2 with z_b = 2 A D and q^2 = k^2 + sigma^2, is bounded on both sides.
+
+A surface point's own value follows from the volume O = G_L * (Q - double layer) and the light that enters there:
+
+    phi = (O + a' E sum w rho(depth)) / (rho(0) / (2 A) - K_L 1).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from core.boundary import Boundary, Depths, find_sheet, place
+from core.convolution import ConvolutionShape
+from core.diffusion_channel import Channel, Iteration
+from core.entry import EnteringLight, Entry, enter, sources
+from core.ewald import SHEET_REACH, node_spectrum
+from core.green import smooth_green
+from core.kernels import Kernel, Kernels, Spectra
+from core.layers import LayerGrid, fit_box
+from core.medium import NO_ABSORPTION, Medium
+from core.mesh import Mesh
+from core.patches import make_patches
+from core.samples import SurfaceSamples
+from core.stages import Stages
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+WINDOW = 1.1  # of the smooth part, in spacings: G falls by itself, so rings show less than with dipoles
+TOLERANCE = 3e-3  # relative residual at which the steps end
+MOST_PRODUCTS = 40
+PATCH = 0.7  # cells that a patch may extend over
+DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
+WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Fluence on the surface, and the volume from which any point's is read.
+
+    Attributes
+    ----------
+    volume : (4, n_layers, height, width) float32
+        O of R, G and B; then K_L 1.
+    fluence : tuple of (n,) float64
+        phi of each channel's patches.
+    residuals : tuple of float
+        |b - A phi| / |b| of each channel, 0 for a dark one.
+    products : tuple of int
+        Convolutions that each channel took.
+    """
+
+    volume: Float32
+    fluence: tuple[Array, ...]
+    residuals: tuple[float, ...]
+    products: tuple[int, ...]
+
+
+@dataclass
+class DiffusionTransport(Kernels):
+    """Solves the diffusion equation in a closed object.
+
+    Parameters
+    ----------
+    resolution : int
+        Nodes along the object's longest side.
+    n_layers : int, optional
+        Layers over the object's z extent; as dense as the nodes if not given, which is best.
+    tolerance : float
+        Relative residual at which a channel is solved.
+    threads, effort, keep
+        See `core.kernels.Kernels`.
+    """
+
+    resolution: int = 48
+    n_layers: int | None = None
+    tolerance: float = TOLERANCE
+    _last: tuple[Boundary, tuple[Channel | None, ...], tuple[Array, ...]] | None = field(
+        default=None, init=False, repr=False
+    )
+
+    def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        """Fit layers to the mesh itself, whatever the view."""
+        return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
+
+    def window_width(self, grid: LayerGrid) -> float:
+        """Width s of the window, mm."""
+        return WINDOW * max(grid.texel, grid.layer_distance)
+
+    def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
+        """Put a mesh's surface on a grid, and measure what the grid misses of K."""
+        patches = make_patches(mesh, samples, PATCH * max(grid.texel, grid.layer_distance))
+        thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
+        sheet = find_sheet(patches, thickness, SHEET_REACH * self.window_width(grid))
+        weights, slopes = place(grid, patches)
+        shape = self.shape(grid, NO_ABSORPTION)
+        (spectrum,) = self.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
+        assert spectrum is not None
+        unplaced = Boundary(grid, patches, weights, slopes, np.empty(0, np.float32), np.empty(0), sheet)
+        deposited = unplaced.double_layer(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
+        constant = self.convolver(shape).convolve(deposited.reshape(grid.shape), spectrum)
+        near = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
+        return replace(unplaced, constant=constant, near=near)
+
+    def solve(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        grid: LayerGrid,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+        go_on: Callable[[Solution], bool] = lambda _: True,
+    ) -> Solution:
+        """Solve for the fluence on the surface of a closed mesh.
+
+        Parameters
+        ----------
+        mesh, samples
+        grid : from `grid`
+        lights : of any number
+        media : R, G and B
+        stages : Stages
+            Keeps the steps' results between calls.
+        go_on : callable
+            Told the solution after each round of products; False ends there, and the next call starts from it.
+        """
+        depths = stages.run("rays", (mesh,), lambda: Depths(mesh))
+        boundary = stages.run("boundary", (mesh, samples, grid), lambda: self.boundary(mesh, samples, grid, depths))
+        entries = [
+            stages.run(
+                f"entry of light {i}",
+                (boundary, light, media[0].eta),
+                lambda light=light: enter(light, boundary, depths, media[0].eta),  # type: ignore[misc]
+            )
+            for i, light in enumerate(lights, start=1)
+        ]
+        kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
+        spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, self._maker(grid)))
+        channels: list[Channel | None] = []
+        for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
+            twin = next((k for k in range(i) if media[k] == medium and _same_flux(entries, i, k)), None)
+            if spectrum is None or not any(entry.flux[:, i].any() for entry in entries):
+                channels.append(None)
+            elif twin is not None:
+                channels.append(channels[twin])
+            else:
+                channels.append(self._channel(boundary, medium, i, entries, spectrum, stages))
+        solution = stages.run("solution", (boundary, *channels), lambda: self._solve(boundary, channels, go_on))
+        if max(solution.residuals) > self.tolerance:
+            stages.forget("solution")  # to go on from there
+        return solution
+
+    def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
+        """Pad a channel by the reach of its G; at most by the extent, which is exact."""
+        spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
+        counts = np.array(grid.shape)
+        reach = WINDOW_REACH * self.window_width(grid) + DECADES / max(medium.attenuation, 1e-12)
+        extra = np.minimum(np.ceil(reach / np.maximum(spacing, 1e-12)), counts - 1)
+        depth, height, width = (int(n) for n in counts + extra)
+        return ConvolutionShape(*grid.shape, padding=(depth, height, width))
+
+    def _channel(
+        self,
+        boundary: Boundary,
+        medium: Medium,
+        i: int,
+        entries: Sequence[Entry],
+        spectrum: Spectra,
+        stages: Stages,
+    ) -> Channel:
+        grid = boundary.grid
+        s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium))
+
+        def make() -> Channel:
+            deposited, local = np.zeros(int(np.prod(grid.shape)), np.float32), np.zeros(len(boundary.patches))
+            for entry in entries:
+                at_nodes, at_patches = sources(entry, boundary, medium, i, s)
+                deposited += at_nodes
+                local += at_patches
+            return Channel(boundary, medium, s, lambda image: convolver.convolve(image, spectrum), deposited, local)
+
+        return stages.run(f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries), make)
+
+    def _solve(
+        self, boundary: Boundary, channels: Sequence[Channel | None], go_on: Callable[[Solution], bool]
+    ) -> Solution:
+        """Step all channels in rounds, each from where it ended last time."""
+        ways: dict[Channel, Iteration] = {}
+        for i, channel in enumerate(channels):
+            if channel is not None and channel not in ways:
+                ways[channel] = Iteration(channel, self._start(boundary, channel, i), self.tolerance, MOST_PRODUCTS)
+        while True:
+            solution = _collected(boundary, [None if channel is None else ways[channel] for channel in channels])
+            self._last = boundary, tuple(channels), solution.fluence
+            if max(solution.residuals) <= self.tolerance or not go_on(solution):
+                return solution
+            unfinished = [way.advance() for way in ways.values()]  # all of them: each takes its step
+            if not any(unfinished):
+                return solution
+
+    def _start(self, boundary: Boundary, channel: Channel, i: int) -> Array | None:
+        """Fluence of the last solution on the same surface, of the exitance that it had."""
+        if self._last is None or self._last[0] is not boundary:
+            return None
+        _, channels, fluence = self._last
+        before = channels[i]
+        if before is None:
+            return None
+        return fluence[i] * (channel.medium.boundary / before.medium.boundary)
+
+    def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
+        return medium, self.shape(grid, medium), grid.texel, grid.layer_distance
+
+    def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
+        s = self.window_width(grid)
+        return lambda medium, shape: node_spectrum(lambda r: smooth_green(medium, s, r), grid, shape)
+
+
+def _collected(boundary: Boundary, ways: Sequence[Iteration | None]) -> Solution:
+    dark = np.zeros(boundary.grid.shape, np.float32)
+    return Solution(
+        volume=np.stack([*(dark if way is None else way.volume for way in ways), boundary.constant]),
+        fluence=tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in ways),
+        residuals=tuple(0.0 if way is None else way.residual for way in ways),
+        products=tuple(0 if way is None else way.products for way in ways),
+    )
+
+
+def _same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:
+    return all(np.array_equal(entry.flux[:, i], entry.flux[:, k]) for entry in entries)

@@ -1,0 +1,143 @@
+"""One colour channel of the boundary integral equation: its operator, its right side, its steps to the solution."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from core.boundary import Boundary
+from core.green import local_green, local_slope
+from core.krylov import gmres, inner, norm
+from core.medium import NO_ABSORPTION, Medium
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes carry of a phi that varies slowly
+
+
+class Channel:
+    """(1/2 + k0 + rho(0) / (2 A)) phi + gather(conv(deposit(phi dA))) = gather(conv(Q)) + local.
+
+    Parameters
+    ----------
+    boundary : Boundary, of n patches
+    medium : Medium
+    s : float
+        Width of the window, mm.
+    convolve : callable
+        With G_L: (n_layers, height, width) float32 in and out.
+    deposited : (nodes,) float32
+        Q.
+    local : (n,) float64
+        What the nodes are too coarse for.
+    """
+
+    def __init__(
+        self,
+        boundary: Boundary,
+        medium: Medium,
+        s: float,
+        convolve: Callable[[Float32], Float32],
+        deposited: Float32,
+        local: Array,
+    ) -> None:
+        self.medium = medium
+        self._boundary, self._convolve = boundary, convolve
+        self._areas = boundary.patches.areas
+        self._deposit = boundary.double_layer(medium.boundary, medium.diffusion)
+        self._gather = boundary.weights.T
+        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.boundary)
+        sheet = boundary.sheet
+        # Of K the row sum's part belongs to the other side too, and there with the material's own absorption.
+        self._across = sheet.share * (
+            local_green(medium, s, sheet.thickness) / (2.0 * medium.boundary) + local_slope(medium, s, sheet.thickness)
+        )
+        self._diagonal = 0.5 + boundary.near + own
+        self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
+        self.sources = convolve(deposited.reshape(boundary.grid.shape))
+        self.right = self._gathered(self.sources) + local
+
+    @property
+    def first_guess(self) -> Array:
+        """A phi to start from where nothing better is known."""
+        return self.right / (self._diagonal + JACOBI)
+
+    def volume(self, fluence: Array) -> Float32:
+        """What phi on the surface gives at the nodes: (n_layers, height, width)."""
+        deposited = self._deposit @ (self._areas * fluence).astype(np.float32)
+        return self._convolve(deposited.reshape(self._boundary.grid.shape))
+
+    def product(self, fluence: Array, volume: Float32) -> Array:
+        """Left side for phi whose `volume` is known."""
+        left = self._diagonal * fluence + self._gathered(volume)
+        sheet = self._boundary.sheet
+        left[sheet.patches] += self._across * fluence[sheet.others]
+        return np.asarray(left)
+
+    def _gathered(self, volume: Float32) -> Array:
+        return np.asarray(self._gather @ volume.ravel(), np.float64)
+
+
+class Iteration:
+    """The way of a channel to its solution; the volume of every iterate is a sum of those that were made anyway.
+
+    Parameters
+    ----------
+    channel : Channel
+    start : (n,) float64, optional
+        A phi that may be near, scaled to fit best.
+    tolerance, most
+        See `core.krylov.gmres`.
+    """
+
+    def __init__(self, channel: Channel, start: Array | None, tolerance: float, most: int) -> None:
+        self.channel = channel
+        self._start = channel.first_guess if start is None else start
+        volume = channel.volume(self._start)
+        product = channel.product(self._start, volume)
+        if start is not None:
+            squared = inner(product, product)
+            scale = inner(product, channel.right) / squared if squared > 0.0 else 0.0
+            self._start, volume, product = scale * self._start, np.float32(scale) * volume, scale * product
+        self._base = channel.sources - volume
+        self._volumes: list[Float32] = []
+        self._steps = gmres(self._multiply, channel.right - product, norm(channel.right), tolerance, most)
+        self._step, self._basis = next(self._steps)
+
+    def advance(self) -> bool:
+        """Take one product more; False when there is nothing left to do."""
+        step = next(self._steps, None)
+        if step is not None:
+            self._step, self._basis = step
+        return step is not None
+
+    @property
+    def residual(self) -> float:
+        """Relative to the right side."""
+        return self._step.residual
+
+    @property
+    def products(self) -> int:
+        """Convolutions so far, with those of the sources and of the start."""
+        return self._step.products + 2
+
+    @property
+    def fluence(self) -> Array:
+        """Phi of the patches."""
+        fluence = self._start.copy()
+        for share, vector in zip(self._step.coefficients, self._basis, strict=True):
+            fluence += share * vector
+        return fluence
+
+    @property
+    def volume(self) -> Float32:
+        """O at the nodes."""
+        volume = self._base.copy()
+        for share, part in zip(self._step.coefficients, self._volumes, strict=True):
+            volume -= np.float32(share) * part
+        return volume
+
+    def _multiply(self, vector: Array) -> Array:
+        self._volumes.append(self.channel.volume(vector))
+        return self.channel.product(vector, self._volumes[-1])

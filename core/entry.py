@@ -1,0 +1,118 @@
+"""Light as it enters, light by light: rays refracted into the object, and the first scattering along them.
+
+Sources lie where light first scatters, not on the surface: along the normal instead of the refracted ray a sphere would
+be off by 6 to 14 %.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.boundary import Boundary, Depths
+from core.green import local_green
+from core.layers import smooth_matrix
+from core.medium import Medium
+from core.refracted import first_scattering, mean_cosine, refract
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class EnteringLight:
+    """One light on the surface samples; neither a direction nor a position means from all around.
+
+    Attributes
+    ----------
+    flux : (samples, 3) float32
+        E dA of each sample.
+    direction : 3-tuple, optional
+        Unit, the way that light travels.
+    position : 3-tuple, optional
+        Where it comes from, mm.
+    """
+
+    flux: Float32
+    direction: Vector | None = None
+    position: Vector | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """The m patches that a light reaches.
+
+    Attributes
+    ----------
+    patches : (m,) int
+        Which.
+    rays : (m, 3) float64
+        Unit, the way on inside.
+    stretch : float
+        Of depths along the rays: diffuse light goes in along the normal, by its mean cosine less far.
+    cosines : (m,) float64
+        Of the rays, stretch included, to the normal inwards.
+    chords : (m,) float64
+        Way through the object along the rays, mm.
+    flux : (m, 3) float64
+        E dA.
+    """
+
+    patches: npt.NDArray[np.intp]
+    rays: Array
+    stretch: float
+    cosines: Array
+    chords: Array
+    flux: Array
+
+
+def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) -> Entry:
+    """Refract a light into the patches that it reaches."""
+    patches = boundary.patches
+    flux = (patches.sums @ light.flux).astype(np.float64)
+    lit = np.flatnonzero(flux.any(axis=1))
+    normals, stretch = patches.normals[lit], 1.0
+    if light.direction is not None:
+        rays = refract(np.broadcast_to(light.direction, normals.shape), normals, eta)
+    elif light.position is not None:
+        way = patches.points[lit] - np.asarray(light.position)
+        rays = refract(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12), normals, eta)
+    else:
+        rays, stretch = -normals, mean_cosine(eta)
+    cosines = -stretch * np.einsum("ij,ij->i", rays, normals)
+    chords = depths.along(patches, lit, rays, boundary.grid.texel)
+    return Entry(lit, rays, stretch, cosines, chords, flux[lit])
+
+
+def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float) -> tuple[Float32, Array]:
+    """First scattering of one channel: on the nodes, and what the nodes are too coarse for at the patches.
+
+    Returns
+    -------
+    deposited : (nodes,) float32
+        Q, its integral the flux that scatters and is not absorbed.
+    local : (n,) float64
+        a' E sum of w rho(depth) at every patch.
+    """
+    depths, shares = first_scattering(entry.chords / (entry.stretch * medium.mean_free_path))
+    depths *= medium.mean_free_path
+    strength = medium.albedo * entry.flux[:, channel, None] * shares
+    start = boundary.patches.points[entry.patches]
+    share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
+    deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
+    local = np.zeros(len(boundary.patches))
+    at = np.full(len(local), -1)  # of each patch, in the entry
+    at[entry.patches] = np.arange(len(entry.patches))
+    sheet = boundary.sheet
+    lit = np.flatnonzero(at[sheet.others] >= 0)  # sheets that light enters on the other side
+    across = at[sheet.others[lit]]
+    for node in range(2):
+        points = start + entry.stretch * depths[:, node, None] * entry.rays
+        weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
+        deposited += weights @ strength[:, node].astype(np.float32)
+        below = depths[:, node] * entry.cosines
+        local[entry.patches] += share[:, node] * local_green(medium, s, below)
+        left = np.abs(sheet.thickness[lit] - below[across])
+        local[sheet.patches[lit]] += sheet.share[lit] * share[across, node] * local_green(medium, s, left)
+    return deposited, local

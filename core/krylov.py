@@ -1,0 +1,74 @@
+"""GMRES (Saad and Schultz 1986) that gives every iterate away and multiplies as seldom as it can.
+
+SciPy's keeps its iterates to itself until it restarts; a picture that refines needs each.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+BREAKDOWN = 1e-7  # of the right side: the space holds the solution, as far as float32 products tell
+
+
+class Step(NamedTuple):
+    """What is known after `products` multiplications: the solution is start + sum of coefficients times basis."""
+
+    products: int
+    coefficients: Array
+    residual: float  # relative to the right side
+
+
+def gmres(
+    multiply: Callable[[Array], Array], residual: Array, scale: float, tolerance: float, most: int
+) -> Iterator[tuple[Step, list[Array]]]:
+    """Solve A x = b from a start whose residual b - A start is given; yields a step and the basis after each product.
+
+    Parameters
+    ----------
+    multiply : callable
+        (n,) -> (n,) float64, A times a vector; called once a step.
+    residual : (n,) float64
+    scale : float
+        Norm of b, > 0.
+    tolerance : float
+        Of |b - A x| / |b|; it ends the steps.
+    most : int
+        Products; they end the steps too.
+    """
+    beta = norm(residual)
+    yield Step(0, np.zeros(0), beta / scale), []
+    if beta <= tolerance * scale:
+        return
+    basis = [residual / beta]
+    columns = np.zeros((most + 1, most))
+    for k in range(most):
+        vector = multiply(basis[k])
+        for _ in range(2):  # the second pass leaves no rounding of the first
+            for i, known in enumerate(basis):
+                share = inner(known, vector)
+                columns[i, k] += share
+                vector = vector - share * known
+        columns[k + 1, k] = norm(vector)
+        target = np.zeros(k + 2)
+        target[0] = beta
+        square = columns[: k + 2, : k + 1]
+        coefficients = np.asarray(np.linalg.lstsq(square, target, rcond=None)[0], np.float64)
+        left = float(np.linalg.norm(target - square @ coefficients)) / scale
+        yield Step(k + 1, coefficients, left), basis
+        if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * scale:
+            return
+        basis.append(vector / columns[k + 1, k])
+
+
+def inner(a: Array, b: Array) -> float:
+    """Inner product; not by BLAS, whose waking threads take 5 ms off those of the FFT."""
+    return float(np.einsum("i,i->", a, b))
+
+
+def norm(a: Array) -> float:
+    """Euclidean norm, likewise."""
+    return float(np.sqrt(inner(a, a)))

@@ -1,0 +1,95 @@
+"""Patches: surface samples, merged where a mesh has far more than a grid can tell apart.
+
+A scan of 100,000 faces has as many samples at least, of which one in five would do as unknowns of an integral
+equation. Samples of one small cell whose normals point alike become one patch; areas, vector areas and flux are
+summed, so that nothing is lost, and the two sides of a thin sheet never share a patch.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from core.mesh import Mesh, face_cross
+from core.samples import SurfaceSamples
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """n pieces of a surface.
+
+    Attributes
+    ----------
+    points : (n, 3) float64
+        Centres, mm; a little off the surface where it bends.
+    on_surface : (n, 3) float64
+        The sample nearest to each centre: where rays start.
+    normals : (n, 3) float64
+        Unit, of the shading: what light meets.
+    face_normals : (n, 3) float64
+        Unit, of the face at `on_surface`.
+    areas : (n,) float64
+        mm^2; they sum to the area of the mesh.
+    vector_areas : (n, 3) float64
+        mm^2, of the faces; over a closed surface they sum to 0.
+    sums : (n, samples) sparse float32
+        Of the samples' flux, or whatever else adds up.
+    """
+
+    points: Array
+    on_surface: Array
+    normals: Array
+    face_normals: Array
+    areas: Array
+    vector_areas: Array
+    sums: csr_array
+
+    def __len__(self) -> int:
+        return len(self.areas)
+
+
+def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches:
+    """Merge the samples of a mesh within cells of `spacing` (mm, > 0), those of each octant of normals apart."""
+    cross = face_cross(mesh.vertices, mesh.faces)[samples.faces]
+    face_normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    points, areas = samples.points.astype(np.float64), samples.areas.astype(np.float64)
+    cells = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
+    octants = (face_normals > 0.0) @ np.array([1, 2, 4])
+    counts = cells.max(axis=0) + 1
+    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + octants
+    _, patch = np.unique(key, return_inverse=True)
+    n = int(patch.max()) + 1
+    ones = np.ones(len(patch), np.float32)
+    sums = csr_array((ones, (patch, np.arange(len(patch)))), shape=(n, len(patch)))
+
+    def total(values: Array) -> Array:
+        return np.stack([np.bincount(patch, column, n) for column in values.T], axis=-1)
+
+    whole = np.bincount(patch, areas, n).astype(np.float64)
+    weighted = np.maximum(areas, 1e-9 * areas.max())  # a patch of nothing but slivers has a place too
+    centres = total(weighted[:, None] * points) / np.bincount(patch, weighted, n)[:, None]
+    nearest = _nearest(patch, np.linalg.norm(points - centres[patch], axis=1))
+    normals = total(weighted[:, None] * samples.normals)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 0.0, normals / np.maximum(length, np.finfo(np.float64).tiny), face_normals[nearest])
+    return Patches(
+        points=centres,
+        on_surface=points[nearest],
+        normals=normals,
+        face_normals=face_normals[nearest],
+        areas=whole,
+        vector_areas=total(areas[:, None] * face_normals),
+        sums=sums,
+    )
+
+
+def _nearest(patch: npt.NDArray[np.intp], distance: Array) -> npt.NDArray[np.intp]:
+    """Sample of the least distance in each patch."""
+    order = np.lexsort((distance, patch))
+    first = np.ones(len(order), bool)
+    first[1:] = np.diff(patch[order]) > 0
+    return np.asarray(order[first])
