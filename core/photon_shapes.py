@@ -182,7 +182,7 @@ class Solid:
         self.mean_chord = 4.0 * mesh.volume / mesh.area
         self._corners = mesh.vertices[mesh.faces].astype(np.float64).transpose(1, 2, 0).copy()  # (3 corners, 3, m)
         self._rays = RayMesh(mesh.vertices, mesh.faces)
-        self._offset = OFFSET * mesh.radius
+        self._offset, self._far = OFFSET * mesh.radius, (1.0 + OFFSET) * mesh.radius
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
         """See `Shape.arrivals`."""
@@ -201,22 +201,23 @@ class Solid:
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """See `Shape.hits`."""
-        faces, distance = self._rays.first(position.T, direction.T)
-        missed = faces < 0
-        index = np.flatnonzero((distance <= reach + self._offset) & ~missed)
-        faces = faces[index]
+        met, _ = self._rays.first(position.T, direction.T, reach + self._offset)
+        index = np.flatnonzero(met >= 0)
+        faces = met[index]
         normals, onwards = self._normals[:, faces], direction[:, index]
         # Float32 distances are not enough: the plane of the face, in float64.
         to_plane = _dot(self._corners[0][:, faces] - position[:, index], normals)
         cosine = _dot(onwards, normals)
         good = cosine > 0.0
+        # Who is outside comes upon the outer side of a face, or goes ever farther away.
+        astray = (_dot(position, position) > self._far**2) & (met < 0)
         points = position[:, index] + to_plane / np.where(good, cosine, 1.0) * onwards - self._offset * normals
         return Hits(
             index[good],
             points[:, good],
             normals[:, good],
             self._face_bins[faces[good]],
-            np.concatenate([index[~good], np.flatnonzero(missed)]),
+            np.concatenate([index[~good], np.flatnonzero(astray)]),
         )
 
     def _within(self, rng: np.random.Generator, faces: Ints) -> Array:

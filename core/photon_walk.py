@@ -148,8 +148,9 @@ class _Photons:
         names = self.__dataclass_fields__
         return _Photons(*(np.concatenate([getattr(self, n), getattr(other, n)], axis=-1) for n in names))
 
-    def chosen(self, which: npt.NDArray[np.bool_]) -> "_Photons":
-        return _Photons(*(getattr(self, name)[..., which] for name in self.__dataclass_fields__))
+    def alive(self) -> "_Photons":
+        index = np.flatnonzero(self.weight > 0.0)
+        return _Photons(*(np.take(getattr(self, name), index, axis=-1) for name in self.__dataclass_fields__))
 
 
 class _Score:
@@ -174,7 +175,7 @@ class _Score:
         inwards = (cosine / self._eta - cosine_inside) * light.normals - light.towards / self._eta
         n = len(weight)
         photons = _Photons(light.points, inwards, weight, np.zeros(n, np.int64), np.full(n, batch, np.int64))
-        return photons.chosen(weight > 0.0)
+        return photons.alive()
 
     def leave(self, photons: _Photons, hits: Hits) -> tuple[Array, Array]:
         """Tally what leaves; returns the weight and the direction (3, k) of what is reflected."""
@@ -232,7 +233,7 @@ def _advanced(
     weight[hits.lost] = 0.0
     low = np.flatnonzero(weight < ROULETTE)
     weight[low] = np.where(rng.random(len(low)) * SURVIVOR < weight[low], SURVIVOR, 0.0)
-    return _Photons(position, direction, weight, order, photons.batch).chosen(weight > 0.0)
+    return _Photons(position, direction, weight, order, photons.batch).alive()
 
 
 def _checked(

@@ -60,7 +60,8 @@ def find_patches(mesh: Mesh, count: int) -> Patches:
     # Normals count as distance: a right angle as 1.4 patches, the other side of a sheet as 2.
     of_face = _clusters(np.hstack([centres / size, cross / np.maximum(double, np.finfo(np.float64).tiny)]), count)
     samples = surface_samples(mesh, size / SAMPLES_ACROSS)
-    return Patches(mesh, of_face, samples, of_face[samples.faces], np.bincount(of_face, 0.5 * double[:, 0]).astype(np.float64))
+    areas = np.bincount(of_face, 0.5 * double[:, 0]).astype(np.float64)
+    return Patches(mesh, of_face, samples, of_face[samples.faces], areas)
 
 
 def _divided(mesh: Mesh, longest: float) -> Mesh:
