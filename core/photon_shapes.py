@@ -19,7 +19,7 @@ Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
 CLOSED = 1e-4  # sum of the area vectors over the area: 0 for a closed surface, and triangles need not meet at corners
-OFFSET = 1e-5  # of the bounding sphere's radius: float32 rays must not hit where they start, nor start outside
+OFFSET = 2e-6  # of the bounding sphere's radius, 30 steps of float32: rays must not hit where they start, nor outside
 SPHERE_BINS = 16
 
 
@@ -79,6 +79,10 @@ class Shape(Protocol):
     def mean_chord(self) -> float:
         """4 V / A."""
 
+    @property
+    def offset(self) -> float:
+        """How far inside the boundary photons are put that meet it."""
+
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
         """Draw n photons of a beam from `towards`, (3,) unit, or of light from everywhere alike if None."""
 
@@ -92,7 +96,7 @@ class Slab:
     def __init__(self, thickness: float) -> None:
         self._thickness = _positive(thickness, "thickness of the slab")
         self.areas: Array = np.ones(2)
-        self.mean_chord = 2.0 * self._thickness
+        self.mean_chord, self.offset = 2.0 * self._thickness, 0.0
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
         """See `Shape.arrivals`; all at z = 0, and a beam must come from z < 0."""
@@ -124,7 +128,7 @@ class Sphere:
     def __init__(self, radius: float, n_bins: int = SPHERE_BINS) -> None:
         self._radius = _positive(radius, "radius of the sphere")
         self.areas: Array = np.full(n_bins, 4.0 * np.pi * self._radius**2 / n_bins)
-        self.mean_chord = 4.0 / 3.0 * self._radius
+        self.mean_chord, self.offset = 4.0 / 3.0 * self._radius, 0.0
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
         """See `Shape.arrivals`."""
@@ -182,7 +186,7 @@ class Solid:
         self.mean_chord = 4.0 * mesh.volume / mesh.area
         self._corners = mesh.vertices[mesh.faces].astype(np.float64).transpose(1, 2, 0).copy()  # (3 corners, 3, m)
         self._rays = RayMesh(mesh.vertices, mesh.faces)
-        self._offset, self._far = OFFSET * mesh.radius, (1.0 + OFFSET) * mesh.radius
+        self.offset, self._far = OFFSET * mesh.radius, (1.0 + OFFSET) * mesh.radius
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
         """See `Shape.arrivals`."""
@@ -194,14 +198,14 @@ class Solid:
         normals = self._normals[:, faces]
         directions = _around(rng, normals) if towards is None else _all_alike(towards, n)
         points = self._within(rng, faces)
-        first, _ = self._rays.first((points + self._offset * normals).T, directions.T)
+        first, _ = self._rays.first((points + self.offset * normals).T, directions.T)
         return Arrivals(
-            points - self._offset * normals, normals, directions, self._face_bins[faces], first < 0, float(flux[-1])
+            points - self.offset * normals, normals, directions, self._face_bins[faces], first < 0, float(flux[-1])
         )
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """See `Shape.hits`."""
-        met, _ = self._rays.first(position.T, direction.T, reach + self._offset)
+        met, _ = self._rays.first(position.T, direction.T, reach + self.offset)
         index = np.flatnonzero(met >= 0)
         faces = met[index]
         normals, onwards = self._normals[:, faces], direction[:, index]
@@ -211,7 +215,8 @@ class Solid:
         good = cosine > 0.0
         # Who is outside comes upon the outer side of a face, or goes ever farther away.
         astray = (_dot(position, position) > self._far**2) & (met < 0)
-        points = position[:, index] + to_plane / np.where(good, cosine, 1.0) * onwards - self._offset * normals
+        distance = np.clip(to_plane / np.where(good, cosine, 1.0), 0.0, reach[index] + self.offset)
+        points = position[:, index] + distance * onwards - self.offset * normals
         return Hits(
             index[good],
             points[:, good],

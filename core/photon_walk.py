@@ -33,6 +33,7 @@ BATCHES = 32  # independent shares of the photons, for the standard error
 POOL = 1 << 14  # photons that walk at a time: what the caches hold
 ROULETTE, SURVIVOR = 0.1, 0.5  # weight below which a photon must be lucky, and the weight it then has
 MOST_LOST = 1e-3  # of the entered flux: more than rounding loses at edges is a hole
+COARSEST = 1e-2  # mean free paths that a photon may be off the boundary of a mesh
 THINNEST = 1e-2  # mean free paths in the mean chord: in clear glass light may be trapped, and never scatters
 
 
@@ -110,8 +111,8 @@ def walk(
     Raises
     ------
     InputError
-        If a number is out of its range, the shape is thinner than `THINNEST` mean free paths, or more than
-        `MOST_LOST` of the light slips through holes of a mesh.
+        If a number is out of its range, the shape is thinner than `THINNEST` mean free paths or too large for rays
+        to tell them apart, or more than `MOST_LOST` of the light slips through holes of a mesh.
     """
     towards, albedo = _checked(shape, sigma_t_prime, albedos, eta, direction, n_photons)
     per_batch = -(-n_photons // BATCHES)
@@ -249,6 +250,8 @@ def _checked(
         raise InputError(f"the number of photons must be above 0, not {n!r}.")
     if not np.isfinite(sigma_t_prime) or sigma_t_prime * shape.mean_chord < THINNEST:
         raise InputError(f"sigma_t' = {sigma_t_prime:g} leaves the shape nearly clear: photons would hardly scatter.")
+    if sigma_t_prime * shape.offset > COARSEST:
+        raise InputError(f"sigma_t' = {sigma_t_prime:g} is too dense for a mesh of this size: light stays at its skin.")
     if direction is None:
         return None, albedo
     towards = np.asarray(direction, np.float64)

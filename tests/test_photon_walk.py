@@ -230,6 +230,7 @@ def test_progress_rises_to_one_and_may_stop_the_walk() -> None:
         ({"direction": (0.0, np.inf, 0.0)}, "direction"),
         ({"n_photons": 0}, "photons"),
         ({"shape": Slab(1.0), "direction": UP}, "z < 0"),
+        ({"shape": Solid(cube()), "sigma_t_prime": 1e3}, "skin"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, problem) -> None:
