@@ -95,12 +95,15 @@ def test_without_absorption_all_that_enters_leaves(direction) -> None:
         assert tally.entered.sum() == pytest.approx(fresnel.hemispherical_transmittance(1.4), rel=5e-3)
 
 
-def test_without_scattering_light_leaves_in_a_beam() -> None:
-    """Beer's law and the geometric series of reflections between two planes."""
-    tally = walk(Slab(1.0), 1.0, [0.0], 1.5, DOWN, 100_000)
+@pytest.mark.parametrize("direction", [DOWN, (0.6, 0.0, -0.8)])
+def test_without_scattering_light_leaves_in_a_beam(direction) -> None:
+    """Snell's and Beer's laws, and the geometric series of reflections between two planes."""
+    tally = walk(Slab(1.0), 1.0, [0.0], 1.5, direction, 100_000)
     assert not tally.scattered.any()
-    passed, reflected = np.exp(-1.0), 0.04
-    wanted = 0.96 * passed * 0.96 / (1.0 - (reflected * passed) ** 2)
+    cosine = -direction[2]
+    passed = np.exp(-1.0 / np.sqrt(1.0 - (1.0 - cosine**2) / 1.5**2))
+    reflected = fresnel.reflectance(1.5, cosine)
+    wanted = cosine * (1.0 - reflected) ** 2 * passed / (1.0 - (reflected * passed) ** 2)
     assert tally.ballistic.mean(axis=0)[1] == pytest.approx(wanted, rel=0.02)
     assert tally.ballistic.mean(axis=0)[0] == pytest.approx(wanted * reflected * passed, rel=0.1)
 
