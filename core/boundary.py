@@ -43,7 +43,11 @@ class Boundary:
         K_L 1 at the nodes, which pixels gather.
     near : (n,) float64
         k0.
+    thickness : (n,) float64
+        Way through the object along the normal, mm; 0 where there is none.
     sheet : Sheet
+    sheet_reach : float
+        Thickness of the thickest sheets, mm.
     """
 
     grid: LayerGrid
@@ -52,7 +56,9 @@ class Boundary:
     slopes: Float32
     constant: Float32
     near: Array
+    thickness: Array
     sheet: "Sheet"
+    sheet_reach: float
 
     def double_layer(self, boundary_factor: float, diffusion: float) -> csc_array:
         """Deposit of phi dA: W / (2 A) + D n . grad W, (nodes, n) sparse float32."""

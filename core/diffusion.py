@@ -16,15 +16,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csc_array
 
 from core.boundary import Boundary, Depths, find_sheet, place
 from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
+from core.diffusion_pixels import PixelTerms, pixel_terms
 from core.entry import EnteringLight, Entry, enter, sources
 from core.ewald import SHEET_REACH, node_spectrum
 from core.green import smooth_green
 from core.kernels import Kernel, Kernels, Spectra
-from core.layers import LayerGrid, fit_box
+from core.layers import LayerGrid, fit_box, smooth_matrix
 from core.medium import NO_ABSORPTION, Medium
 from core.mesh import Mesh
 from core.patches import make_patches
@@ -35,7 +37,7 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 WINDOW = 1.1  # of the smooth part, in spacings: G falls by itself, so rings show less than with dipoles
-TOLERANCE = 3e-3  # relative residual at which the steps end
+TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
 PATCH = 0.7  # cells that a patch may extend over
 DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
@@ -48,6 +50,8 @@ class Solution:
 
     Attributes
     ----------
+    boundary : Boundary, of n patches
+    media : R, G and B
     volume : (4, n_layers, height, width) float32
         O of R, G and B; then K_L 1.
     fluence : tuple of (n,) float64
@@ -58,6 +62,8 @@ class Solution:
         Convolutions that each channel took.
     """
 
+    boundary: Boundary
+    media: tuple[Medium, ...]
     volume: Float32
     fluence: tuple[Array, ...]
     residuals: tuple[float, ...]
@@ -91,6 +97,19 @@ class DiffusionTransport(Kernels):
         """Fit layers to the mesh itself, whatever the view."""
         return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
 
+    @property
+    def smooth(self) -> bool:
+        """Always: quadratic B-splines."""
+        return True
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """Quadratic B-splines."""
+        return smooth_matrix(grid, coordinates)
+
+    def pixel_terms(self, solution: Solution) -> PixelTerms:
+        """Tabulate what pixels need beside the solution's volume."""
+        return pixel_terms(solution.boundary, solution.media, self.window_width(solution.boundary.grid))
+
     def window_width(self, grid: LayerGrid) -> float:
         """Width s of the window, mm."""
         return WINDOW * max(grid.texel, grid.layer_distance)
@@ -99,12 +118,14 @@ class DiffusionTransport(Kernels):
         """Put a mesh's surface on a grid, and measure what the grid misses of K."""
         patches = make_patches(mesh, samples, PATCH * max(grid.texel, grid.layer_distance))
         thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
-        sheet = find_sheet(patches, thickness, SHEET_REACH * self.window_width(grid))
+        reach = SHEET_REACH * self.window_width(grid)
+        sheet = find_sheet(patches, thickness, reach)
         weights, slopes = place(grid, patches)
         shape = self.shape(grid, NO_ABSORPTION)
         (spectrum,) = self.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
         assert spectrum is not None
-        unplaced = Boundary(grid, patches, weights, slopes, np.empty(0, np.float32), np.empty(0), sheet)
+        unknown = np.empty(0, np.float32), np.empty(0)
+        unplaced = Boundary(grid, patches, weights, slopes, *unknown, thickness, sheet, reach)
         deposited = unplaced.double_layer(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
         constant = self.convolver(shape).convolve(deposited.reshape(grid.shape), spectrum)
         near = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
@@ -154,7 +175,9 @@ class DiffusionTransport(Kernels):
                 channels.append(channels[twin])
             else:
                 channels.append(self._channel(boundary, medium, i, entries, spectrum, stages))
-        solution = stages.run("solution", (boundary, *channels), lambda: self._solve(boundary, channels, go_on))
+        solution = stages.run(
+            "solution", (boundary, *media, *channels), lambda: self._solve(boundary, media, channels, go_on)
+        )
         if max(solution.residuals) > self.tolerance:
             stages.forget("solution")  # to go on from there
         return solution
@@ -191,7 +214,11 @@ class DiffusionTransport(Kernels):
         return stages.run(f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries), make)
 
     def _solve(
-        self, boundary: Boundary, channels: Sequence[Channel | None], go_on: Callable[[Solution], bool]
+        self,
+        boundary: Boundary,
+        media: Sequence[Medium],
+        channels: Sequence[Channel | None],
+        go_on: Callable[[Solution], bool],
     ) -> Solution:
         """Step all channels in rounds, each from where it ended last time."""
         ways: dict[Channel, Iteration] = {}
@@ -199,7 +226,7 @@ class DiffusionTransport(Kernels):
             if channel is not None and channel not in ways:
                 ways[channel] = Iteration(channel, self._start(boundary, channel, i), self.tolerance, MOST_PRODUCTS)
         while True:
-            solution = _collected(boundary, [None if channel is None else ways[channel] for channel in channels])
+            solution = _collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
             self._last = boundary, tuple(channels), solution.fluence
             if max(solution.residuals) <= self.tolerance or not go_on(solution):
                 return solution
@@ -225,9 +252,11 @@ class DiffusionTransport(Kernels):
         return lambda medium, shape: node_spectrum(lambda r: smooth_green(medium, s, r), grid, shape)
 
 
-def _collected(boundary: Boundary, ways: Sequence[Iteration | None]) -> Solution:
+def _collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:
     dark = np.zeros(boundary.grid.shape, np.float32)
     return Solution(
+        boundary=boundary,
+        media=tuple(media),
         volume=np.stack([*(dark if way is None else way.volume for way in ways), boundary.constant]),
         fluence=tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in ways),
         residuals=tuple(0.0 if way is None else way.residual for way in ways),

@@ -1,19 +1,27 @@
 #version 330
 // Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
-// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport.py).
+// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport.py); with
+// transport `diffusion` the equation of core/diffusion_pixels.py.
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;     // a: body
-uniform sampler2D t_irradiance;
+uniform sampler2D t_irradiance; // a, as of the next two: what the other side of a sheet has in place of t_local's rgb
 uniform sampler2D t_specular;
-uniform sampler2D t_local;      // exitance, see irradiance_pixels.frag
+uniform sampler2D t_local;      // see irradiance_pixels.frag
 uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
 uniform mat4 u_world_to_texture;
 uniform bool u_separate;        // whether t_exitance is an atlas of bodies (core/atlas.py)
 uniform sampler2D t_offsets;    // then: what each body adds to its texture coordinates, row by row
 uniform bool u_smooth;          // gather with quadratic B-splines instead of tents
+
+uniform bool u_diffusion;
+uniform vec3 u_diagonal;        // rho(0) / (2 A)
+uniform vec3 u_doubled;         // 2 A
+uniform sampler2D t_coupling;   // between the sides of a sheet, over thickness; one row
+uniform sampler3D t_depths;     // thickness, mm, and how far it is a sheet
+uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
@@ -30,20 +38,42 @@ layout(location = 6) out vec4 o_specular;
 const float PI = 3.14159265358979;
 
 // Quadratic B-spline (TSC) over 27 nodes, by 8 filtered fetches: nodes i - 1 and i share one, i + 1 has its own.
-vec3 gather_smooth(vec3 texture_coordinates) {
+vec4 gather_smooth(vec3 texture_coordinates) {
     vec3 size = vec3(textureSize(t_exitance, 0));
     vec3 u = texture_coordinates * size - 0.5;
     vec3 nearest = floor(u + 0.5), f = u - nearest;
     vec3 middle = 0.75 - f * f, upper = 0.5 * (0.5 + f) * (0.5 + f), lower = 1.0 - middle - upper;
     vec3 weights[2] = vec3[2](lower + middle, upper);
     vec3 positions[2] = vec3[2]((nearest - 0.5 + middle / (lower + middle)) / size, (nearest + 1.5) / size);
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     for (int i = 0; i < 8; ++i) {
         int x = i & 1, y = (i >> 1) & 1, z = i >> 2;
         float weight = weights[x].x * weights[y].y * weights[z].z;
-        sum += weight * textureLod(t_exitance, vec3(positions[x].x, positions[y].y, positions[z].z), 0.0).rgb;
+        sum += weight * textureLod(t_exitance, vec3(positions[x].x, positions[y].y, positions[z].z), 0.0);
     }
     return sum;
+}
+
+vec4 gather(vec3 coordinates) {
+    return u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0);
+}
+
+// Exitance of transport `diffusion`. local: what light that enters here adds; other: the same on the other side.
+vec3 diffuse_exitance(vec3 position, vec3 normal, vec3 coordinates, vec3 local, vec3 other) {
+    vec4 gathered = gather(coordinates);
+    vec3 right = gathered.rgb + local, diagonal = u_diagonal - gathered.a;
+    vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
+    if (depths.y > 0.0) {
+        float columns = float(textureSize(t_coupling, 0).x);
+        float s = (depths.x / u_thin_reach * (columns - 1.0) + 0.5) / columns;
+        vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
+        vec4 across = gather((u_world_to_texture * vec4(position - depths.x * normal, 1.0)).xyz);
+        vec3 there = u_diagonal - across.a - coupling.a;
+        diagonal -= coupling.a;
+        right = there * right - coupling.rgb * (across.rgb + other);
+        diagonal = diagonal * there - coupling.rgb * coupling.rgb;
+    }
+    return right / (max(diagonal, 1e-3) * u_doubled);
 }
 
 void main() {
@@ -57,18 +87,20 @@ void main() {
         int body = int(normal_and_body.a), columns = textureSize(t_offsets, 0).x;
         coordinates += texelFetch(t_offsets, ivec2(body % columns, body / columns), 0).xyz;
     }
-    vec3 gathered = u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0).rgb;
-    // M >= 0; the FFT leaves noise of 1e-7 of the maximum where no light arrives
-    vec3 exitance = max(gathered + texelFetch(t_local, pixel, 0).rgb, 0.0);
+    vec4 irradiance = texelFetch(t_irradiance, pixel, 0), specular = texelFetch(t_specular, pixel, 0);
+    vec4 local = texelFetch(t_local, pixel, 0);
+    vec3 exitance = u_diffusion
+        ? diffuse_exitance(position.xyz, normal, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
+        : gather(coordinates).rgb + local.rgb;
+    exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;
-    vec3 specular = texelFetch(t_specular, pixel, 0).rgb;
-    o_radiance = u_weight * vec4(subsurface + specular, 1.0);
+    o_radiance = u_weight * vec4(subsurface + specular.rgb, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);
-    o_irradiance = u_weight * vec4(texelFetch(t_irradiance, pixel, 0).rgb, 1.0);
+    o_irradiance = u_weight * vec4(irradiance.rgb, 1.0);
     o_exitance = u_weight * vec4(exitance, 1.0);
     o_subsurface = u_weight * vec4(subsurface, 1.0);
-    o_specular = u_weight * vec4(specular, 1.0);
+    o_specular = u_weight * vec4(specular.rgb, 1.0);
 }

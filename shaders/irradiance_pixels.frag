@@ -1,9 +1,12 @@
 #version 330
-// Irradiance, highlight and local exitance of one light at every pixel of the G-buffer; blended additively, light by
-// light. Local exitance is the term of core/transport.py: factor(0) E here + factor(thickness) E on the other side.
+// Irradiance, highlight and local part of exitance of one light at every pixel of the G-buffer; blended additively,
+// light by light. The local part is the term of core/transport.py, factor(0) E here + factor(thickness) E on the other
+// side; or, with transport `diffusion`, what light adds to the right side of core/diffusion_pixels.py: here in
+// o_local.rgb, and on the other side of a sheet in the three alphas.
 // Highlight: Phong 1975, strength * irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray.
 #include "irradiance.glsl"
 #include "sheet.glsl"
+#include "entry.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
@@ -21,21 +24,38 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
-    vec3 irradiance, specular = vec3(0.0), through = vec3(0.0);
+    vec3 irradiance, specular = vec3(0.0);
+    Behind behind = NOTHING_BEHIND;
+    float cosine = 1.0;
     if (u_light_kind == ENVIRONMENT) {
         irradiance = environment_irradiance(normal);
+        if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
     } else {
         Arrival arrival = arrive(position.xyz, normal);
         irradiance = entering(arrival, normal);
+        cosine = max(dot(normal, arrival.to_light), 0.0);
         vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
         float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
         // The lobe of a light below the horizon would shine through the surface.
         if (dot(normal, arrival.to_light) > 0.0 && lobe > 0.0)
             specular = u_strength * pow(lobe, u_shininess) * arrival.irradiance;
         if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
-            through = light_through_sheet(position.xyz, normal, normal_and_body.a);
+            behind = light_behind(position.xyz, normal, normal_and_body.a);
     }
-    o_irradiance = vec4(irradiance, 0.0);
-    o_specular = vec4(specular, 0.0);
-    o_local = vec4(texelFetch(t_sheet, ivec2(0), 0).rgb * irradiance + through, 0.0);
+    vec3 local, other = vec3(0.0);
+    if (u_diffusion) {
+        vec2 depths = depths_at(position.xyz);
+        local = entry_factor(t_own, cosine, depths.x) * irradiance;
+        if (depths.y > 0.0) {
+            local += depths.y * entry_factor(t_across, behind.cosine, depths.x) * behind.irradiance;
+            other = depths.y * entry_factor(t_across, cosine, depths.x) * irradiance
+                + entry_factor(t_own, behind.cosine, depths.x) * behind.irradiance;
+        }
+    } else {
+        local = texelFetch(t_sheet, ivec2(0), 0).rgb * irradiance;
+        if (u_sheet_reach > 0.0) local += light_through_sheet(behind);
+    }
+    o_irradiance = vec4(irradiance, other.r);
+    o_specular = vec4(specular, other.g);
+    o_local = vec4(local, other.b);
 }

@@ -35,8 +35,16 @@ float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 
     return 0.25 * sum;
 }
 
-// normal: outward at `position`, facing away from the light. body: the one that `position` is of. Returns exitance.
-vec3 light_through_sheet(vec3 position, vec3 normal, float body) {
+// What enters the other side of a sheet.
+struct Behind {
+    vec3 irradiance;  // E there, times how far the two sides are a sheet
+    float thickness;  // mm
+    float cosine;     // of the light to the normal there
+};
+const Behind NOTHING_BEHIND = Behind(vec3(0.0), 0.0, 1.0);
+
+// normal: outward at `position`, facing away from the light. body: the one that `position` is of.
+Behind light_behind(vec3 position, vec3 normal, float body) {
     bool point = u_light_kind == POINT;
     vec3 to_light = point ? normalize(u_light_vector - position) : u_light_vector;
     vec2 texel = 2.0 * shadow_tiles() / vec2(textureSize(t_shadow_depth, 0));
@@ -45,14 +53,15 @@ vec3 light_through_sheet(vec3 position, vec3 normal, float body) {
         if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) continue;
         vec2 place = clip.xy / clip.w;
         // What another body's surface catches does not go on in this one, which lies in its shadow.
-        if (u_separate_shadow && textureLod(t_shadow_body, shadow_uv(view, place), 0.0).r != body) return vec3(0.0);
+        if (u_separate_shadow && textureLod(t_shadow_body, shadow_uv(view, place), 0.0).r != body)
+            return NOTHING_BEHIND;
         vec3 entry = light_entry(view, place);
         float way = dot(entry - position, to_light);
-        if (way <= 0.0 || way >= u_sheet_reach) return vec3(0.0);
+        if (way <= 0.0 || way >= u_sheet_reach) return NOTHING_BEHIND;
         float thickness = way * -dot(normal, to_light);
         vec3 other = cross(light_entry(view, place + vec2(2.0 * texel.x, 0.0)) - entry,
                            light_entry(view, place + vec2(0.0, 2.0 * texel.y)) - entry);
-        if (dot(other, other) == 0.0) return vec3(0.0);  // no plane, and a zero vector would become NaN
+        if (dot(other, other) == 0.0) return NOTHING_BEHIND;  // no plane, and a zero vector would become NaN
         other = normalize(other) * sign(dot(other, to_light));
         // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
         float parallel = smoothstep(0.6, 0.95, -dot(normal, other));
@@ -64,9 +73,14 @@ vec3 light_through_sheet(vec3 position, vec3 normal, float body) {
         // The lesser cosine: at the edge of the light both sides fade, as they do where they are parallel.
         float cosine = clamp(dot(other, to_light), 0.0, -dot(normal, to_light));
         vec3 irradiance = fresnel_transmittance(u_eta, cosine) * cosine * u_light_colour / (distance * distance);
-        float nodes = float(textureSize(t_sheet, 0).x);
-        float s = (thickness / u_sheet_reach * (nodes - 1.0) + 0.5) / nodes;
-        return sheet * textureLod(t_sheet, vec2(s, 0.5), 0.0).rgb * irradiance;
+        return Behind(sheet * irradiance, thickness, cosine);
     }
-    return vec3(0.0);
+    return NOTHING_BEHIND;
+}
+
+// Local exitance that light behind a sheet adds on this side.
+vec3 light_through_sheet(Behind behind) {
+    float nodes = float(textureSize(t_sheet, 0).x);
+    float s = (behind.thickness / u_sheet_reach * (nodes - 1.0) + 0.5) / nodes;
+    return textureLod(t_sheet, vec2(s, 0.5), 0.0).rgb * behind.irradiance;
 }

@@ -150,9 +150,9 @@ def test_old_volume_keeps_the_picture_alive_until_the_new_one_is_there(driver, m
     live, gate = driver.view.live, threading.Event()
     scatter = live.renderer.scatter
 
-    def slow(lit):
+    def slow(lit, *how):
         gate.wait(20.0)
-        return scatter(lit)
+        return scatter(lit, *how)
 
     monkeypatch.setattr(live.renderer, "scatter", slow)
     before = live.finished
@@ -227,9 +227,9 @@ def test_a_dragged_material_leaves_the_processor_to_the_worker_until_its_volume_
     live, gate = driver.view.live, threading.Event()
     scatter = live.renderer.scatter
 
-    def slow(lit):
+    def slow(lit, *how):
         gate.wait(20.0)
-        return scatter(lit)
+        return scatter(lit, *how)
 
     driver.picture()
     monkeypatch.setattr(live.renderer, "scatter", slow)

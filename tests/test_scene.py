@@ -203,9 +203,7 @@ BAD_FILES = [
     ("[[lights]]\nkind = 'directional'\ndirection = [0, 0.0, 0]", "lights[0].direction must not be the zero vector"),
     ("[[lights]]\nkind = 'point'\nposition_mm = [1, 2, 3]\n[[lights]]\nkind = 'point'\nposition = [1, 2, 3]",
      'unknown key lights[1]."position"; did you mean "position_mm"?'),
-    ("[transport]\nmethod = 'diffusion'",
-     'transport.method "diffusion" is not available yet; use "ewald" or "layered"'),
-    ("[transport]\nmethod = 'magic'", 'transport.method must be one of "ewald", "layered", not "magic"'),
+    ("[transport]\nmethod = 'magic'", 'transport.method must be one of "diffusion", "ewald", "layered", not "magic"'),
     ("[transport]\nerror_target = 2", "transport.error_target must be a number from 0.001 to 0.5, not 2"),
     ("[transport]\nlayers = 8.0", "transport.layers must be a whole number from 1 to 128, not 8.0"),
     ("[transport]\nlayers = 129", "transport.layers must be a whole number from 1 to 128, not 129"),
@@ -288,7 +286,6 @@ def test_set_drops_what_it_replaces():
         ("display.key=", '--set display.key must be a number from 0.0001 to 100, not ""'),
         ("lights=[{kind='point'}]", "--set lights[0].position_mm is missing"),
         ("material.sigma_a=[1,1,1]", "material.sigma_a is given without material.sigma_s_prime"),
-        ("transport.method=diffusion", '--set transport.method "diffusion" is not available yet'),
         ("material.name=", "unknown material ''"),
     ],
 )

@@ -11,8 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from core.accuracy import Roughness, roughness
 from core.bodies import Bodies, find_bodies
+from core.boundary import is_closed, row_sums
 from core.environment import Probe
 from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
@@ -68,14 +72,29 @@ class Assets:
 
         return self._get("roughness", id(mesh), measure)[1]  # type: ignore[no-any-return]
 
+    def row_sums(self, mesh: Mesh) -> npt.NDArray[np.float64]:
+        """Return how closed a mesh is, see `core.boundary.row_sums`."""
+        return self._get("row sums", id(mesh), lambda: (mesh, row_sums(mesh)))[1]  # type: ignore[no-any-return]
+
+    def possible(self, settings: TransportSettings, mesh: Mesh) -> TransportSettings:
+        """Return the settings that are used: `ewald` where `diffusion` is asked for and the mesh is not closed."""
+        if settings.method == "diffusion" and not is_closed(self.row_sums(mesh)):
+            return replace(settings, method="ewald")
+        return settings
+
     def quality(self, settings: TransportSettings, profiles: Profiles, mesh: Mesh, sharp_light: bool) -> Quality:
         """Return layers and resolution, see `viewer.quality.choose_quality`; only `ewald` needs to know the shape."""
+        asked, settings = settings, self.possible(settings, mesh)
         shape = self.roughness(mesh) if settings.method == "ewald" else None
 
         def choose() -> tuple[Mesh, Quality]:
-            return mesh, choose_quality(settings, profiles, mesh, shape, sharp_light)
+            quality = choose_quality(settings, profiles, mesh, shape, sharp_light)
+            if settings != asked:
+                sums = self.row_sums(mesh)
+                quality = replace(quality, open_surface=float(sums[np.abs(sums + 0.5).argmax()]))
+            return mesh, quality
 
-        key = (settings, tuple(profiles), id(mesh), sharp_light)
+        key = (asked, tuple(profiles), id(mesh), sharp_light)
         return self._get("quality", key, choose)[1]  # type: ignore[no-any-return]
 
     def has_mesh(self, settings: ModelSettings) -> bool:
@@ -89,6 +108,10 @@ class Assets:
     def has_bodies(self, mesh: Mesh) -> bool:
         """Whether `bodies` would return at once."""
         return self._has("bodies", id(mesh))
+
+    def has_row_sums(self, mesh: Mesh) -> bool:
+        """Whether `row_sums` would return at once."""
+        return self._has("row sums", id(mesh))
 
     def has_roughness(self, mesh: Mesh) -> bool:
         """Whether `roughness` would return at once."""

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from core import layers, materials
+from core.diffusion import DiffusionTransport
 from core.dipole import dipoles
 from core.layers import LayerGrid
 from core.materials import Material
@@ -123,6 +124,7 @@ class Run:
             mesh = self.target.mesh
             samples = self._assets.samples(mesh, sample_spacing(mesh, self.scheme.settings, quality.resolution))
             transport = make_transport(quality)
+            assert not isinstance(transport, DiffusionTransport)  # which is measured against transport
             grid = transport.grid(mesh, self.target.rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
             gather = transport.weights(grid, grid.coordinates(self.target.points.points))

@@ -31,7 +31,6 @@ class Setting:
     low, high : inclusive range of a number, None where open; non-finite numbers are never accepted
     length : number of elements of a vector, None for a single value
     choices : the only texts accepted, empty for any
-    unavailable : choices that are known but not built yet
     optional : True where None (key absent) is a value
     nonzero : True where a vector must have a direction
     default_text : the default as documented, where the field's own default does not say it
@@ -45,7 +44,6 @@ class Setting:
     high: float | None = None
     length: int | None = None
     choices: tuple[str, ...] = ()
-    unavailable: tuple[str, ...] = ()
     optional: bool = False
     nonzero: bool = False
     default_text: str = ""
@@ -75,9 +73,6 @@ class Setting:
             if self.nonzero and not any(converted):
                 raise InputError(f"{label} must not be the zero vector; give a direction")
             return tuple(converted)
-        if converted[0] in self.unavailable:
-            usable = " or ".join(f'"{choice}"' for choice in self.usable_choices())
-            raise InputError(f'{label} "{value}" is not available yet; use {usable}')
         return converted[0]
 
     def _accepts(self, converted: Any) -> bool:
@@ -97,14 +92,10 @@ class Setting:
     def _matches(self, text: str) -> bool:
         return bool(self.pattern) and re.fullmatch(self.pattern, text) is not None
 
-    def usable_choices(self) -> tuple[str, ...]:
-        """Return the choices that are built."""
-        return tuple(choice for choice in self.choices if choice not in self.unavailable)
-
     def expected(self) -> str:
         """Return what the value must be, as a phrase: "a number from 1 to 120"."""
         if self.choices:
-            words = [f'"{choice}"' for choice in self.usable_choices()]
+            words = [f'"{choice}"' for choice in self.choices]
             words += [self.pattern_name] if self.pattern else []
             return "one of " + ", ".join(words) if len(words) > 1 else words[0]
         single, plural = _NOUNS[self.kind]

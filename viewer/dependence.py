@@ -36,6 +36,9 @@ def same_light(a: LitScene, b: LitScene) -> bool:
         and a.coordinates is b.coordinates
         and a.flux is b.flux
         and a.profiles == b.profiles
+        and a.media == b.media
+        and len(a.lights) == len(b.lights)
+        and all(one is other for one, other in zip(a.lights, b.lights, strict=True))
         and a.sources == b.sources
         and a.bodies is b.bodies
     )

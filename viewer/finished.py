@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from core.diffusion import Solution
 from core.layers import deposit
 from viewer.gather import Gather
 from viewer.lighting import LitScene
@@ -14,11 +15,12 @@ Float32 = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """The light it is of, the volume that is drawn, what the volume holds."""
+    """The light it is of, the volume that is drawn, what the volume holds; with `diffusion` how far it is solved."""
 
     lit: LitScene
     gather: Gather
     exitance: Float32
+    solution: Solution | None = None
 
     def incoming(self) -> Float32:
         """Flux on the layers, (3, n_layers, height, width)."""

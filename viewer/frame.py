@@ -5,10 +5,13 @@ stage inside states what it depends on and runs only when that changed, so a ren
 benchmark's) computes only what a new scene needs.
 """
 
+from collections.abc import Callable
+
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.diffusion import DiffusionTransport, Solution
 from core.environment import Probe
 from core.stages import Stages
 from viewer.assets import Assets
@@ -108,9 +111,9 @@ class Renderer:
         self.transport_stages.begin()
         lit = self.light(scene, say)
         say("scattering light through the layers")
-        exitance = self.scatter(lit)
+        scattered = self.scatter(lit)
         say("drawing")
-        return self.shade(scene, lit, self.gather(lit, exitance), samples=samples, seed=seed, parts=parts)
+        return self.shade(scene, lit, self.gather(lit, scattered), samples=samples, seed=seed, parts=parts)
 
     def light(self, scene: Scene, progress: Progress = lambda _: None) -> LitScene:
         """Load, sample and light a scene: everything that transport needs, on the CPU."""
@@ -118,20 +121,23 @@ class Renderer:
         leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress)
 
-    def scatter(self, lit: LitScene) -> Float32:
-        """Transport: exitance at the nodes of the layers, or of an atlas of bodies.
+    def scatter(self, lit: LitScene, go_on: Callable[[Solution], bool] = lambda _: True) -> Float32 | Solution:
+        """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
 
-        Uses no OpenGL, so any one thread may run it.
+        `go_on` as of `core.diffusion.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may run it.
         """
+        if isinstance(lit.transport, DiffusionTransport):
+            mesh, stages = lit.model.mesh, self.transport_stages
+            return lit.transport.solve(mesh, lit.samples, lit.grid, lit.lights, lit.media, stages, go_on)
         if lit.separated is not None:
             return lit.separated.exitance(lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
         return lit.transport.exitance(
             lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
         )
 
-    def gather(self, lit: LitScene, exitance: Float32) -> Gather:
-        """Upload exitance as the volume that pixels read."""
-        return self._lighting.gather(lit, exitance)
+    def gather(self, lit: LitScene, scattered: Float32 | Solution) -> Gather:
+        """Upload what `scatter` returned as the volume that pixels read."""
+        return self._lighting.gather(lit, scattered)
 
     def shade(
         self,

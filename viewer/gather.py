@@ -6,6 +6,29 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.diffusion_pixels import PixelTerms
+from viewer.gl import clamped_texture, volume_texture
+
+
+@dataclass(frozen=True, eq=False)
+class DiffuseTables:
+    """`core.diffusion_pixels.PixelTerms` on the GPU; `depths` is any volume where no part is thin."""
+
+    terms: PixelTerms
+    own: moderngl.Texture
+    across: moderngl.Texture
+    coupling: moderngl.Texture
+    depths: moderngl.Texture3D | None
+
+    @classmethod
+    def upload(cls, context: moderngl.Context, terms: PixelTerms) -> "DiffuseTables":
+        """Make the textures."""
+        own, across, coupling = (
+            clamped_texture(context, table) for table in (terms.own, terms.across, terms.coupling[None])
+        )
+        depths = None if terms.depths is None else volume_texture(context, terms.depths)
+        return cls(terms, own, across, coupling, depths)
+
 
 @dataclass(frozen=True, eq=False)
 class Gather:
@@ -21,11 +44,13 @@ class Gather:
     local : texture, n x 1
         Factors of a `core.transport.LocalTerm`.
     local_reach : float
-        Its thickness range, mm.
+        Thickness up to which the light behind a sheet matters, mm: the range of the factors.
     eta : float
         On the way out.
     offsets : texture, optional
         Where the volume is an atlas of bodies: what each adds to its texture coordinates, row by row.
+    diffuse : DiffuseTables, optional
+        With transport `diffusion`, in place of the factors.
     """
 
     volume: moderngl.Texture3D
@@ -35,3 +60,47 @@ class Gather:
     local_reach: float
     eta: float
     offsets: moderngl.Texture | None = None
+    diffuse: DiffuseTables | None = None
+
+    def light_uniforms(self) -> dict[str, object]:
+        """Values for sheet.glsl and entry.glsl."""
+        diffuse = self.diffuse
+        terms = None if diffuse is None else diffuse.terms
+        return {
+            "t_sheet": self.local,
+            "u_sheet_reach": self.local_reach,
+            "u_diffusion": diffuse is not None,
+            "t_own": self.local if diffuse is None else diffuse.own,
+            "t_across": self.local if diffuse is None else diffuse.across,
+            "u_least_cosine": 0.0 if terms is None else terms.least_cosine,
+            "u_diffuse_cosine": 1.0 if terms is None else terms.diffuse_cosine,
+            "t_depths": self._depths,
+            "u_thin_reach": self._thin_reach,
+            "u_world_to_texture": self.world_to_texture,
+        }
+
+    def exitance_uniforms(self) -> dict[str, object]:
+        """Values for composite.frag."""
+        diffuse = self.diffuse
+        ones = (1.0, 1.0, 1.0)
+        return {
+            "t_exitance": self.volume,
+            "u_world_to_texture": self.world_to_texture,
+            "u_smooth": self.smooth,
+            "u_separate": self.offsets is not None,
+            "u_diffusion": diffuse is not None,
+            "u_diagonal": ones if diffuse is None else tuple(diffuse.terms.diagonal),
+            "u_doubled": ones if diffuse is None else tuple(diffuse.terms.doubled),
+            "t_coupling": self.local if diffuse is None else diffuse.coupling,
+            "t_depths": self._depths,
+            "u_thin_reach": self._thin_reach,
+        }
+
+    @property
+    def _depths(self) -> moderngl.Texture3D:
+        depths = None if self.diffuse is None else self.diffuse.depths
+        return self.volume if depths is None else depths
+
+    @property
+    def _thin_reach(self) -> float:
+        return 0.0 if self.diffuse is None else self.diffuse.terms.reach

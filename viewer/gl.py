@@ -196,9 +196,26 @@ def latlong_texture(context: moderngl.Context, pixels: npt.NDArray[np.float32]) 
 
 def table_texture(context: moderngl.Context, values: npt.NDArray[np.floating]) -> moderngl.Texture:
     """Upload a table (n, 3) as a texture of one row, read with a linear filter, clamped at its ends."""
-    texture = context.texture((len(values), 1), 3, np.ascontiguousarray(values, np.float32), dtype="f4")
+    return clamped_texture(context, values[None])
+
+
+def clamped_texture(context: moderngl.Context, values: npt.NDArray[np.floating]) -> moderngl.Texture:
+    """Upload a table (rows, columns, components), read with a linear filter, clamped at its edges."""
+    rows, columns, components = values.shape
+    texture = context.texture((columns, rows), components, np.ascontiguousarray(values, np.float32), dtype="f4")
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+def volume_texture(context: moderngl.Context, values: npt.NDArray[np.floating]) -> moderngl.Texture3D:
+    """Upload a volume (components, layers, height, width), read trilinearly, clamped at its edges."""
+    components, n_layers, height, width = values.shape
+    data = np.ascontiguousarray(np.moveaxis(values, 0, -1), np.float32)
+    what = f"{n_layers} layers of {width} x {height}"
+    texture = checked(context, lambda: context.texture3d((width, height, n_layers), components, data, dtype="f4"), what)
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = texture.repeat_z = False
     return texture
 
 

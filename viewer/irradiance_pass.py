@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from pyrr import matrix33
 
+from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
 from viewer.gather import Gather
@@ -56,6 +57,13 @@ class LightSource:
             "u_eta": eta,
             **self.shadow.uniforms(),
         }
+
+    def entering(self, flux: Float32) -> EnteringLight:
+        """Light of this source that enters with a flux (n, 3) at the surface samples."""
+        x, y, z = self.vector
+        if self.kind == DIRECTIONAL:
+            return EnteringLight(flux, direction=(-x, -y, -z))
+        return EnteringLight(flux, position=self.vector if self.kind == POINT else None)
 
 
 def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
@@ -123,8 +131,7 @@ class PixelIrradiancePass:
                 {
                     **source.uniforms(gather.eta),
                     **source.shadow.depth_uniforms(),
-                    "t_sheet": gather.local,
-                    "u_sheet_reach": gather.local_reach,
+                    **gather.light_uniforms(),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "u_eye": tuple(camera.eye),
@@ -139,7 +146,8 @@ class PixelIrradiancePass:
 class PixelLight:
     """RGBA float textures of every pixel's light, and the framebuffer that draws into them.
 
-    `local` is the exitance of `core.transport.LocalTerm`.
+    `local` is the exitance of `core.transport.LocalTerm`, or what light adds to the equation of
+    `core.diffusion_pixels`; then the alphas are the same on the other side of a sheet.
     """
 
     irradiance: moderngl.Texture

@@ -8,7 +8,7 @@ from core.atlas import Atlas
 from core.errors import InputError
 from core.layers import LayerGrid
 from viewer.buffers import SampleBuffers
-from viewer.gl import Program, checked, driver_name, float_texture
+from viewer.gl import Program, driver_name, float_texture, volume_texture
 
 Float32 = npt.NDArray[np.float32]
 
@@ -79,15 +79,5 @@ class LayersPass:
         return texture
 
     def volume(self, exitance: Float32) -> moderngl.Texture3D:
-        """Upload exitance (3, n_layers, height, width) as a 3-D texture, read trilinearly, clamped at its edges."""
-        _, n_layers, height, width = exitance.shape
-        values = np.ascontiguousarray(np.moveaxis(exitance, 0, -1))
-        what = f"{n_layers} layers of {width} x {height}"
-        texture = checked(
-            self._context,
-            lambda: self._context.texture3d((width, height, n_layers), 3, values, dtype="f4"),
-            what,
-        )
-        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        texture.repeat_x = texture.repeat_y = texture.repeat_z = False
-        return texture
+        """Upload exitance (3 or 4, n_layers, height, width) as a 3-D texture."""
+        return volume_texture(self._context, exitance)

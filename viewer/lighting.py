@@ -1,7 +1,7 @@
 """First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -9,21 +9,24 @@ import numpy.typing as npt
 
 from core.atlas import fit_atlas
 from core.bodies import Bodies
+from core.diffusion import DiffusionTransport, Solution
 from core.dipole import dipoles
+from core.entry import EnteringLight
 from core.environment import Probe, irradiance_table
+from core.kernels import CONVOLVERS
 from core.layers import LayerGrid
+from core.medium import Medium, media
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
 from core.separate import SeparateTransport
 from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
-from core.kernels import CONVOLVERS
 from viewer.assets import Assets, shape_of
 from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
-from viewer.gather import Gather
+from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
@@ -69,6 +72,9 @@ class LitScene:
         Grid coordinates of the samples.
     flux : (n, 3) float32
         E dA of the samples, all lights.
+    lights : light by light, where transport is `diffusion`
+    media : of the material
+    samples : SurfaceSamples
     bodies : Bodies, optional
         Where they are to be separate.
     separated : Separated, optional
@@ -80,11 +86,14 @@ class LitScene:
     sources: tuple[LightSource, ...]
     eta: float
     quality: Quality
-    transport: Transport
+    transport: Transport | DiffusionTransport
     grid: LayerGrid
     profiles: Profiles
     coordinates: Float32
     flux: Float32
+    lights: tuple[EnteringLight, ...]
+    media: tuple[Medium, ...]
+    samples: SurfaceSamples
     bodies: Bodies | None = None
     separated: Separated | None = None
 
@@ -108,31 +117,32 @@ class Lighting:
 
         say("loading the model")
         model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
-        bodies = None
-        if scene.model.bodies == "separate":
+        bodies, method = None, self._assets.possible(scene.transport, model.mesh).method
+        if scene.model.bodies == "separate" and method != "diffusion":  # which keeps them apart by itself
             bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
-        if scene.transport.method == "ewald":
+        if method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
-        made_for = replace(quality, predicted_error=None, predicted_lit=None, error_target=None, asked_for=False)
+        made_for = quality.grid_alone
         keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
         transport = run("transport", [made_for, keep], lambda: make_transport(quality, self._effort, keep))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
-            self._layers.check_limits(grid, layers_follow=quality.method == "ewald" and quality.layers is None)
+            self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
 
         say("sampling the surface")
-        spacing = sample_spacing(model.mesh, scene.transport, quality.resolution)
+        settings = self._assets.possible(scene.transport, model.mesh)
+        spacing = sample_spacing(model.mesh, settings, quality.resolution)
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
         separated = marks = None
-        if bodies is not None and count > 1:
+        if bodies is not None and count > 1 and not isinstance(transport, DiffusionTransport):
             separated = self._separated(model, bodies, transport, grid, samples)
             # Light through thin sheets, of ewald alone, asks which body a shadow map shows.
             marks = separated.marks.buffer if quality.method == "ewald" else None
@@ -141,24 +151,41 @@ class Lighting:
         sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta))
 
         say("lighting the surface")
-        flux = self._flux(surface, sources, material.eta)
+        each = self._irradiances(surface, sources, material.eta)
+        flux = run("flux", [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
+        lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        placed = transport, grid, profiles, coordinates, flux
+        placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(model, camera, sources, material.eta, quality, *placed, bodies, separated)
 
-    def gather(self, lit: LitScene, exitance: Float32) -> Gather:
+    def gather(self, lit: LitScene, scattered: Float32 | Solution) -> Gather:
         """Upload the result of transport."""
-        volume = self._run("layer volume", [exitance], lambda: self._layers.volume(exitance))
-        local = self._run(
-            "local", [lit.transport, lit.grid, lit.profiles], lambda: lit.transport.local(lit.grid, lit.profiles)
-        )
+        if isinstance(scattered, Solution):
+            return self._gather_solution(lit, scattered)
+        transport = lit.transport
+        assert not isinstance(transport, DiffusionTransport)
+        volume = self._run("layer volume", [scattered], lambda: self._layers.volume(scattered))
+        local = self._run("local", [transport, lit.grid, lit.profiles], lambda: transport.local(lit.grid, lit.profiles))
         table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
         to_texture, offsets = lit.grid.world_to_texture, None
         if lit.separated is not None:
             atlas = lit.separated.atlas
             to_texture = atlas.world_to_texture
             offsets = self._run("body offsets", [atlas], lambda: self._layers.offsets(atlas))
-        return Gather(volume, to_texture, lit.transport.smooth, table, local.reach, lit.eta, offsets)
+        return Gather(volume, to_texture, transport.smooth, table, local.reach, lit.eta, offsets)
+
+    def _gather_solution(self, lit: LitScene, solution: Solution) -> Gather:
+        transport, boundary = lit.transport, solution.boundary
+        assert isinstance(transport, DiffusionTransport)
+        volume = self._run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
+        tables = self._run(
+            "pixel terms",
+            [boundary, *solution.media],
+            lambda: DiffuseTables.upload(self._context, transport.pixel_terms(solution)),
+        )
+        reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
+        to_texture = boundary.grid.world_to_texture
+        return Gather(volume, to_texture, True, self._no_probe, reach, lit.eta, None, tables)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -214,9 +241,9 @@ class Lighting:
         )
         return [source]
 
-    def _flux(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> Float32:
-        """Power that enters at each sample, E dA of all lights: (n, 3) float32."""
-        each = [
+    def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
+        """E of each light at every sample, (n, 3) float32."""
+        return [
             self._run(
                 f"irradiance of light {i}",
                 [surface, source, eta],
@@ -225,13 +252,26 @@ class Lighting:
             for i, source in enumerate(sources, start=1)
         ]
 
-        def total() -> Float32:
-            irradiance = np.zeros((len(surface.samples), 3), np.float32)
-            for part in each:
-                irradiance += part
-            return irradiance * surface.samples.areas[:, None]
+    def _entering(
+        self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]
+    ) -> tuple[EnteringLight, ...]:
+        """Each light's power at every sample, and where it comes from."""
+        areas = surface.samples.areas[:, None]
+        return tuple(
+            self._run(
+                f"flux of light {i}",
+                [source, irradiance],
+                lambda source=source, irradiance=irradiance: source.entering(irradiance * areas),  # type: ignore[misc]
+            )
+            for i, (source, irradiance) in enumerate(zip(sources, irradiances, strict=True), start=1)
+        )
 
-        return self._run("flux", [surface, *each], total)
+
+def _total(irradiances: list[Float32], n: int) -> Float32:
+    total = np.zeros((n, 3), np.float32)
+    for part in irradiances:
+        total += part
+    return total
 
 
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:

@@ -5,6 +5,7 @@ the light to the worker if the worker is free, and draws with the newest volume 
 of a moment ago, never of two at once, and always replaced as soon as the newer one is there.
 """
 
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.diffusion import Solution
 from core.mesh import Mesh
 from viewer.assets import Assets
 from viewer.camera import place_camera
@@ -31,7 +33,8 @@ Float32 = npt.NDArray[np.float32]
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
-RECURRING = ("deposit", "spectra", "convolution")  # what a moving light or material costs again and again
+ONCE_A_GRID = ("weights", "rays", "boundary")  # the rest a moving light or material costs again and again
+PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
 SMALLEST_DRAFT = 32  # texels
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
 
@@ -67,6 +70,7 @@ class Live:
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
         self._job: Future[Any] | None = None
+        self._preview: tuple[LitScene, Solution] | None = None  # from the worker, on the way to a solution
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
@@ -186,9 +190,12 @@ class Live:
         mesh, _ = self.assets.mesh(scene.model)
         if scene.model.bodies == "separate" and not self.assets.has_bodies(mesh):
             return False
+        if scene.transport.method == "diffusion" and not self.assets.has_row_sums(mesh):
+            return False
         if detail.draft:
             return True
-        if scene.transport.method == "ewald" and not self.assets.has_roughness(mesh):
+        settings = self.assets.possible(scene.transport, mesh)
+        if settings.method == "ewald" and not self.assets.has_roughness(mesh):
             return False
         return self.assets.has_samples(mesh, self._sample_spacing(scene, mesh))
 
@@ -199,11 +206,12 @@ class Live:
             self.assets.bodies(mesh)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
-        self.assets.samples(mesh, self._sample_spacing(scene, mesh))
+        self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 
     def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
-        return sample_spacing(mesh, scene.transport, quality_of(scene, mesh, self.assets).resolution)
+        settings = self.assets.possible(scene.transport, mesh)
+        return sample_spacing(mesh, settings, quality_of(scene, mesh, self.assets).resolution)
 
     # light and transport
 
@@ -259,24 +267,44 @@ class Live:
             self._sent = lit
             self._job = self._start(lambda: self._scatter(lit))
 
-    def _scatter(self, lit: LitScene) -> tuple[LitScene, Float32, dict[str, float]]:
+    def _scatter(self, lit: LitScene) -> tuple[LitScene, Float32 | Solution, dict[str, float]]:
         """Run in the worker: nothing here touches OpenGL."""
-        stages = self.renderer.transport_stages
+        stages, shown = self.renderer.transport_stages, -np.inf
         stages.begin()
-        exitance = self.renderer.scatter(lit)
-        return lit, exitance, dict(stages.timings)
+
+        def go_on(solution: Solution) -> bool:
+            """Show the first product at once and some of the later ones; end where newer light waits."""
+            nonlocal shown
+            if time.perf_counter() - shown > PREVIEW_SECONDS:
+                shown = time.perf_counter()
+                self._preview = lit, solution
+                self._wake()
+            return self._lit is lit
+
+        scattered = self.renderer.scatter(lit, go_on)
+        return lit, scattered, dict(stages.timings)
 
     def _collect(self) -> None:
         """Take what the worker has finished."""
+        preview, self._preview = self._preview, None
         if self._job is None or not self._job.done():
+            if preview is not None:
+                self._finish(*preview)
             return
         job, self._job = self._job, None
-        lit, exitance, timings = job.result()
-        self.finished = Finished(lit, self.renderer.gather(lit, exitance), exitance)
-        if "convolution" in timings:
-            seconds = 1e-3 * sum(timings.get(stage, 0.0) for stage in RECURRING)
+        lit, scattered, timings = job.result()
+        self._finish(lit, scattered)
+        if "convolution" in timings or "solution" in timings:
+            seconds = 1e-3 * sum(ms for stage, ms in timings.items() if stage not in ONCE_A_GRID)
             self._cost = seconds, lit.quality.resolution, lit.grid.n_layers
         self.renderer.stages.timings.update(timings)
+
+    def _finish(self, lit: LitScene, scattered: Float32 | Solution) -> None:
+        gather = self.renderer.gather(lit, scattered)
+        if isinstance(scattered, Solution):
+            self.finished = Finished(lit, gather, scattered.volume[:3], scattered)
+        else:
+            self.finished = Finished(lit, gather, scattered)
 
     def _start(self, work: Callable[[], Any]) -> Future[Any]:
         future = self._worker.submit(work)

@@ -204,7 +204,7 @@ class Controls:
     def _choice(self, name: str, declared: Setting, value: Any, automatic: float | str | None) -> Any:
         new = None
         if imgui.begin_combo(f"##{name}", f"auto: {automatic}" if value is None else str(value)):
-            for choice in declared.usable_choices():
+            for choice in declared.choices:
                 clicked, _ = imgui.selectable(choice, choice == value)
                 self.mark(f"{name}={choice}")
                 if clicked and choice != value:

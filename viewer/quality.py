@@ -5,15 +5,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.accuracy import LIT, SHINING, SURROUNDED, Roughness, predicted_error, spacing_for
+from core.diffusion import DiffusionTransport
 from core.ewald import TENT, TSC
+from core.kernels import CONVOLVERS
 from core.mesh import Mesh
 from core.spectra import Profiles
 from core.transport import LOOSE_TAIL, TAIL, EwaldTransport, LayeredTransport, Transport
-from core.kernels import CONVOLVERS
 from viewer.settings import TransportSettings
+
+AnyTransport = Transport | DiffusionTransport
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
+DIFFUSION_RESOLUTION = 48  # of `diffusion`
 COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
 STEP = 4  # chosen resolutions are multiples of it: a material that changes a little keeps its grid and all plans on it
 # Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
@@ -47,6 +51,8 @@ class Quality:
         Whether a person set the target.
     tail : float
         See `core.transport.EwaldTransport`.
+    open_surface : float or None
+        Where `diffusion` was asked for and the surface is not closed: the row sum furthest from -1/2.
     """
 
     method: str
@@ -58,6 +64,12 @@ class Quality:
     error_target: float | None = None
     asked_for: bool = False
     tail: float = TAIL
+    open_surface: float | None = None
+
+    @property
+    def grid_alone(self) -> "Quality":
+        """What transport itself depends on."""
+        return Quality(self.method, self.layers, self.resolution, self.assignment, tail=self.tail)
 
     @property
     def error(self) -> float:
@@ -67,6 +79,8 @@ class Quality:
     @property
     def summary(self) -> str:
         """What was chosen, and the error to expect where a prediction exists, in a few words."""
+        if self.method == "diffusion":
+            return f"diffusion, {self.resolution} nodes along the object"
         if self.predicted_error is None:
             return f"{self.method}, {self.layers} layers of {self.resolution} texels"
         layers = "" if self.layers is None else f", {self.layers} layers"
@@ -82,6 +96,21 @@ class Quality:
         return (
             f"about {percent(self.predicted_lit)} error to expect where light falls, up to about "
             f"{percent(self.predicted_error)} where it only shines through"
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what was asked for and cannot be had."""
+        return tuple(sentence for sentence in (self.fallback, self.warning) if sentence is not None)
+
+    @property
+    def fallback(self) -> str | None:
+        """One sentence where `ewald` had to take the place of `diffusion`."""
+        if self.open_surface is None:
+            return None
+        return (
+            "transport diffusion needs a closed surface that is wound outwards, with a row sum of -0.5 everywhere, and "
+            f"here it is {self.open_surface:.3f} at worst: rendered with ewald"
         )
 
     @property
@@ -111,6 +140,8 @@ def choose_quality(
     sharp_light : bool
         Whether a light casts shadows; an environment alone does not.
     """
+    if settings.method == "diffusion":
+        return Quality("diffusion", settings.layers, settings.resolution or DIFFUSION_RESOLUTION, TSC)
     if settings.method == "layered":
         return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
     assert shape is not None  # else `ewald` would quietly become something else
@@ -145,8 +176,10 @@ def choose_quality(
     return replace(made(most, orders[-1]), tail=LOOSE_TAIL)
 
 
-def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> Transport:
+def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> AnyTransport:
     """Make the transport of a quality; `effort` and `keep` as of `core.kernels.Kernels`."""
+    if quality.method == "diffusion":
+        return DiffusionTransport(n_layers=quality.layers, resolution=quality.resolution, effort=effort, keep=keep)
     if quality.method == "layered":
         return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, effort=effort, keep=keep)
     return EwaldTransport(
@@ -170,6 +203,8 @@ def sample_spacing(mesh: Mesh, settings: TransportSettings, resolution: int = SU
     The samples of `SURVEY` nodes serve every coarser grid, and finer ones come in steps: a material that changes the
     grid keeps its samples.
     """
+    if settings.method == "diffusion":  # merges them into patches of its own
+        return min(survey_spacing(mesh), longest_side(mesh) / (resolution - 1))
     if settings.resolution is not None or settings.method == "layered":
         return SAMPLE_EDGE * longest_side(mesh) / ((settings.resolution or DEFAULT_RESOLUTION) - 1)
     steps = max(0, int(np.ceil(2.0 * np.log2(resolution / SURVEY))))

@@ -234,8 +234,9 @@ class TransportSettings:
     TABLE: ClassVar[str] = "transport"
 
     method: str = setting(
-        "text", "ewald", choices=("ewald", "layered", "diffusion"), unavailable=("diffusion",),
-        why="ewald: close to the diffusion integral at the cost of few layers; layered: the paper's parallel layers"
+        "text", "ewald", choices=("diffusion", "ewald", "layered"),
+        why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
+            "layered: the paper's parallel layers"
     )
     layers: int | None = setting(
         "integer", None, optional=True, low=1, high=128, default_text="8 if layered, else as dense as the nodes",

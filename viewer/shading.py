@@ -81,8 +81,7 @@ class Shading:
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
-        missed = () if lit.quality.warning is None else (lit.quality.warning,)
-        warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *missed)
+        warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         transparent = display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average)
 
@@ -141,7 +140,7 @@ class Shading:
         """Where the pixels go, and everything that they depend on."""
         size = scene.display.image_size
         targets = self._run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
-        volume = gather.volume, gather.local, gather.eta
+        volume = gather.volume, gather.local, gather.diffuse, gather.eta
         return targets, (targets, offsets, scene.specular, lit.model, scene.camera, size, *lit.sources, *volume)
 
     def _samples_done(self, key: tuple[object, ...]) -> int:

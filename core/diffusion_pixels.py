@@ -1,0 +1,122 @@
+"""What a pixel needs beside the volume to know its own fluence, with its own light: a few small tables.
+
+A pixel solves the equation of `core.diffusion_channel` for its own point, where the volume O and K_L 1 stand for
+everything that the nodes carry:
+
+    (rho(0) / (2 A) - K_L 1 - k(T)) phi + f(T) phi' = O + own E + across E'
+
+with M = phi / (2 A). Dashes are the other side of a sheet of thickness T, where the same holds with the sides changed,
+so that both are known from the light on both; elsewhere f and k are 0 and `across` does not matter.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.boundary import Boundary
+from core.green import local_green, local_slope
+from core.medium import NO_ABSORPTION, Medium
+from core.refracted import first_scattering, mean_cosine
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
+BLACK = 1e9
+CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
+
+
+@dataclass(frozen=True, eq=False)
+class PixelTerms:
+    """Tables over thickness T, 0 at the first column and `reach` at the last, where parts of any thickness belong.
+
+    Attributes
+    ----------
+    reach : float
+        mm; 0 where no part of the object is thin: then there is one column.
+    least_cosine : float
+        Inside, to the normal, of the first row: of light that grazes. The last row's is 1.
+    diffuse_cosine : float
+        That serves for light from all around.
+    own, across : (COSINES, m, 3) float32
+        Factors on irradiance.
+    coupling : (m, 4) float32
+        f of R, G and B, and k.
+    diagonal, doubled : (3,) float64
+        rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
+    depths : (2, n_layers, height, width) float32, or None where no part is thin
+        T at the nodes, mm, up to `reach`; how far it is a sheet, from 0 to 1.
+    """
+
+    reach: float
+    least_cosine: float
+    diffuse_cosine: float
+    own: Float32
+    across: Float32
+    coupling: Float32
+    diagonal: Array
+    doubled: Array
+    depths: Float32 | None
+
+
+def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> PixelTerms:
+    """Tabulate for three media of the same eta and a window of width s, mm."""
+    eta = media[0].eta
+    least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
+    bright = [medium.mean_free_path for medium in media if not medium.is_black]
+    wanted = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
+    thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < wanted)))
+    reach = wanted if thin else 0.0
+    thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
+    cosines = np.maximum(np.linspace(least, 1.0, COSINES), 1e-3)
+    zero = np.zeros((COSINES, len(thickness)))
+    entering = [_entering(m, s, cosines, thickness) if not m.is_black else (zero, zero) for m in media]
+    own, across = zip(*entering, strict=True)
+    coupling = np.zeros((len(thickness), 4))
+    if thin:
+        for i, medium in enumerate(media):
+            if not medium.is_black:
+                coupling[:, i] = local_green(medium, s, thickness) / (2.0 * medium.boundary)
+                coupling[:, i] += local_slope(medium, s, thickness)
+        coupling[:, 3] = local_slope(NO_ABSORPTION, s, thickness)
+    doubled = np.array([2.0 * medium.boundary for medium in media])
+    own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.boundary) for m in media]
+    return PixelTerms(
+        reach=reach,
+        least_cosine=least,
+        diffuse_cosine=mean_cosine(eta),
+        own=np.stack(own, axis=-1).astype(np.float32),
+        across=np.stack(across, axis=-1).astype(np.float32),
+        coupling=coupling.astype(np.float32),
+        diagonal=np.array(own_side),
+        doubled=doubled,
+        depths=_depths(boundary, reach) if thin else None,
+    )
+
+
+def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
+    """A' sum of w rho over the distances of first scattering to either side, for rays of cosines at thicknesses."""
+    cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)
+    thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
+    depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
+    below = depths * medium.mean_free_path * cosine.ravel()[:, None]
+    own = np.sum(weights * local_green(medium, s, below), axis=-1)
+    left = np.minimum(np.abs(thick.ravel()[:, None] - below), 1e3 * s)
+    across = np.sum(weights * local_green(medium, s, left), axis=-1)
+    return medium.albedo * own.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
+
+
+def _depths(boundary: Boundary, reach: float) -> Float32:
+    """Thickness and share of a sheet, spread over the nodes by area."""
+    areas = boundary.patches.areas
+    thickness = np.where(boundary.thickness > 0.0, np.minimum(boundary.thickness, reach), reach)
+    share = np.zeros(len(areas))
+    share[boundary.sheet.patches] = boundary.sheet.share
+    total, *sums = (boundary.weights @ (areas * value).astype(np.float32) for value in (1.0, thickness, share))
+    near = total > 0.0
+    depths = np.zeros((2, len(total)), np.float32)
+    depths[0] = reach
+    for out, value in zip(depths, sums, strict=True):
+        out[near] = value[near] / total[near]
+    return depths.reshape(2, *boundary.grid.shape)
