@@ -23,8 +23,8 @@ from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
 from core.diffusion_pixels import PixelTerms, pixel_terms
 from core.entry import EnteringLight, Entry, enter, sources
-from core.ewald import SHEET_REACH, node_spectrum
-from core.green import smooth_green
+from core.ewald import SHEET_REACH
+from core.green import green_spectrum
 from core.kernels import Kernel, Kernels, Spectra
 from core.layers import LayerGrid, fit_box, smooth_matrix
 from core.medium import NO_ABSORPTION, Medium
@@ -36,10 +36,11 @@ from core.stages import Stages
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
-WINDOW = 1.1  # of the smooth part, in spacings: G falls by itself, so rings show less than with dipoles
+WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
 PATCH = 0.7  # cells that a patch may extend over
+LEAST_REACH = 12  # nodes over which the kernel must lie on each side, however thin the object
 DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
 WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
 
@@ -188,6 +189,7 @@ class DiffusionTransport(Kernels):
         counts = np.array(grid.shape)
         reach = WINDOW_REACH * self.window_width(grid) + DECADES / max(medium.attenuation, 1e-12)
         extra = np.minimum(np.ceil(reach / np.maximum(spacing, 1e-12)), counts - 1)
+        extra = np.maximum(extra, 2 * LEAST_REACH - counts)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
@@ -249,7 +251,7 @@ class DiffusionTransport(Kernels):
 
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
-        return lambda medium, shape: node_spectrum(lambda r: smooth_green(medium, s, r), grid, shape)
+        return lambda medium, shape: green_spectrum(medium, s, grid, shape)
 
 
 def _collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:

@@ -96,7 +96,11 @@ def node_spectrum(
     z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
     z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
     rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
-    spectrum = kernel_spectrum(radial(rho), shape)
+    return undo_assignment(kernel_spectrum(radial(rho), shape), shape, assignment)
+
+
+def undo_assignment(spectrum: Float32, shape: ConvolutionShape, assignment: str = TSC) -> Float32:
+    """Multiply a spectrum by `influence` along every axis, in place."""
     for axis, padded in enumerate((shape.padded_layers, shape.padded_height, shape.padded_width)):
         factor = influence(2.0 * np.pi / padded * np.arange(padded // 2 + 1.0), assignment)
         spectrum *= np.expand_dims(factor, [i for i in range(3) if i != axis]).astype(np.float32)
