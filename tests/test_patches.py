@@ -94,7 +94,7 @@ def test_slivers_and_faces_of_no_area():
     vertices = np.concatenate([good.vertices, [[30.0, 0.0, 0.0], [31.0, 0.0, 0.0], [32.0, 0.0, 0.0], [30.0, 9.0, 0.0]]])
     normals = np.concatenate([good.normals, np.zeros((4, 3))])
     faces = np.concatenate([good.faces, [[n, n + 1, n + 2], [n, n, n + 1], [n + 3, n + 3, n + 3], [5, 5, 9]]])
-    samples, patches = patched(Mesh.of(vertices, normals, faces), 2.0)
+    _, patches = patched(Mesh.of(vertices, normals, faces), 2.0)
     for values in (patches.points, patches.on_surface, patches.normals, patches.face_normals, patches.vector_areas):
         assert np.isfinite(values).all()
     assert patches.areas.sum() == pytest.approx(good.area, rel=1e-5)
