@@ -1,4 +1,4 @@
-"""Diffusion in the object: against closed forms, a dense matrix in float64 and photon walks; energy; what runs again."""
+"""Diffusion in the object: against closed forms, a dense matrix in float64 and photon walks; energy."""
 
 import csv
 
@@ -7,16 +7,13 @@ import pytest
 import trimesh
 from scipy.special import iv, ivp, kv, kvp
 
-from core.convolution import LayerConvolver
 from core.diffusion import DiffusionTransport
 from core.diffusion_channel import Channel, Iteration
-from core.entry import EnteringLight
 from core.green import local_green
 from core.layers import smooth_matrix
 from core.medium import Medium
 from core.mesh import Mesh
 from core.refracted import first_scattering, mean_cosine, refract
-from core.stages import Stages
 from tests.dense import Dense
 from tests.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of, slab
 from tests.shapes import ball, cube
@@ -60,8 +57,8 @@ def test_dense_matrix_has_the_eigenvalues_of_the_sphere(medium):
         order = degree + 0.5
         S = R / medium.diffusion * iv(order, x) * kv(order, x)
         # d/dx (I K / x): S's kernel derived along the radius, taken in the middle of both sides.
-        I, K = iv(order, x), kv(order, x)
-        K_l = 0.5 * x * x * ((ivp(order, x) * K + I * kvp(order, x)) / x - I * K / x**2)
+        i, k = iv(order, x), kv(order, x)
+        K_l = 0.5 * x * x * ((ivp(order, x) * k + i * kvp(order, x)) / x - i * k / x**2)
         inner = harmonic * dense.areas
         assert inner @ dense.S @ harmonic / (inner @ harmonic) == pytest.approx(S, rel=0.01)
         assert inner @ dense.K @ harmonic / (inner @ harmonic) == pytest.approx(K_l, abs=0.01 * 0.5)
@@ -70,7 +67,7 @@ def test_dense_matrix_has_the_eigenvalues_of_the_sphere(medium):
 
 def channel_with(mesh, medium, points, strengths, resolution=48):
     """The equation with point sources deep inside: operator and solver without the entry of light."""
-    transport, stages, samples = DiffusionTransport(resolution=resolution, tolerance=1e-4), Stages(), samples_of(mesh)
+    transport, samples = DiffusionTransport(resolution=resolution), samples_of(mesh)
     found = diffuse(mesh, (medium,) * 3, resolution, samples=samples)
     grid, s = found.boundary.grid, transport.window_width(found.boundary.grid)
     (spectrum,) = transport.spectra([transport._kernel(grid, medium)], transport._maker(grid))
@@ -82,7 +79,6 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     while way.residual > 1e-4 and way.advance():
         pass
     assert way.residual <= 1e-4
-    stages.begin()
     found.solution = type(found.solution)(way.volume[None], (way.fluence,), (way.residual,), (way.products,))
     return found
 
@@ -90,7 +86,7 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
 @pytest.mark.parametrize("medium", [SKIM_MILK, MARBLE, Medium(1.0, 0.1, 1.3)], ids=["skim milk", "marble", "absorbing"])
 @pytest.mark.parametrize("shape", [blob, lambda: torus((36, 18), (5.0, 2.5))], ids=["blob", "torus"])
 def test_agrees_with_the_dense_solution(shape, medium):
-    mesh, dense = shape(), None
+    mesh = shape()
     dense = Dense(mesh, medium)
     points = np.array([[4.0, 0.3, -0.5], [3.5, -1.0, 0.6], [-3.0, -2.0, -0.4]])
     strengths = np.array([1.0, 0.6, 0.8])
@@ -124,7 +120,7 @@ def test_agrees_with_the_dense_solution_lit_from_outside():
 
 @pytest.mark.parametrize("resolution", [36, 48])
 def test_escape_from_a_shell_in_a_ball(resolution):
-    """Marble G, sources 0.4 mm under the surface of a ball of 5 mm: f(r0) / (f(R) + z_b f'(R)), f = sinh(sigma r) / r."""
+    """Sources 0.4 mm under the surface of a ball of 5 mm: f(r0) / (f(R) + z_b f'(R)), f = sinh(sigma r) / r."""
     mesh, R, r0 = ball(10.0), 5.0, 4.6
     transport, samples = DiffusionTransport(resolution=resolution), samples_of(mesh)
     found = diffuse(mesh, (MARBLE,) * 3, resolution, samples=samples)
@@ -245,111 +241,10 @@ def test_random_plates_return_no_more_than_entered():
     assert most > 0.9
 
 
-# What runs again
+# Pixels and faces
 
 
-@pytest.fixture
-def products(monkeypatch):
-    """Convolutions, counted."""
-    counts = [0]
-    original = LayerConvolver.convolve
-
-    def counted(self, layers, spectra):
-        counts[0] += 1
-        return original(self, layers, spectra)
-
-    monkeypatch.setattr(LayerConvolver, "convolve", counted)
-    return counts
-
-
-@pytest.fixture
-def solver(products):
-    """A ball, and solving it in media and light; counts the products of the steps."""
-    mesh = ball(20.0, 4)
-    samples = samples_of(mesh, 32)
-    transport, stages = DiffusionTransport(resolution=32, tolerance=3e-3), Stages()
-    grid, light = transport.grid(mesh, np.eye(3)), collimated(samples)
-
-    def solve(media, light=light, go_on=lambda _: True, transport=transport, stages=stages):
-        products[0] = 0
-        return transport.solve(mesh, samples, grid, [light], media, stages, go_on)
-
-    solve.samples = samples
-    return solve
-
-
-def test_a_warm_start_needs_fewer_products(solver):
-    cold = solver(THREE)
-    near = tuple(Medium(1.03 * m.sigma_s_prime, m.sigma_a, m.eta) for m in THREE)
-    warm = solver(near)
-    fresh = solver(near, transport=DiffusionTransport(resolution=32, tolerance=3e-3), stages=Stages())
-    exact = solver(near, transport=DiffusionTransport(resolution=32, tolerance=1e-5), stages=Stages())
-    assert sum(warm.products) < sum(fresh.products) <= sum(cold.products) + 3
-    for channel in range(3):
-        scale = np.abs(exact.fluence[channel]).max()
-        assert max(warm.residuals) <= 3e-3
-        np.testing.assert_allclose(warm.fluence[channel], exact.fluence[channel], atol=0.02 * scale)
-        np.testing.assert_allclose(fresh.fluence[channel], exact.fluence[channel], atol=0.02 * scale)
-
-
-def test_nothing_new_costs_nothing(solver, products):
-    first = solver(THREE)
-    assert products[0] == sum(first.products) + 1  # one for K_L 1
-    assert solver(THREE) is first
-    assert products[0] == 0
-
-
-def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, products):
-    one = solver((MARBLE,) * 3)
-    assert products[0] == one.products[0] + 1
-    for channel in (1, 2):
-        np.testing.assert_array_equal(one.fluence[channel], one.fluence[0])
-        np.testing.assert_array_equal(one.volume[channel], one.volume[0])
-    flux = collimated(solver.samples).flux.copy()
-    flux[:, 1] = 0.0
-    black = (MARBLE, SKIM_MILK, Medium(0.0, 1.0, 1.5))
-    found = solver(black, EnteringLight(flux, direction=DOWN))
-    assert found.products[1:] == (0, 0)
-    assert found.residuals[1:] == (0.0, 0.0)
-    assert not found.volume[1:3].any()
-    assert not np.any(found.fluence[1:])
-    assert found.volume[0].any()
-
-
-def test_no_light_at_all(solver):
-    found = solver(THREE, EnteringLight(np.zeros((len(solver.samples), 3), np.float32), direction=DOWN))
-    assert not found.volume[:3].any()
-    assert found.products == (0, 0, 0)
-
-
-def test_goes_on_where_it_was_interrupted(solver):
-    whole = solver(THREE, transport=DiffusionTransport(resolution=32, tolerance=3e-3), stages=Stages())
-    residuals = []
-    for _ in range(30):
-        told = []
-        found = solver(THREE, go_on=lambda solution, told=told: told.append(solution) or len(told) < 2)
-        residuals.append(max(found.residuals))
-        if residuals[-1] <= 3e-3:
-            break
-    assert len(residuals) > 1
-    assert residuals[-1] <= 3e-3
-    assert np.all(np.diff(residuals) < 0.0)
-    for channel in range(3):
-        np.testing.assert_allclose(
-            found.fluence[channel], whole.fluence[channel], atol=0.02 * whole.fluence[channel].max()
-        )
-
-
-def test_same_bits_every_time(solver):
-    one, other = (
-        solver(THREE, transport=DiffusionTransport(resolution=32, tolerance=3e-3), stages=Stages()) for _ in range(2)
-    )
-    np.testing.assert_array_equal(one.volume, other.volume)
-    for channel in range(3):
-        np.testing.assert_array_equal(one.fluence[channel], other.fluence[channel])
-
-
-def test_volume_gives_the_surface_back(solver):
+def test_volume_gives_the_surface_back():
     """phi = (O + local) / (rho(0) / (2 A) - K_L 1) where nothing enters: what a pixel does."""
     found = diffuse(ball(20.0), THREE, 48, tolerance=1e-5)
     boundary = found.boundary
