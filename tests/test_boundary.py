@@ -12,8 +12,8 @@ from core.medium import NO_ABSORPTION
 from core.mesh import Mesh
 from core.patches import make_patches
 from tests.diffusing import samples_of
-from tests.shapes import cube, plate, torus_knot
 from tests.shapes import ball as smooth_ball
+from tests.shapes import cube, plate, torus_knot
 from tests.solids import ball, block, mesh_of, rings, scattered, sheet
 
 
@@ -152,7 +152,7 @@ def test_thick_objects_have_no_sheet():
 def test_a_wedge_is_no_sheet():
     """Two sides under 60 degrees face each other too little."""
     corners = np.array([[0.0, -10.0, 0.0], [20.0, -10.0, -11.5], [20.0, -10.0, 11.5]])
-    prism = trimesh.Trimesh(np.concatenate([corners, corners + [0.0, 20.0, 0.0]])).convex_hull
+    prism = trimesh.Trimesh(np.concatenate([corners, corners + np.array([0.0, 20.0, 0.0])])).convex_hull
     sheet = on_grid(mesh_of(prism)).sheet
     assert sheet.share.size == 0
 
