@@ -221,7 +221,7 @@ def test_what_is_not_absorbed_leaves(shape):
     media = (Medium(2.62, 0.0, 1.5), Medium(0.7, 0.0, 1.3), Medium(10.0, 0.0, 1.3))
     found = diffuse(shape(), media)
     for channel in range(3):
-        assert found.leaving(channel) == pytest.approx(found.scattered(channel), rel=5e-3)
+        assert found.leaving(channel) == pytest.approx(found.scattered(channel), rel=1e-3)
 
 
 @pytest.mark.slow
@@ -236,7 +236,7 @@ def test_random_plates_return_no_more_than_entered():
         found = diffuse(mesh_of(block((10.0, 10.0, thickness))), media, 20)
         for channel in range(3):
             share = found.leaving(channel) / found.scattered(channel)
-            assert 0.0 <= share <= 1.01
+            assert 0.0 <= share <= 1.002
             most = max(most, share)
     assert most > 0.9
 
