@@ -102,7 +102,8 @@ class Iteration:
             self._start, volume, product = scale * self._start, np.float32(scale) * volume, scale * product
         self._base = channel.sources - volume
         self._volumes: list[Float32] = []
-        self._steps = gmres(self._multiply, channel.right - product, norm(channel.right), tolerance, most)
+        scale = norm(channel.right) or 1.0  # 0 where so little scatters that its square underflows
+        self._steps = gmres(self._multiply, channel.right - product, scale, tolerance, most)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:

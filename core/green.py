@@ -26,6 +26,7 @@ ORIGIN = 1e-4  # widths; nearer to 0 the quotient of the closed form is replaced
 RADII = 4096  # of the radial table
 NEAR = 0.4  # of the way to the image: from there on the kernel is left as it is
 STEP = 1e-3  # widths, of differences
+OPAQUE = 100.0  # sigma s; more would lose a difference too: the filtered G is the window itself over s_a, to 1e-3
 LEAST_DECAY = 1e-7  # sigma s; less would lose the difference of two large numbers, and changes nothing
 
 
@@ -33,10 +34,12 @@ def smooth_green(medium: Medium, s: float, r: npt.ArrayLike) -> Array:
     """G filtered by the window of width s (mm), at distance r (mm, >= 0): 1 / mm^2."""
     r = np.maximum(np.asarray(r, np.float64), ORIGIN * s)
     sigma, bell = medium.attenuation, np.exp(-0.5 * np.square(r / s))
+    gaussian = bell / (2.0 * np.pi * s * s) ** 1.5
+    if sigma * s > OPAQUE:
+        return np.asarray(gaussian * (35.0 - 14.0 * np.square(r / s) + (r / s) ** 4) / (8.0 * medium.sigma_a))
     down, up = _halves(r, sigma, s, bell)
     pole = -0.5 * (s * sigma) ** 2
     filtered = (1.0 + pole + 0.5 * pole**2) * (down - up) / (8.0 * np.pi * r)
-    gaussian = bell / (2.0 * np.pi * s * s) ** 1.5
     polynomial = 1.0 + 0.5 * pole + 0.25 * (3.0 - np.square(r / s))
     return np.asarray((filtered + 0.5 * s * s * gaussian * polynomial) / medium.diffusion)
 
@@ -48,12 +51,14 @@ def local_green(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
     """
     e = np.asarray(e, np.float64)
     sigma, bell = max(medium.attenuation, LEAST_DECAY / s), np.exp(-0.5 * np.square(e / s))
-    down, up = _halves(e, sigma, s, bell)
-    pole = -0.5 * (s * sigma) ** 2
-    filtered = (1.0 + pole + 0.5 * pole**2) * (down + up) / (4.0 * sigma)
     gaussian = bell / (np.sqrt(2.0 * np.pi) * s)
-    polynomial = 1.0 + 0.5 * pole + 0.25 * (1.0 - np.square(e / s))
-    smooth = filtered + 0.5 * s * s * gaussian * polynomial
+    if sigma * s > OPAQUE:
+        smooth = gaussian * (15.0 - 10.0 * np.square(e / s) + (e / s) ** 4) / (8.0 * sigma**2)
+    else:
+        down, up = _halves(e, sigma, s, bell)
+        pole = -0.5 * (s * sigma) ** 2
+        filtered = (1.0 + pole + 0.5 * pole**2) * (down + up) / (4.0 * sigma)
+        smooth = filtered + 0.5 * s * s * gaussian * (1.0 + 0.5 * pole + 0.25 * (1.0 - np.square(e / s)))
     return np.asarray((np.exp(-sigma * e) / (2.0 * sigma) - smooth) / medium.diffusion)
 
 
