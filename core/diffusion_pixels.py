@@ -95,6 +95,15 @@ def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> Pixe
     )
 
 
+def mean_fluence(boundary: Boundary, fluence: tuple[Array, ...]) -> Float32:
+    """Mean phi of the patches near each node, by area: (3, n_layers, height, width); 0 where there are none."""
+    areas = boundary.patches.areas
+    total = boundary.weights @ areas.astype(np.float32)
+    sums = boundary.weights @ (areas[:, None] * np.stack(fluence, axis=-1)).astype(np.float32)
+    mean = sums / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
+    return np.ascontiguousarray(mean.T).reshape(3, *boundary.grid.shape)
+
+
 def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
     """A' sum of w rho over the distances of first scattering to either side, for rays of cosines at thicknesses."""
     cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)

@@ -91,7 +91,7 @@ def green_spectrum(medium: Medium, s: float, grid: LayerGrid, shape: Convolution
 
 
 def _sharpened(kernel: Array, axis: int) -> Array:
-    """`core.ewald.influence` of TSC along an axis of an octant, to the fourth order: 1 + t^2 / 4 + t^4 / 30, t = k h."""
+    """`core.ewald.influence` of TSC along an axis of an octant, to fourth order: 1 + t^2 / 4 + t^4 / 30, t = k h."""
     even = np.moveaxis(kernel, axis, 0)
     even = np.concatenate([even[2:0:-1], even, even[-2:-4:-1]])
     second = even[2:] - 2.0 * even[1:-1] + even[:-2]

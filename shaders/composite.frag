@@ -22,6 +22,8 @@ uniform vec3 u_doubled;         // 2 A
 uniform sampler2D t_coupling;   // between the sides of a sheet, over thickness; one row
 uniform sampler3D t_depths;     // thickness, mm, and how far it is a sheet
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
+uniform sampler3D t_fluence;    // of the patches near each node, their mean
+const float LEAST_OWN = 0.25;   // of the equation that a point has for itself; about 1/2 on smooth surfaces
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
@@ -61,7 +63,7 @@ vec4 gather(vec3 coordinates) {
 // Exitance of transport `diffusion`. local: what light that enters here adds; other: the same on the other side.
 vec3 diffuse_exitance(vec3 position, vec3 normal, vec3 coordinates, vec3 local, vec3 other) {
     vec4 gathered = gather(coordinates);
-    vec3 right = gathered.rgb + local, diagonal = u_diagonal - gathered.a;
+    vec3 right = gathered.rgb + local, own = u_diagonal - gathered.a;
     vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
     if (depths.y > 0.0) {
         float columns = float(textureSize(t_coupling, 0).x);
@@ -69,11 +71,17 @@ vec3 diffuse_exitance(vec3 position, vec3 normal, vec3 coordinates, vec3 local, 
         vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
         vec4 across = gather((u_world_to_texture * vec4(position - depths.x * normal, 1.0)).xyz);
         vec3 there = u_diagonal - across.a - coupling.a;
-        diagonal -= coupling.a;
-        right = there * right - coupling.rgb * (across.rgb + other);
-        diagonal = diagonal * there - coupling.rgb * coupling.rgb;
+        vec3 share = coupling.rgb / max(there, LEAST_OWN);
+        right -= share * (across.rgb + other);
+        own -= coupling.a + share * coupling.rgb;
     }
-    return right / (max(diagonal, 1e-3) * u_doubled);
+    vec3 fluence = right / max(own, LEAST_OWN);
+    // On the sharpest ridges a point has next to nothing of its own: there its neighbourhood's mean, corrected in part.
+    if (any(lessThan(own, vec3(LEAST_OWN)))) {
+        vec3 mean = textureLod(t_fluence, coordinates, 0.0).rgb;
+        fluence = mix(fluence, mean + (right - own * mean) / LEAST_OWN, lessThan(own, vec3(LEAST_OWN)));
+    }
+    return fluence / u_doubled;
 }
 
 void main() {

@@ -19,15 +19,16 @@ class DiffuseTables:
     across: moderngl.Texture
     coupling: moderngl.Texture
     depths: moderngl.Texture3D | None
+    fluence: moderngl.Texture3D
 
     @classmethod
-    def upload(cls, context: moderngl.Context, terms: PixelTerms) -> "DiffuseTables":
-        """Make the textures."""
+    def upload(cls, context: moderngl.Context, terms: PixelTerms, fluence: moderngl.Texture3D) -> "DiffuseTables":
+        """Make the textures; `fluence` is `core.diffusion_pixels.mean_fluence`."""
         own, across, coupling = (
             clamped_texture(context, table) for table in (terms.own, terms.across, terms.coupling[None])
         )
         depths = None if terms.depths is None else volume_texture(context, terms.depths)
-        return cls(terms, own, across, coupling, depths)
+        return cls(terms, own, across, coupling, depths, fluence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,7 @@ class Gather:
             "t_coupling": self.local if diffuse is None else diffuse.coupling,
             "t_depths": self._depths,
             "u_thin_reach": self._thin_reach,
+            "t_fluence": self.volume if diffuse is None else diffuse.fluence,
         }
 
     @property

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from core.atlas import fit_atlas
 from core.bodies import Bodies
 from core.diffusion import DiffusionTransport, Solution
+from core.diffusion_pixels import mean_fluence
 from core.dipole import dipoles
 from core.entry import EnteringLight
 from core.environment import Probe, irradiance_table
@@ -27,7 +28,7 @@ from viewer.bodies import BodyMarks, Separated
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import DiffuseTables, Gather
-from viewer.gl import latlong_texture, table_texture
+from viewer.gl import latlong_texture, table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
 from viewer.quality import Quality, make_transport, sample_spacing
@@ -178,11 +179,13 @@ class Lighting:
         transport, boundary = lit.transport, solution.boundary
         assert isinstance(transport, DiffusionTransport)
         volume = self._run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
-        tables = self._run(
-            "pixel terms",
-            [boundary, *solution.media],
-            lambda: DiffuseTables.upload(self._context, transport.pixel_terms(solution)),
+        terms = self._run("pixel terms", [boundary, *solution.media], lambda: transport.pixel_terms(solution))
+        mean = self._run(
+            "mean fluence",
+            [solution],
+            lambda: volume_texture(self._context, mean_fluence(boundary, solution.fluence)),
         )
+        tables = self._run("pixel tables", [terms, mean], lambda: DiffuseTables.upload(self._context, terms, mean))
         reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
         to_texture = boundary.grid.world_to_texture
         return Gather(volume, to_texture, True, self._no_probe, reach, lit.eta, None, tables)
