@@ -13,6 +13,7 @@ from core.medium import NO_ABSORPTION, Medium
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
+EVEN = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
 JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes carry of a phi that varies slowly
 
 
@@ -57,6 +58,11 @@ class Channel:
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
         self.sources = convolve(deposited.reshape(boundary.grid.shape))
         self.right = self._gathered(self.sources) + local
+
+    @property
+    def scale(self) -> Array:
+        """Of the unknowns of GMRES, phi over it: it evens rows out and saves a product in five."""
+        return 1.0 / (self._diagonal + EVEN)
 
     @property
     def first_guess(self) -> Array:
@@ -128,7 +134,7 @@ class Iteration:
         """Phi of the patches."""
         fluence = self._start.copy()
         for share, vector in zip(self._step.coefficients, self._basis, strict=True):
-            fluence += share * vector
+            fluence += share * vector * self.channel.scale
         return fluence
 
     @property
@@ -140,5 +146,6 @@ class Iteration:
         return volume
 
     def _multiply(self, vector: Array) -> Array:
-        self._volumes.append(self.channel.volume(vector))
-        return self.channel.product(vector, self._volumes[-1])
+        fluence = vector * self.channel.scale
+        self._volumes.append(self.channel.volume(fluence))
+        return self.channel.product(fluence, self._volumes[-1])

@@ -17,7 +17,9 @@ AnyTransport = Transport | DiffusionTransport
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128  # of `layered`
 DEFAULT_ERROR_TARGET = 0.02
-DIFFUSION_RESOLUTION = 48  # of `diffusion`
+# Nodes of `diffusion` at the default target, and how they grow: its error falls with the square of their distance, or
+# nearly, and no law foretells it for a shape.
+DIFFUSION_NODES, DIFFUSION_POWER, DIFFUSION_FINEST = 64, 0.55, 160
 COARSEST, FINEST = 32, 512  # nodes along the longest side: below, detail of the light is lost
 STEP = 4  # chosen resolutions are multiples of it: a material that changes a little keeps its grid and all plans on it
 # Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
@@ -141,7 +143,7 @@ def choose_quality(
         Whether a light casts shadows; an environment alone does not.
     """
     if settings.method == "diffusion":
-        return Quality("diffusion", settings.layers, settings.resolution or DIFFUSION_RESOLUTION, TSC)
+        return Quality("diffusion", settings.layers, settings.resolution or _diffusion_nodes(settings), TSC)
     if settings.method == "layered":
         return Quality("layered", settings.layers or DEFAULT_LAYERS, settings.resolution or DEFAULT_RESOLUTION, TENT)
     assert shape is not None  # else `ewald` would quietly become something else
@@ -174,6 +176,12 @@ def choose_quality(
     budget = NODES_OUT_OF_REACH if settings.error_target is None else NODES_ASKED_FOR
     most = _most_nodes(settings, profiles, mesh, LOOSE_TAIL, budget)
     return replace(made(most, orders[-1]), tail=LOOSE_TAIL)
+
+
+def _diffusion_nodes(settings: TransportSettings) -> int:
+    tighter = DEFAULT_ERROR_TARGET / (settings.error_target or DEFAULT_ERROR_TARGET)
+    nodes = STEP * round(DIFFUSION_NODES * tighter**DIFFUSION_POWER / STEP)
+    return int(np.clip(nodes, COARSEST, DIFFUSION_FINEST))
 
 
 def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> AnyTransport:

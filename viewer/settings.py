@@ -43,7 +43,8 @@ class ModelSettings:
     )
     bodies: str = setting(
         "text", "joined", choices=("joined", "separate"),
-        why="joined: equation (1) over all of the surface, across air gaps; separate: each closed part scatters alone"
+        why="with ewald and layered: joined, equation (1) over all of the surface, across air gaps; or separate, each "
+            "closed part alone; diffusion keeps them apart by itself"
     )
 
     def __post_init__(self) -> None:
@@ -234,22 +235,23 @@ class TransportSettings:
     TABLE: ClassVar[str] = "transport"
 
     method: str = setting(
-        "text", "ewald", choices=("diffusion", "ewald", "layered"),
+        "text", "diffusion", choices=("diffusion", "ewald", "layered"),
         why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
             "layered: the paper's parallel layers"
     )
     layers: int | None = setting(
         "integer", None, optional=True, low=1, high=128, default_text="8 if layered, else as dense as the nodes",
-        why="layers over the object's depth (layered) or its z extent (ewald)"
+        why="layers over the object's depth (layered) or its z extent (the others)"
     )
     resolution: int | None = setting(
         "integer", None, optional=True, unit="texels", low=16, high=1024,
         default_text="128 if layered, else from error_target",
-        why="texels along the longer side of a layer (layered), nodes along the longest side of the object (ewald)"
+        why="texels along the longer side of a layer (layered), nodes along the longest side of the object (the others)"
     )
     error_target: float | None = setting(
         "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
-        why="wanted rms error of exitance; chooses the resolution of ewald; if given, it may take longer"
+        why="wanted rms error of exitance; chooses the resolution of ewald, and in proportion that of diffusion, 64 nodes "
+            "at 0.02; if given, it may take longer"
     )
     assignment: str | None = setting(
         "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
