@@ -83,6 +83,8 @@ class DiffusionTransport(Kernels):
         Layers over the object's z extent; as dense as the nodes if not given, which is best.
     tolerance : float
         Relative residual at which a channel is solved.
+    patch : float
+        Cells that a patch may extend over.
     threads, effort, keep
         See `core.kernels.Kernels`.
     """
@@ -90,6 +92,7 @@ class DiffusionTransport(Kernels):
     resolution: int = 64
     n_layers: int | None = None
     tolerance: float = TOLERANCE
+    patch: float = PATCH
     _last: tuple[Boundary, tuple[Channel | None, ...], tuple[Array, ...]] | None = field(
         default=None, init=False, repr=False
     )
@@ -117,7 +120,7 @@ class DiffusionTransport(Kernels):
 
     def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
         """Put a mesh's surface on a grid, and measure what the grid misses of K."""
-        patches = make_patches(mesh, samples, PATCH * max(grid.texel, grid.layer_distance))
+        patches = make_patches(mesh, samples, self.patch * max(grid.texel, grid.layer_distance))
         thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
         reach = SHEET_REACH * self.window_width(grid)
         sheet = find_sheet(patches, thickness, reach)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-BREAKDOWN = 1e-7  # of the right side: the space holds the solution, as far as float32 products tell
+BREAKDOWN = 1e-7  # of a product, left when the known is taken off: the space holds the solution, as far as float32 tells
 
 
 class Step(NamedTuple):
@@ -47,6 +47,7 @@ def gmres(
     columns = np.zeros((most + 1, most))
     for k in range(most):
         vector = multiply(basis[k])
+        length = norm(vector)
         for _ in range(2):  # the second pass leaves no rounding of the first
             for i, known in enumerate(basis):
                 share = inner(known, vector)
@@ -59,7 +60,7 @@ def gmres(
         coefficients = np.asarray(np.linalg.lstsq(square, target, rcond=None)[0], np.float64)
         left = float(np.linalg.norm(target - square @ coefficients)) / scale
         yield Step(k + 1, coefficients, left), basis
-        if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * scale:
+        if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * length:
             return
         basis.append(vector / columns[k + 1, k])
 

@@ -79,9 +79,12 @@ class Solved:
         return np.bincount(self.samples.faces, self.samples.areas * at_samples, n) / areas
 
 
+PATCH = 0.5  # cells: patches are compared with faces and sorted into bins whole
+
+
 def diffuse(mesh, media, resolution=48, light=None, tolerance=1e-4, phase=None, samples=None) -> Solved:
     """Solve; `light` is an `EnteringLight` or makes one of samples, `phase` moves the grid, in nodes."""
-    transport, stages = DiffusionTransport(resolution=resolution, tolerance=tolerance), Stages()
+    transport, stages = DiffusionTransport(resolution=resolution, tolerance=tolerance, patch=PATCH), Stages()
     samples = samples_of(mesh, resolution) if samples is None else samples
     grid = transport.grid(mesh, np.eye(3))
     if phase is not None:

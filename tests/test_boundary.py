@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from core.boundary import Depths, find_sheet, is_closed, row_sums
-from core.diffusion import DiffusionTransport
+from core.diffusion import WINDOW, DiffusionTransport
 from core.ewald import SHEET_REACH
 from core.green import local_green
 from core.medium import NO_ABSORPTION
@@ -97,7 +97,7 @@ def on_grid(mesh: Mesh, resolution: int = 48):
 def test_near_part_of_a_ball_is_its_curvature(radius):
     """K 1 = -1/2, most of it smooth: what is left is that of the curvature within a window, below s / R."""
     boundary = on_grid(smooth_ball(2.0 * radius))
-    s = 1.1 * boundary.grid.texel
+    s = WINDOW * boundary.grid.texel
     mean = np.average(boundary.near, weights=boundary.patches.areas)
     assert np.abs(boundary.near).max() < s / radius
     # int D G'(r) r / (2 R) 2 pi r dr of the local part, by parts: -D rho(0) / R.
