@@ -4,7 +4,7 @@ The equation of `core.diffusion_pixels` from the same volume and tables, for poi
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 LEAST_DIAGONAL = 1e-3  # as in the shader
+BORDER = 2  # nodes: as far as the weights reach over the edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +128,10 @@ def _interpolated(table: Float32, column: Array, row: Array) -> Array:
 
 
 def _gather4(grid: LayerGrid, volume: Float32, points: Array) -> Array:
-    """O of R, G and B, and K_L 1: (n, 4)."""
-    weights = smooth_matrix(grid, grid.coordinates(points))
-    return np.asarray(weights.T @ volume.reshape(len(volume), -1).T, np.float64)
+    """O of R, G and B, and K_L 1: (n, 4); outside the layers their edges go on, as those of a texture do."""
+    border = [(0, 0), *[(BORDER, BORDER)] * 3]
+    wide = [n + 2 * BORDER for n in grid.shape]
+    coordinates = np.clip(grid.coordinates(points), -1.0, np.array(grid.shape[::-1])) + BORDER
+    wider = replace(grid, n_layers=wide[0], height=wide[1], width=wide[2])
+    bordered = np.pad(volume, border, mode="edge").reshape(len(volume), -1)
+    return np.asarray(smooth_matrix(wider, coordinates).T @ bordered.T, np.float64)

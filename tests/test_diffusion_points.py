@@ -53,5 +53,13 @@ def test_points_are_the_pixels_of_diffusion(context, tmp_path, shape, lights):
     assert expected.min() >= 0.0
     size = np.sqrt(np.square(expected).mean(axis=0))
     rms = np.sqrt(np.square(found - expected).mean(axis=0)) / size
-    print(shape, lights, rms, np.percentile(np.abs(found - expected).max(axis=1) / size.max(), [50, 90, 99, 100]))
     assert (rms < 0.01).all()
+
+
+@pytest.mark.parametrize("shape", ["ball", "plate"])
+@pytest.mark.parametrize("method", ["ewald", "layered"])
+def test_points_are_the_pixels_of_dipoles(renderer_of, shape, method):
+    scene = scene_of("material.name=marble", "display.image_size=[256, 256]", method=method, lights=LAMPS)
+    found, expected = both(renderer_of(shape), scene)
+    size = np.sqrt(np.square(expected).mean(axis=0))
+    assert (np.sqrt(np.square(found - expected).mean(axis=0)) < 0.01 * size).all()
