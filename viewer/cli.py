@@ -22,6 +22,7 @@ DEFAULT_PICTURE = "milkglass.png"
 SUFFIXES = (".png", ".exr")
 DEFAULT_SAMPLES = 4
 DEFAULT_REPORT_POINTS = 300
+DEFAULT_REPORT_PHOTONS = 100_000
 DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.compare says what it means
 
 app = typer.Typer(
@@ -111,6 +112,10 @@ def render(
     report_points: Annotated[
         int, typer.Option(metavar="N", min=1, max=100_000, help="Random visible points of the report.")
     ] = DEFAULT_REPORT_POINTS,
+    report_photons: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, max=100_000_000, help="Photons a light and mean free path; 0: none walk."),
+    ] = DEFAULT_REPORT_PHOTONS,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
 ) -> None:
     """Write pictures of a model without a window."""
@@ -120,7 +125,7 @@ def render(
         frame = _render(scene, samples, seed, output)
         _save(frame, output)
     else:
-        frame = _render_with_report(scene, samples, seed, output, report, report_points)
+        frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
         _print_timings(frame.timings)
         typer.echo(frame.quality.summary)
@@ -186,12 +191,12 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
 
 
 def _render_with_report(
-    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int
+    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int, photons: int
 ) -> "Frame":
     """Write pictures and the report of their error, all of them or, where one step fails before, none."""
     from viewer import report_command
 
-    frame, report = report_command.run(scene, samples, seed, points)
+    frame, report = report_command.run(scene, samples, seed, points, photons)
     for warning in frame.warnings:
         _say(f"warning: {warning}")
     _save(frame, outputs)

@@ -76,6 +76,7 @@ class TransportError:
     Attributes
     ----------
     rms : rms over the surface of M - M_ref over that of M_ref, without the noise of the photons
+    rms_error : standard error of that, by the noise alone
     noise : that noise, in the same unit
     bias : of the flux of all regions
     dark : of the flux of the regions where no light enters; NaN where there are none
@@ -83,6 +84,7 @@ class TransportError:
     """
 
     rms: tuple[float, ...]
+    rms_error: tuple[float, ...]
     noise: tuple[float, ...]
     bias: tuple[float, ...]
     bias_error: tuple[float, ...]
@@ -136,12 +138,18 @@ def transport_error(truth: Truth, evaluate: Callable[[Array, Array], npt.ArrayLi
     samples = regions.samples
     found = regions.mean(evaluate(samples.points.astype(np.float64), samples.normals.astype(np.float64)))
     share = regions.areas[:, None] / regions.areas.sum()
-    noise2 = (share * truth.variance).sum(axis=0)
+    variance, difference2 = truth.variance, (found - reference) ** 2
+    noise2 = (share * variance).sum(axis=0)
     size = np.sqrt(np.maximum((share * reference**2).sum(axis=0) - noise2, 0.0))
-    rms = np.sqrt(np.maximum((share * (found - reference) ** 2).sum(axis=0) - noise2, 0.0))
+    rms = np.sqrt(np.maximum((share * difference2).sum(axis=0) - noise2, 0.0))
+    # Of rms^2, whose terms have a variance of 4 d^2 v + 2 v^2 with d^2 the square without noise.
+    spread = 4.0 * np.maximum(difference2 - variance, 0.0) * variance + 2.0 * variance**2
+    error2 = np.sqrt((share**2 * spread).sum(axis=0))
+    rms_error = _over(0.5 * error2, np.maximum(rms, np.sqrt(error2)))
     bias, bias_error = _flux_error(truth, found, np.ones(len(regions.areas), np.bool_))
     dark, dark_error = _flux_error(truth, found, truth.dark)
-    columns = (_over(rms, size), _over(np.sqrt(noise2), size), bias, bias_error, dark, dark_error)
+    sized = (_over(value, size) for value in (rms, rms_error, np.sqrt(noise2)))
+    columns = (*sized, bias, bias_error, dark, dark_error)
     return TransportError(*(tuple(column.tolist()) for column in columns))
 
 
