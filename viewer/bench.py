@@ -2,8 +2,8 @@
 
 Seven parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
 (`viewer.bench_yardsticks`), the window (`viewer.bench_window`), error of the transport against equation (1)
-(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and
-error of all methods against transport itself (`viewer.bench_transport`).
+(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`), error of the whole renderer
+(`viewer.bench_chain`), and error of all methods against transport itself (`viewer.bench_transport`).
 """
 
 import os

@@ -116,13 +116,12 @@ def _cell(
 
 def _costs(rows: Sequence[TransportRow]) -> list[str]:
     times = ([r.ms for r in rows if r.changed == what] for what in (LIGHT, MATERIAL, ALL))
-    nodes, products = ([value(r) for r in rows] for value in (lambda r: r.resolution, lambda r: r.products))
-    most = max(products)
+    nodes, products = [r.resolution for r in rows], [r.products for r in rows]
     return [
         *(f"{np.median(ms):.0f}" if ms else "" for ms in times),
         _span(nodes),
-        _span(products) if most else "",
-        f"up to {max(r.residual for r in rows):.0e}" if most else "",
+        _span(products) if max(products) else "",
+        f"up to {max(r.residual for r in rows):.0e}" if max(products) else "",
     ]
 
 
