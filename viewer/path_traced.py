@@ -4,10 +4,14 @@ The same mesh, camera and material: a homogeneous medium of the reduced coeffici
 alike, behind a smooth dielectric boundary. Paths from the eye can hit a light through such a boundary only if it has
 a size, so directional lights are discs of `SUN` degrees about their direction. Faces are flat, as photons have them.
 What never scattered (highlights, light straight through) is traced once more without scattering; pixels that have any
-are left out. Unlike with photons, light that has left may enter the object again.
+are left out.
 
-What remains even of exact exitance M is that pictures have (7), L = F_t M / pi, whose flux is M times the mean F_t of
-diffuse light, 0.94 for eta = 1.3 and 0.91 for 1.5, while all of M leaves in traced paths.
+What remains even of an exact exitance M:
+
+* Pictures have (7), L = F_t M / pi, whose flux is M times the mean F_t of diffuse light, 0.94 for eta = 1.3 and 0.91
+  for 1.5, while all of M leaves in traced paths.
+* Light that has left, or was reflected, meets concave objects again. Pictures and photons know nothing of it, so that
+  in bright hollows they show half of the light or less. Convex objects compare transport alone.
 """
 
 import importlib.util
@@ -196,11 +200,13 @@ def _object(mi: Any, mesh: Mesh, albedo: Array, sigma_t: Array, eta: float) -> A
     properties = mi.Properties()
     properties["face_normals"] = True
     properties["bsdf"] = mi.load_dict({"type": "dielectric", "int_ior": eta, "ext_ior": 1.0})
-    colours = {"albedo": albedo, "sigma_t": sigma_t}
+    scale = float(sigma_t.max()) or 1.0  # colours are not above 1
+    colours = {"albedo": albedo, "sigma_t": sigma_t / scale}
     properties["interior"] = mi.load_dict(
         {
             "type": "homogeneous",
             "phase": {"type": "isotropic"},
+            "scale": scale,
             **{name: {"type": "rgb", "value": value.tolist()} for name, value in colours.items()},
         }
     )
