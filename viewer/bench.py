@@ -98,7 +98,7 @@ QUICK = Plan(
     picture_schemes=(PAPER, LAYERED[1], DEFAULT),
     solids=("ball, 16 mm",),
     media=("albedos",),
-    photons=50_000,
+    photons=30_000,
 )
 
 
