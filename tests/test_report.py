@@ -11,13 +11,15 @@ import pytest
 from core import materials
 from core.environment import Probe
 from core.errors import InputError
-from tests.rendering import FRONT, scene_of, seen_at, surface_points
+from tests.rendering import BACK, FRONT, MeshRenderer, scene_of, seen_at, surface_points
 from tests.shapes import ball
+from tests.solids import mesh_of, sheet
 from viewer import cli, images
 from viewer.deviation import Deviation
 from viewer.error_map import FOOT, error_map
 from viewer.report import error_report, map_path
-from viewer.scene import DirectionalLight, EnvironmentSettings, TransportSettings
+from viewer.report_command import summary
+from viewer.scene import DirectionalLight, EnvironmentSettings, MaterialSettings, PointLight, TransportSettings
 from viewer.visible_error import Illumination, VisiblePoints, measure, visible_points
 
 MARBLE = materials.lookup("marble")
@@ -165,13 +167,101 @@ def test_environment_alone_is_measured(renderer_of, tmp_path):
     assert max(error_report(renderer_of("ball"), scene, points=30).content["error"]["rms"]) < 0.01
 
 
+# The error against transport
+
+MILKY = "material.name=skimmilk", "display.image_size=[64, 64]", "transport.resolution=40"
+
+
+@pytest.fixture(scope="module")
+def of_transport(renderer_of):
+    """Method -> the report's second half, for skim milk lit from behind."""
+
+    def measured(method: str):
+        scene = scene_of(*MILKY, f"transport.method={method}", lights=(DirectionalLight(BACK),), method="ewald")
+        return error_report(renderer_of("ball"), scene, points=10, photons=20_000, seed=3).content
+
+    return {method: measured(method) for method in ("diffusion", "ewald")}
+
+
+def test_diffusion_is_near_photons_and_the_dipole_is_not(of_transport):
+    found = {method: content["transport_error"] for method, content in of_transport.items()}
+    assert max(found["diffusion"]["rms"]) < 0.08
+    assert min(found["ewald"]["rms"]) > 0.1
+    for error in found.values():
+        assert error["photons"] == 20_000
+        assert error["regions"] > 100
+        assert error["seconds"] > 0.0
+        for name in ("rms", "noise", "bias", "dark"):
+            assert len(error[name]) == 3
+        for name in ("rms_error", "bias_error", "dark_error"):
+            assert all(0.0 < share < 0.05 for share in error[name])
+    assert found["diffusion"]["noise"] == found["ewald"]["noise"]  # the same photons
+
+
+def test_equation_1_is_no_error_of_diffusion(of_transport):
+    assert "error" in of_transport["ewald"]
+    assert "difference" not in of_transport["ewald"]
+    assert "error" not in of_transport["diffusion"]
+    assert max(of_transport["diffusion"]["difference"]["rms"]) > 0.1
+
+
+def test_lines_on_the_terminal_say_which_error_is_which(of_transport, report):
+    def lines(content):
+        return summary(replace(report, content=content), "a.json").splitlines()
+
+    assert lines(of_transport["diffusion"])[0].startswith("Difference of exitance from equation (1), which diffusion")
+    first, second = lines(of_transport["ewald"])
+    assert first.startswith("Error of exitance at 10 visible points: rms ")
+    assert second.startswith("Error against a walk of photons, over the whole surface: rms ")
+    assert len(lines(report.content)) == 1
+    dark = {"rms": [0.1, None, None], "bias": [0.01, None, None]}
+    assert "rms 10.00, -, - %" in lines({**of_transport["ewald"], "transport_error": dark})[1]
+
+
+def of_coefficients(scene, *sigma_s_prime: float):
+    material = MaterialSettings(name=None, sigma_s_prime=sigma_s_prime, sigma_a=(0.05, 1.0, 1.0), eta=1.3)
+    return replace(scene, material=material)
+
+
+@pytest.mark.parametrize(
+    ("scattering", "lights", "reason"),
+    [
+        (1.0, (DirectionalLight(FRONT), PointLight((0.0, 0.0, 50.0))), "the scene has a point light"),
+        (1.0, (), "the scene has no light"),
+        (0.0, (DirectionalLight(FRONT),), "the material does not scatter"),
+    ],
+)
+def test_what_photons_cannot_tell_is_said(renderer_of, scattering, lights, reason):
+    scene = of_coefficients(scene_of(*MILKY, lights=lights), *(scattering,) * 3)
+    report = error_report(renderer_of("ball"), scene, points=5, photons=10)
+    found = report.content["transport_error"]
+    assert list(found) == ["not_measured"]
+    assert reason in found["not_measured"]
+    assert summary(report, "a.json").splitlines()[1].startswith("Error against transport was not measured: ")
+
+
+def test_an_open_mesh_has_no_photons(context):
+    scene = scene_of(*MILKY, "transport.method=diffusion", method="ewald")
+    content = error_report(MeshRenderer(context, mesh_of(sheet(0.0))), scene, points=5, photons=10).content
+    assert "closed meshes only" in content["transport_error"]["not_measured"]
+    assert content["transport"]["method"] == "ewald"  # and the error is that
+    assert "error" in content
+
+
+def test_a_channel_without_light_is_no_number(renderer_of):
+    scene = of_coefficients(scene_of(*MILKY, method="ewald"), 1.0, 0.0, 0.0)
+    content = error_report(renderer_of("ball"), scene, points=5, photons=500).content
+    assert content["transport_error"]["bias"][1:] == [None, None]
+    json.dumps(content, allow_nan=False)
+
+
 # The command line
 
 
 @pytest.mark.gl
 def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    small = "--image-size 64x64 --material skimmilk --resolution 32 --report-points 20 --samples 2"
+    small = "--image-size 64x64 --material skimmilk --resolution 32 --report-points 20 --report-photons 500 --samples 2"
     assert cli.main(["render", "--output", "a.png", "--report", "error.json", *small.split()]) == 0
     assert {p.name for p in tmp_path.iterdir()} == {"a.png", "error.json", "error.png"}
     content = json.loads((tmp_path / "error.json").read_text())
@@ -180,7 +270,8 @@ def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monke
     assert all(math.isfinite(share) for share in content["error"]["rms"])
     line = capsys.readouterr().out
     assert line.startswith("Error of exitance at 20 visible points: rms ")
-    assert line.endswith("see error.json.\n")
+    assert "see error.json.\nError against a walk of photons, over the whole surface: rms " in line
+    assert content["transport_error"]["photons"] == 500
 
 
 @pytest.mark.parametrize(
@@ -190,6 +281,7 @@ def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monke
         ("--output a.png --report no/error.json", "The folder no does not exist"),
         ("--output a.png --report a.json", "--report a.json would write a.png over --output a.png"),
         ("--output b.png --reference a.png --report a.json", "--report a.json would write a.png over the reference"),
+        ("--output a.png --report error.json --report-photons -1", "invalid value for '--report-photons'"),
         ("--output a.png --report error.json --report-points 0", "invalid value for '--report-points'"),
     ],
 )

@@ -10,7 +10,7 @@ from core.photon_shapes import Sphere
 from core.photon_walk import walk
 from tests.shapes import ball, cube, plate
 from tests.solids import mesh_of, sheet
-from viewer.patches import find_patches
+from viewer.regions import find_regions
 from viewer.transport_error import Beam, Truth, find_truth, transport_error
 
 MILKY = Material("milky", (0.98, 0.95, 1.9), (0.02, 0.05, 0.1), 1.3)  # R and G share sigma_t'
@@ -24,35 +24,35 @@ def small() -> Mesh:
 
 @pytest.fixture(scope="module")
 def truth(small) -> Truth:
-    return find_truth(small, MILKY, [ABOVE], n_patches=60, n_photons=60_000)
+    return find_truth(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000)
 
 
-def same_patches(other: Truth, factor: float = 1.0):
-    """Make a transport of what photons said once before: samples and patches repeat themselves."""
-    return lambda points, normals: factor * other.exitance[other.patches.of_sample]
+def same_regions(other: Truth, factor: float = 1.0):
+    """Make a transport of what photons said once before: samples and regions repeat themselves."""
+    return lambda points, normals: factor * other.exitance[other.regions.of_sample]
 
 
 @pytest.mark.parametrize("make", [ball, plate, cube])
-def test_patches_are_of_a_size_and_cover_the_surface(make) -> None:
+def test_regions_are_of_a_size_and_cover_the_surface(make) -> None:
     mesh = make()
-    patches = find_patches(mesh, 150)
-    assert len(patches.areas) == 150
-    assert patches.areas.sum() == pytest.approx(mesh.area, rel=1e-5)
-    assert patches.samples.areas.sum() == pytest.approx(mesh.area, rel=1e-4)
-    assert patches.areas.max() < 3.0 * mesh.area / 150
-    assert set(patches.of_sample.tolist()) == set(range(150))
+    regions = find_regions(mesh, 150)
+    assert len(regions.areas) == 150
+    assert regions.areas.sum() == pytest.approx(mesh.area, rel=1e-5)
+    assert regions.samples.areas.sum() == pytest.approx(mesh.area, rel=1e-4)
+    assert regions.areas.max() < 3.0 * mesh.area / 150
+    assert set(regions.of_sample.tolist()) == set(range(150))
 
 
-def test_patches_are_not_bent_around_edges() -> None:
-    patches = find_patches(plate(20.0, 1.0, 10), 200)
-    normals = patches.samples.normals
-    mean = patches.mean(normals)
+def test_regions_are_not_bent_around_edges() -> None:
+    regions = find_regions(plate(20.0, 1.0, 10), 200)
+    normals = regions.samples.normals
+    mean = regions.mean(normals)
     np.testing.assert_allclose(np.linalg.norm(mean, axis=1), 1.0, rtol=1e-5)
 
 
-def test_a_mesh_of_few_patches_keeps_its_solid() -> None:
+def test_a_mesh_of_few_regions_keeps_its_solid() -> None:
     mesh = cube()
-    divided = find_patches(mesh, 100).mesh
+    divided = find_regions(mesh, 100).mesh
     assert divided.volume == pytest.approx(mesh.volume, rel=1e-6)
 
 
@@ -61,13 +61,13 @@ def test_truth_of_a_ball_is_that_of_the_sphere(truth) -> None:
     assert truth.dark.mean() == pytest.approx(0.5, abs=0.1)
     np.testing.assert_array_equal(truth.entered[:, 0], truth.entered[:, 1])
     sphere = walk(Sphere(4.0), 1.0, MILKY.alpha_prime[:2], 1.3, ABOVE.direction, 60_000, seed=9)
-    flux = truth.patches.areas @ truth.exitance[:, :2]
+    flux = truth.regions.areas @ truth.exitance[:, :2]
     np.testing.assert_allclose(flux, sphere.scattered.mean(axis=0).sum(axis=0), rtol=0.02)
 
 
 def test_the_truth_itself_has_no_error_but_noise(small, truth) -> None:
-    again = find_truth(small, MILKY, [ABOVE], n_patches=60, n_photons=60_000, seed=77)
-    error = transport_error(truth, same_patches(again))
+    again = find_truth(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000, seed=77)
+    error = transport_error(truth, same_regions(again))
     assert all(0.005 < noise < 0.05 for noise in error.noise)
     # The rms still holds the noise of one of the two.
     assert all(rms < 1.5 * noise for rms, noise in zip(error.rms, error.noise, strict=True))
@@ -78,7 +78,7 @@ def test_the_truth_itself_has_no_error_but_noise(small, truth) -> None:
 
 @pytest.mark.parametrize("factor", [0.5, 1.25])
 def test_a_factor_is_a_bias_and_an_rms(truth, factor) -> None:
-    error = transport_error(truth, same_patches(truth, factor))
+    error = transport_error(truth, same_regions(truth, factor))
     np.testing.assert_allclose(error.bias, factor - 1.0, rtol=1e-4)
     np.testing.assert_allclose(error.dark, factor - 1.0, rtol=1e-4)
     np.testing.assert_allclose(error.rms, abs(factor - 1.0), rtol=0.02)
@@ -96,8 +96,8 @@ def test_points_and_normals_are_those_of_the_surface(truth) -> None:
 
 def test_lights_add_and_colours_scale(small) -> None:
     def flux(*lights: Beam) -> np.ndarray:
-        found = find_truth(small, MILKY, lights, n_patches=20, n_photons=20_000)
-        return found.patches.areas @ found.exitance
+        found = find_truth(small, MILKY, lights, n_regions=20, n_photons=20_000)
+        return found.regions.areas @ found.exitance
 
     one = flux(ABOVE)
     np.testing.assert_allclose(flux(Beam((0.0, 0.0, 2.0), (1.0, 2.0, 0.0))), one * [1.0, 2.0, 0.0], rtol=1e-9)
@@ -107,7 +107,7 @@ def test_lights_add_and_colours_scale(small) -> None:
 def test_a_black_channel_has_no_error(small) -> None:
     black = Material("black", (1.0, 0.0, 0.0), (0.1, 1.0, 0.0), 1.3)
     error = transport_error(
-        find_truth(small, black, [ABOVE], n_patches=20, n_photons=5_000),
+        find_truth(small, black, [ABOVE], n_regions=20, n_photons=5_000),
         lambda points, normals: np.zeros((len(points), 3)),
     )
     assert error.bias[0] == -1.0
@@ -116,18 +116,18 @@ def test_a_black_channel_has_no_error(small) -> None:
 
 def test_where_all_is_lit_there_is_no_dark_side(small) -> None:
     around = [Beam(tuple(s * axis)) for s in (1.0, -1.0) for axis in np.eye(3)]
-    truth = find_truth(small, MILKY, around, n_patches=20, n_photons=2_000)
+    truth = find_truth(small, MILKY, around, n_regions=20, n_photons=2_000)
     assert not truth.dark.any()
-    assert np.isnan(transport_error(truth, same_patches(truth)).dark).all()
+    assert np.isnan(transport_error(truth, same_regions(truth)).dark).all()
 
 
 def test_progress_rises_over_all_walks(small) -> None:
     shares: list[float] = []
-    find_truth(small, MILKY, [ABOVE], n_patches=20, n_photons=2_000, progress=shares.append)
+    find_truth(small, MILKY, [ABOVE], n_regions=20, n_photons=2_000, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
 
 def test_open_meshes_are_refused() -> None:
     with pytest.raises(InputError, match="closed"):
-        find_truth(mesh_of(sheet(0.0)), MILKY, [ABOVE], n_patches=4, n_photons=100)
+        find_truth(mesh_of(sheet(0.0)), MILKY, [ABOVE], n_regions=4, n_photons=100)

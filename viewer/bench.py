@@ -1,9 +1,9 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Six parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
+Seven parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
 (`viewer.bench_yardsticks`), the window (`viewer.bench_window`), error of the transport against equation (1)
-(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`) and error of the whole renderer
-(`viewer.bench_chain`).
+(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`), error of the whole renderer
+(`viewer.bench_chain`), and error of all methods against transport itself (`viewer.bench_transport`).
 """
 
 import os
@@ -24,6 +24,8 @@ from viewer import (
     bench_report,
     bench_rivals,
     bench_speed,
+    bench_transport,
+    bench_transport_report,
     bench_window,
     bench_yardsticks,
 )
@@ -71,6 +73,11 @@ class Plan:
         ("plate", "marble", "back"),
     )
     picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[5], DEFAULT)
+    # error against transport itself
+    methods: tuple[Scheme, ...] = bench_transport.METHODS
+    solids: tuple[str, ...] = tuple(bench_transport.SHAPES)
+    media: tuple[str, ...] = bench_transport.MATERIALS
+    photons: int = 100_000  # of each light and mean free path: noise of 2 to 3 % a region, 0.3 to 0.6 % of an rms
 
 
 FULL = Plan()
@@ -89,6 +96,9 @@ QUICK = Plan(
     rivals=FULL.rivals[:1],
     pictures=FULL.pictures[1:2],
     picture_schemes=(PAPER, LAYERED[1], DEFAULT),
+    solids=("ball, 16 mm",),
+    media=("albedos",),
+    photons=30_000,
 )
 
 
@@ -120,6 +130,7 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     _speed(plan, scene, report)
     _yardsticks(plan, scene, given, report)
     _errors(plan, given, report)
+    _against_transport(plan, report)
     report.finish()
 
 
@@ -185,6 +196,14 @@ def _errors(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_repo
         pictures = bench_chain.chain_rows(plan.picture_schemes, plan.pictures, plan.points)
         count = len(plan.picture_schemes) * len(plan.pictures)
         bench_report.report_chain(report, _watched(pictures, count, "error of the renderer"))
+
+
+def _against_transport(plan: Plan, report: bench_report.Report) -> None:
+    if plan.methods:
+        solids = {name: bench_transport.SHAPES[name] for name in plan.solids}
+        rows = bench_transport.transport_rows(plan.methods, solids, plan.media, plan.photons)
+        count = len(plan.methods) * len(solids) * len(plan.media) * len(bench_transport.LIGHTS)
+        bench_transport_report.report_transport(report, _watched(rows, count, "error against transport"))
 
 
 def _with(scene: Scene, scheme: Scheme) -> Scene:

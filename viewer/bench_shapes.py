@@ -92,6 +92,37 @@ def torus_knot(size: float = 20.0, n_along: int = 480, n_around: int = 48) -> Me
     return Mesh.of(vertices * size / np.ptp(vertices, axis=0).max(), normals, faces)
 
 
+def bowl(diameter: float = 20.0, thickness: float = 3.0, n_along: int = 160, n_around: int = 160) -> Mesh:
+    """Half a spherical shell with a round rim, open towards +z, smooth normals: concave and thin."""
+    outer, inner, rim = 0.5 * diameter, 0.5 * diameter - thickness, 0.5 * thickness
+    arcs = 0.5 * np.pi * np.array([outer, 2.0 * rim, inner])  # lengths of the outer side, the rim and the inner side
+    s = np.linspace(0.0, arcs.sum(), n_along + 1)
+    ends = np.cumsum(arcs)
+    out, over, back = s / outer, (s - ends[0]) / rim, (ends[2] - s) / inner
+    where = [s <= ends[0], s <= ends[1]]
+    radius = np.select(where, [outer * np.sin(out), outer - rim + rim * np.cos(over)], inner * np.sin(back))
+    z = np.select(where, [-outer * np.cos(out), rim * np.sin(over)], -inner * np.cos(back))
+    outwards = np.select(where, [np.sin(out), np.cos(over)], -np.sin(back))
+    upwards = np.select(where, [-np.cos(out), np.sin(over)], np.cos(back))
+    angle = 2.0 * np.pi * np.arange(n_around) / n_around
+
+    def turned(across: Array, along: Array) -> Array:
+        """Revolve the rings between the two poles, then add these."""
+        ring = across[1:-1, None]
+        round_z = np.broadcast_to(along[1:-1, None], (len(ring), n_around))
+        rings = np.stack([ring * np.cos(angle), ring * np.sin(angle), round_z], axis=-1)
+        return np.concatenate([rings.reshape(-1, 3), [[0.0, 0.0, along[0]], [0.0, 0.0, along[-1]]]])
+
+    i, j = np.meshgrid(np.arange(n_along - 2), np.arange(n_around), indexing="ij")
+    a, b = i * n_around + j, i * n_around + (j + 1) % n_around
+    c, d = a + n_around, b + n_around
+    first, last = np.arange(n_around), (n_along - 2) * n_around + np.arange(n_around)
+    pole = np.full(n_around, (n_along - 1) * n_around)
+    parts = [(a, b, d), (a, d, c), (pole, np.roll(first, -1), first), (pole + 1, last, np.roll(last, -1))]
+    faces = np.concatenate([np.stack([corner.ravel() for corner in part], axis=1) for part in parts])
+    return Mesh.of(turned(radius, z + 0.5 * (outer - rim)), turned(outwards, upwards), faces)
+
+
 def flat_shaded(vertices: Array, faces: Faces) -> Mesh:
     """Give every face corners and a normal of its own."""
     corners = vertices[faces]

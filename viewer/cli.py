@@ -12,6 +12,7 @@ import typer
 from core.errors import InputError
 from viewer.options import scene_options
 from viewer.scene import Scene, default_scene
+from viewer.usage import usage_sentence
 
 if TYPE_CHECKING:
     from viewer.picture import Frame, Still
@@ -22,6 +23,8 @@ DEFAULT_PICTURE = "milkglass.png"
 SUFFIXES = (".png", ".exr")
 DEFAULT_SAMPLES = 4
 DEFAULT_REPORT_POINTS = 300
+DEFAULT_REPORT_PHOTONS = 100_000
+DEFAULT_PATHS = 256
 DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.compare says what it means
 
 app = typer.Typer(
@@ -38,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(args=given, prog_name="milkglass", standalone_mode=False)
     except typer.TyperException as error:
-        return _fail(_usage_sentence(error))
+        return _fail(usage_sentence(error))
     except InputError as error:
         return _fail(str(error))
     except MemoryError:
@@ -111,16 +114,31 @@ def render(
     report_points: Annotated[
         int, typer.Option(metavar="N", min=1, max=100_000, help="Random visible points of the report.")
     ] = DEFAULT_REPORT_POINTS,
+    report_photons: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, max=100_000_000, help="Photons a light and mean free path; 0: none walk."),
+    ] = DEFAULT_REPORT_PHOTONS,
+    path_traced: Annotated[
+        str | None, typer.Option(metavar="FILE.exr", help="Picture by traced paths (Mitsuba), to compare with.")
+    ] = None,
+    path_traced_samples: Annotated[
+        int, typer.Option(metavar="N", min=2, max=1_000_000, help="Paths a pixel of that.")
+    ] = DEFAULT_PATHS,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
 ) -> None:
     """Write pictures of a model without a window."""
     _check_outputs(scene, output, reference, report)
     compared = None if reference is None else _counterpart(reference, output)
+    if path_traced is not None:
+        from viewer import path_traced as tracing
+
+        tracing.check(scene, Path(path_traced), output)
+        typer.echo(tracing.run(scene, Path(path_traced), path_traced_samples, seed))
     if report is None:
         frame = _render(scene, samples, seed, output)
         _save(frame, output)
     else:
-        frame = _render_with_report(scene, samples, seed, output, report, report_points)
+        frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
         _print_timings(frame.timings)
         typer.echo(frame.quality.summary)
@@ -186,12 +204,12 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
 
 
 def _render_with_report(
-    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int
+    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int, photons: int
 ) -> "Frame":
     """Write pictures and the report of their error, all of them or, where one step fails before, none."""
     from viewer import report_command
 
-    frame, report = report_command.run(scene, samples, seed, points)
+    frame, report = report_command.run(scene, samples, seed, points, photons)
     for warning in frame.warnings:
         _say(f"warning: {warning}")
     _save(frame, outputs)
@@ -262,18 +280,6 @@ def _version() -> str:
         return importlib.metadata.version("milkglass")
     except importlib.metadata.PackageNotFoundError:  # run from the folder, not installed
         return "(not installed)"
-
-
-def _usage_sentence(error: typer.TyperException) -> str:
-    """Return what typer found wrong as one sentence, with the nearest option where it knows one."""
-    near = getattr(error, "possibilities", None)
-    text = error.message if near else error.format_message()
-    text = text[:1].lower() + text[1:].rstrip(". ")
-    if near:
-        return f"{text}; did you mean {' or '.join(sorted(near))}?"
-    if text.startswith("no such command") and "Did you mean" not in text:
-        return f"{text}; to show a model, write `milkglass view MODEL`"
-    return text
 
 
 def _fail(sentence: str) -> int:

@@ -91,7 +91,9 @@ def _foot(width: int, top: float, error: "VisibleError") -> Pixels8:
     foot = _text(foot, width // 2, 44, _percent(0.5 * top), "centre")
     foot = _text(foot, width - MARGIN, 44, _percent(top), "right")
     count = len(error.reference)
-    return _text(foot, MARGIN, 66, f"error of exitance over its rms, worst channel; {count} points; rms RGB {rms} %")
+    return _text(
+        foot, MARGIN, 66, f"exitance off equation (1), over its rms, worst channel; {count} points; rms RGB {rms} %"
+    )
 
 
 def _percent(share: float) -> str:

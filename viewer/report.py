@@ -24,6 +24,7 @@ from viewer.images import Pixels8, check_output, write_png
 from viewer.irradiance_pass import world_to_probe
 from viewer.lighting import LitScene
 from viewer.picture import read_frame
+from viewer.report_transport import transport_content
 from viewer.scene import Scene
 from viewer.visible_error import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 
@@ -83,11 +84,13 @@ def error_report(
     scene: Scene,
     *,
     points: int = DEFAULT_POINTS,
+    photons: int = 0,
     seed: int = 0,
     timings: Mapping[str, float] | None = None,
     progress: Callable[[float], None] | None = None,
+    walked: Callable[[float], None] | None = None,
 ) -> Report:
-    """Measure the error of a scene's picture at random visible points.
+    """Measure the error of a scene's picture: against equation (1) at random visible points, and against transport.
 
     Parameters
     ----------
@@ -96,12 +99,16 @@ def error_report(
     scene : Scene
     points : int
         Wanted number, >= 1; a picture with fewer pixels of the object gives those.
+    photons : int
+        That walk for each light and mean free path, see `viewer.report_transport`; 0 leaves transport out.
     seed : int
-        Of the choice of points.
+        Of the choice of points, and of the photons.
     timings : mapping, optional
         Stage -> ms to tell instead of the stages that ran here, where a picture was drawn before.
     progress : callable, optional
         Called with the finished share of the reference, in [0, 1].
+    walked : callable, optional
+        The same of the photons.
 
     Raises
     ------
@@ -117,6 +124,9 @@ def error_report(
     error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress, bodies=lit.bodies)
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
+    if photons:
+        scattered = renderer.scatter(lit)
+        content["transport_error"] = transport_content(scene, lit, scattered, illumination, photons, seed, walked)
     return Report(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
 
 
@@ -168,7 +178,7 @@ def _content(
             "predicted_error": quality.predicted_error,
             "predicted_error_lit": quality.predicted_lit,
         },
-        "error": {
+        "difference" if quality.method == "diffusion" else "error": {
             "of": "exitance, over the rms of the reference",
             "rms": list(error.deviation.rms),
             "p99": list(error.deviation.p99),

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from core.errors import InputError
 from viewer.scene import Scene
@@ -25,7 +25,7 @@ def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str
                 raise InputError(f"--report {path} would write {written} over {role}; choose another name")
 
 
-def run(scene: Scene, samples: int, seed: int, points: int) -> "tuple[Frame, Report]":
+def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tuple[Frame, Report]":
     """Render a scene and measure its error; a progress bar shows on a terminal only."""
     from rich.console import Console
     from rich.progress import Progress
@@ -46,17 +46,34 @@ def run(scene: Scene, samples: int, seed: int, points: int) -> "tuple[Frame, Rep
             renderer,
             scene,
             points=points,
+            photons=photons,
             seed=seed,
             timings=frame.timings,
             progress=lambda share: progress.update(task, completed=share),
+            walked=lambda share: progress.update(task, description="photons walk", completed=share),
         )
     return frame, report
 
 
 def summary(report: "Report", path: str) -> str:
-    """One line for the terminal."""
-    rms, p99 = (
-        ", ".join(f"{100.0 * share:.2f}" for share in shares) for shares in (report.deviation.rms, report.deviation.p99)
-    )
-    points = report.content["reference"]["points"]
-    return f"Error of exitance at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."
+    """A line for the terminal on each error that was measured."""
+    points, transport = report.content["reference"]["points"], report.content.get("transport_error")
+    rms, p99 = (_percents(shares) for shares in (report.deviation.rms, report.deviation.p99))
+    what = "Error of exitance"
+    if "difference" in report.content:
+        what = "Difference of exitance from equation (1), which diffusion does not solve,"
+    lines = [f"{what} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
+    if transport is not None:
+        lines.append(_transport_line(transport))
+    return "\n".join(lines)
+
+
+def _transport_line(found: dict[str, Any]) -> str:
+    if "not_measured" in found:
+        return f"Error against transport was not measured: {found['not_measured']}."
+    rms, bias = (_percents(found[name]) for name in ("rms", "bias"))
+    return f"Error against a walk of photons, over the whole surface: rms {rms} %, flux {bias} %."
+
+
+def _percents(shares: Sequence[float | None]) -> str:
+    return ", ".join("-" if share is None else f"{100.0 * share:.2f}" for share in shares)

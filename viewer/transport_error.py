@@ -1,4 +1,4 @@
-"""Error of a transport on an object against photons: patch by patch, the photons' own noise taken off.
+"""Error of a transport on an object against photons: region by region, the photons' own noise taken off.
 
 Light arrives in beams, light that has left does not enter again, and light that never scattered counts for neither
 side (`core.photon_walk`). Faces are flat for photons, whatever the shading normals are.
@@ -14,14 +14,14 @@ from core.materials import Material
 from core.mesh import Mesh
 from core.photon_shapes import Solid
 from core.photon_walk import BATCHES, walk
-from viewer.patches import Patches, find_patches
+from viewer.regions import Regions, find_regions
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-PATCHES = 300
-PHOTONS = 1_000_000  # of each light and sigma_t': 7 to 20 s and a noise of 2 to 6 % a patch on 20 mm of marble
-DARK = 0.01  # of the largest irradiance of a patch: what counts as back-lit
+REGIONS = 300
+PHOTONS = 1_000_000  # of each light and sigma_t': 7 to 20 s and a noise of 2 to 6 % a region on 20 mm of marble
+DARK = 0.01  # of the largest irradiance of a region: what counts as back-lit
 
 
 @dataclass(frozen=True)
@@ -38,33 +38,33 @@ class Truth:
 
     Attributes
     ----------
-    patches : Patches
-    batches : (BATCHES, n_patches, 3)
+    regions : Regions
+    batches : (BATCHES, n_regions, 3)
         Exitance M of scattered light, of every batch of photons.
-    entered : (n_patches, 3)
+    entered : (n_regions, 3)
         Irradiance E, F_t included.
     lost : float
         Share of the light that slipped out at edges, the largest of all walks.
     """
 
-    patches: Patches
+    regions: Regions
     batches: Array
     entered: Array
     lost: float
 
     @property
     def exitance(self) -> Array:
-        """M, (n_patches, 3)."""
+        """M, (n_regions, 3)."""
         return np.asarray(self.batches.mean(axis=0))
 
     @property
     def variance(self) -> Array:
-        """Of `exitance`, (n_patches, 3)."""
+        """Of `exitance`, (n_regions, 3)."""
         return np.asarray(self.batches.var(axis=0, ddof=1) / len(self.batches))
 
     @property
     def dark(self) -> Bools:
-        """Patches through which hardly any light enters, (n_patches,)."""
+        """Regions through which hardly any light enters, (n_regions,)."""
         brightest = self.entered.max(axis=1)
         return np.asarray(brightest <= DARK * brightest.max())
 
@@ -76,13 +76,15 @@ class TransportError:
     Attributes
     ----------
     rms : rms over the surface of M - M_ref over that of M_ref, without the noise of the photons
+    rms_error : standard error of that, by the noise alone
     noise : that noise, in the same unit
-    bias : of the flux of all patches
-    dark : of the flux of the patches where no light enters; NaN where there are none
+    bias : of the flux of all regions
+    dark : of the flux of the regions where no light enters; NaN where there are none
     bias_error, dark_error : standard errors of the two
     """
 
     rms: tuple[float, ...]
+    rms_error: tuple[float, ...]
     noise: tuple[float, ...]
     bias: tuple[float, ...]
     bias_error: tuple[float, ...]
@@ -94,7 +96,7 @@ def find_truth(
     mesh: Mesh,
     material: Material,
     lights: Sequence[Beam],
-    n_patches: int = PATCHES,
+    n_regions: int = REGIONS,
     n_photons: int = PHOTONS,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -106,9 +108,9 @@ def find_truth(
     InputError
         If the mesh is not closed, or a channel is nearly clear.
     """
-    patches = find_patches(mesh, n_patches)
-    solid = Solid(patches.mesh, patches.of_face)
-    batches, entered = np.zeros((BATCHES, len(patches.areas), 3)), np.zeros((len(patches.areas), 3))
+    regions = find_regions(mesh, n_regions)
+    solid = Solid(regions.mesh, regions.of_face)
+    batches, entered = np.zeros((BATCHES, len(regions.areas), 3)), np.zeros((len(regions.areas), 3))
     walks = [(light, float(sigma)) for light in lights for sigma in np.unique(material.sigma_t_prime) if sigma > 0.0]
     lost = 0.0
     for number, (light, sigma) in enumerate(walks):
@@ -120,7 +122,7 @@ def find_truth(
         batches[..., channels] += tally.scattered * irradiance
         entered[:, channels] += tally.entered[:, None] * irradiance
         lost = max(lost, tally.lost)
-    return Truth(patches, batches / patches.areas[:, None], entered / patches.areas[:, None], lost)
+    return Truth(regions, batches / regions.areas[:, None], entered / regions.areas[:, None], lost)
 
 
 def transport_error(truth: Truth, evaluate: Callable[[Array, Array], npt.ArrayLike]) -> TransportError:
@@ -132,22 +134,28 @@ def transport_error(truth: Truth, evaluate: Callable[[Array, Array], npt.ArrayLi
     evaluate : callable
         Exitance M (n, 3) of the same lights at points and unit shading normals of the surface, (n, 3) each, mm.
     """
-    patches, reference = truth.patches, truth.exitance
-    samples = patches.samples
-    found = patches.mean(evaluate(samples.points.astype(np.float64), samples.normals.astype(np.float64)))
-    share = patches.areas[:, None] / patches.areas.sum()
-    noise2 = (share * truth.variance).sum(axis=0)
+    regions, reference = truth.regions, truth.exitance
+    samples = regions.samples
+    found = regions.mean(evaluate(samples.points.astype(np.float64), samples.normals.astype(np.float64)))
+    share = regions.areas[:, None] / regions.areas.sum()
+    variance, difference2 = truth.variance, (found - reference) ** 2
+    noise2 = (share * variance).sum(axis=0)
     size = np.sqrt(np.maximum((share * reference**2).sum(axis=0) - noise2, 0.0))
-    rms = np.sqrt(np.maximum((share * (found - reference) ** 2).sum(axis=0) - noise2, 0.0))
-    bias, bias_error = _flux_error(truth, found, np.ones(len(patches.areas), np.bool_))
+    rms = np.sqrt(np.maximum((share * difference2).sum(axis=0) - noise2, 0.0))
+    # Of rms^2, whose terms have a variance of 4 d^2 v + 2 v^2 with d^2 the square without noise.
+    spread = 4.0 * np.maximum(difference2 - variance, 0.0) * variance + 2.0 * variance**2
+    error2 = np.sqrt((share**2 * spread).sum(axis=0))
+    rms_error = _over(0.5 * error2, np.maximum(rms, np.sqrt(error2)))
+    bias, bias_error = _flux_error(truth, found, np.ones(len(regions.areas), np.bool_))
     dark, dark_error = _flux_error(truth, found, truth.dark)
-    columns = (_over(rms, size), _over(np.sqrt(noise2), size), bias, bias_error, dark, dark_error)
+    sized = (_over(value, size) for value in (rms, rms_error, np.sqrt(noise2)))
+    columns = (*sized, bias, bias_error, dark, dark_error)
     return TransportError(*(tuple(column.tolist()) for column in columns))
 
 
 def _flux_error(truth: Truth, found: Array, which: Bools) -> tuple[Array, Array]:
-    """Relative error of the flux of some patches, and the standard error of that, (3,) each."""
-    areas = truth.patches.areas[which, None]
+    """Relative error of the flux of some regions, and the standard error of that, (3,) each."""
+    areas = truth.regions.areas[which, None]
     flux = (areas * found[which]).sum(axis=0)
     batches = (areas * truth.batches[:, which]).sum(axis=1)
     wanted, error = batches.mean(axis=0), batches.std(axis=0, ddof=1) / np.sqrt(len(batches))

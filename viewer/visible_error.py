@@ -95,8 +95,13 @@ class Illumination:
             else:
                 entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
         if self.table is not None:
-            entering += self.intensity * lookup(self.table, sources.normals @ self.to_probe)
+            entering += self.surrounding(sources.normals)
         return entering
+
+    def surrounding(self, normals: Array) -> Array:
+        """E of the environment that there is, by unit normals alone: (n, 3)."""
+        assert self.table is not None
+        return np.asarray(self.intensity * lookup(self.table, normals @ self.to_probe))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Patches of a surface: clusters of faces, of about the same size, that no edge or thin sheet is bent around.
+"""Regions of a surface: clusters of faces, of about the same size, that no edge or thin sheet is bent around.
 
-Exitance of photons is compared patch by patch: large enough that enough of them leave through each.
+Exitance of photons is compared region by region: large enough that enough of them leave through each.
 """
 
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from core.samples import SurfaceSamples, surface_samples
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-FACES_ACROSS = 4.0  # a patch, at least: clusters of faces are then about round
-SAMPLES_ACROSS = 8.0  # a patch
+FACES_ACROSS = 4.0  # a region, at least: clusters of faces are then about round
+SAMPLES_ACROSS = 8.0  # a region
 MOST_HALVINGS = 16  # of a face's sides
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
-    """A mesh whose faces are in patches, and samples of its surface.
+class Regions:
+    """A mesh whose faces are in regions, and samples of its surface.
 
     Attributes
     ----------
     mesh : Mesh
         The surface as given, large faces divided.
     of_face : (m,) int64
-        0 to count - 1; every patch has faces.
+        0 to count - 1; every region has faces.
     samples : SurfaceSamples
     of_sample : (n,) int64
     areas : (count,)
@@ -43,25 +43,25 @@ class Patches:
     areas: Array
 
     def mean(self, values: npt.ArrayLike) -> Array:
-        """Mean over each patch of values at the samples, (n, c) -> (count, c)."""
+        """Mean over each region of values at the samples, (n, c) -> (count, c)."""
         weighted = np.asarray(values, np.float64) * self.samples.areas[:, None]
         area, n = np.bincount(self.of_sample, self.samples.areas, len(self.areas)), len(self.areas)
         sums = np.stack([np.bincount(self.of_sample, column, n) for column in weighted.T], axis=1)
         return np.asarray(sums / area[:, None])
 
 
-def find_patches(mesh: Mesh, count: int) -> Patches:
-    """Divide a mesh into about `count` patches (fewer if it has no more faces)."""
+def find_regions(mesh: Mesh, count: int) -> Regions:
+    """Divide a mesh into about `count` regions (fewer if it has no more faces)."""
     size = float(np.sqrt(mesh.area / count))
     mesh = _divided(mesh, size / FACES_ACROSS)
     cross = face_cross(mesh.vertices, mesh.faces)
     double = np.linalg.norm(cross, axis=1, keepdims=True)
     centres = mesh.vertices[mesh.faces].astype(np.float64).mean(axis=1)
-    # Normals count as distance: a right angle as 1.4 patches, the other side of a sheet as 2.
+    # Normals count as distance: a right angle as 1.4 regions, the other side of a sheet as 2.
     of_face = _clusters(np.hstack([centres / size, cross / np.maximum(double, np.finfo(np.float64).tiny)]), count)
     samples = surface_samples(mesh, size / SAMPLES_ACROSS)
     areas = np.bincount(of_face, 0.5 * double[:, 0]).astype(np.float64)
-    return Patches(mesh, of_face, samples, of_face[samples.faces], areas)
+    return Regions(mesh, of_face, samples, of_face[samples.faces], areas)
 
 
 def _divided(mesh: Mesh, longest: float) -> Mesh:

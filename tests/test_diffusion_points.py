@@ -1,0 +1,65 @@
+"""Exitance at points of the surface, by rays on the CPU, against the pixels that the shaders draw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from core.mesh import Mesh
+from tests.rendering import BACK, FRONT, MeshRenderer, inside, scene_of
+from tests.shapes import ball, plate
+from viewer import images
+from viewer.frame import Renderer
+from viewer.picture import read_frame
+from viewer.point_exitance import scene_exitance
+from viewer.report import illumination_of
+from viewer.scene import DirectionalLight, EnvironmentSettings, Scene
+from viewer.visible_error import visible_points
+
+
+def torus() -> Mesh:
+    shape = trimesh.creation.torus(7.0, 2.5, major_sections=128, minor_sections=64)
+    return Mesh.of(shape.vertices, shape.vertex_normals, shape.faces)
+
+
+SHAPES = {"ball": lambda: ball(), "torus": torus, "plate": lambda: plate(20.0, 1.0, 48)}
+LAMPS = DirectionalLight(FRONT, (2.0, 1.0, 0.5)), DirectionalLight((-1.0, 0.3, -0.8), (1.0, 2.0, 3.0))
+
+
+def both(renderer: Renderer, scene: Scene, count: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+    """M of pixels off edges, and of the same points by rays."""
+    frame = read_frame(renderer.draw(scene, parts=True), renderer.timings)
+    seen = visible_points(np.where(inside(frame, 3), 1.0, 0.0), frame.position, frame.exitance, count)
+    normals = frame.normal[seen.rows, seen.columns].astype(np.float64)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    lit = renderer.light(scene)
+    evaluate = scene_exitance(lit, renderer.scatter(lit), illumination_of(renderer, scene))
+    return evaluate(seen.positions, normals), seen.exitance
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("lights", ["lamps", "behind", "environment"])
+def test_points_are_the_pixels_of_diffusion(context, tmp_path, shape, lights):
+    lamps = {"lamps": LAMPS, "behind": (DirectionalLight(BACK),), "environment": ()}[lights]
+    scene = scene_of(
+        "transport.method=diffusion", "material.name=marble", "display.image_size=[256, 256]", lights=lamps
+    )
+    if lights == "environment":
+        pixels = np.linspace(0.2, 2.0, 32)[:, None] * np.ones((32, 64)).astype(np.float32)
+        images.write_exr(tmp_path / "sky.exr", {c: pixels.astype(np.float32) for c in "RGB"})
+        scene = replace(scene, environment=EnvironmentSettings(tmp_path / "sky.exr"))
+    found, expected = both(MeshRenderer(context, SHAPES[shape]()), scene)
+    assert expected.min() >= 0.0
+    size = np.sqrt(np.square(expected).mean(axis=0))
+    rms = np.sqrt(np.square(found - expected).mean(axis=0)) / size
+    assert (rms < 0.01).all()
+
+
+@pytest.mark.parametrize("shape", ["ball", "plate"])
+@pytest.mark.parametrize("method", ["ewald", "layered"])
+def test_points_are_the_pixels_of_dipoles(renderer_of, shape, method):
+    scene = scene_of("material.name=marble", "display.image_size=[256, 256]", method=method, lights=LAMPS)
+    found, expected = both(renderer_of(shape), scene)
+    size = np.sqrt(np.square(expected).mean(axis=0))
+    assert (np.sqrt(np.square(found - expected).mean(axis=0)) < 0.01 * size).all()

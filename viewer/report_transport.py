@@ -1,0 +1,86 @@
+"""Second half of the error report: how far the picture's transport is from photons that walk through the object.
+
+Photons come in beams of directional lights, walk in one closed mesh, and are compared with exitance over the whole
+surface, hidden parts too, region by region (`viewer.transport_error`).
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.diffusion import Solution
+from core.errors import InputError
+from viewer.lighting import LitScene
+from viewer.point_exitance import scene_exitance
+from viewer.scene import Scene
+from viewer.settings import DirectionalLight
+from viewer.transport_error import Beam, find_truth, transport_error
+from viewer.visible_error import Illumination
+
+REGIONS = 150
+
+
+def transport_content(
+    scene: Scene,
+    lit: LitScene,
+    scattered: npt.NDArray[np.float32] | Solution,
+    illumination: Illumination,
+    photons: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Let photons walk and compare, as JSON: the fields of `TransportError`, or why there are none.
+
+    Parameters
+    ----------
+    scene, lit, scattered, illumination
+        What the picture shows, and what its transport has scattered.
+    photons : int
+        Of each light and mean free path, >= 1.
+    seed : int
+    progress : callable, optional
+        Called with the finished share, in [0, 1].
+    """
+    start = time.perf_counter()
+    reason = obstacle(scene, lit)
+    if reason is None:
+        beams = [Beam(a.direction, a.irradiance) for a in illumination.lights if isinstance(a, DirectionalLight)]
+        try:
+            truth = find_truth(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
+        except InputError as problem:
+            reason = str(problem).rstrip(".")
+    if reason is not None:
+        return {"not_measured": reason}
+    error = transport_error(truth, scene_exitance(lit, scattered, illumination))
+    return {
+        "of": "exitance over the whole surface, against photons",
+        **{name: _finite(values) for name, values in asdict(error).items()},
+        "photons": photons,
+        "regions": len(truth.regions.areas),
+        "lost": truth.lost,
+        "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def obstacle(scene: Scene, lit: LitScene) -> str | None:
+    """Why photons cannot tell of a scene, in a few words; None if they can."""
+    if scene.environment.path is not None:
+        return "photons come from directional lights only, and the scene has an environment"
+    if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
+        return "photons come from directional lights only, and the scene has a point light"
+    if not scene.effective_lights():
+        return "the scene has no light"
+    if not any(scene.material.resolve().sigma_s_prime):
+        return "the material does not scatter"
+    if lit.separated is not None:
+        return "bodies that are separate are not compared; transport diffusion keeps them apart by itself"
+    return None
+
+
+def _finite(values: Sequence[float]) -> list[float | None]:
+    """JSON knows no NaN."""
+    return [float(value) if np.isfinite(value) else None for value in values]
