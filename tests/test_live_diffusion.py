@@ -146,22 +146,6 @@ def test_a_solution_on_the_way_shows_once_it_may_be_seen_and_is_no_rest(driver, 
     np.testing.assert_equal(sorted(steps.residuals, reverse=True), steps.residuals)
 
 
-def test_a_step_of_a_material_shows_after_its_first_product(driver, monkeypatch):
-    put(driver, *OWN)
-    driver.settle()
-    live = driver.view.live
-    before, steps = live.finished, Steps(monkeypatch, live)
-    put(driver, "material.sigma_a=[0.2,0.2,0.3]")
-    driver.frames(2)
-    steps.wait()
-    steps.go()
-    driver.frames(1)
-    assert live.finished is not before
-    assert not live.finished.complete
-    steps.end()
-    assert is_as_rendered(driver)
-
-
 def test_newer_light_ends_a_solution_that_may_be_seen_and_it_is_no_rest(driver, monkeypatch):
     live = driver.view.live
     steps = Steps(monkeypatch, live)
@@ -273,7 +257,7 @@ def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(dr
     driver.settle()
     live = driver.view.live
     kept = live.finished.solution.boundary
-    live._cost = (5.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
+    live._cost = (20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
     assert live._lit.quality.resolution < 64
     driver.settle()

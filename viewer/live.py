@@ -28,7 +28,7 @@ from viewer.transport_job import TransportJob
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
-DRAFT_SOLUTION_SECONDS = 0.4  # likewise with `diffusion`, which is shown long before it is solved
+DRAFT_SOLUTION_SECONDS = 1.0  # likewise with `diffusion`, where another grid takes half a second by itself
 SMALLEST_DRAFT = 32  # texels
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
 
@@ -71,7 +71,7 @@ class Live:
         self._lit: LitScene | None = None
         self._lit_for: tuple[object, CameraSettings, bool] | None = None
         self._sent: LitScene | None = None
-        self._cost: tuple[float, int, int] | None = None  # seconds of transport, with its resolution and layers
+        self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
         self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
 
     @property

@@ -18,11 +18,11 @@ from viewer.lighting import LitScene
 
 Float32 = npt.NDArray[np.float32]
 
-# Relative residual from which on a solution may be seen: pixels magnify it about five times. Before, what a start of
-# another light lacks shows as black and blue patches, worse than the volume of a moment ago.
-PRESENTABLE = 0.02
+# Relative residual from which on a solution may be seen: pixels magnify it a few times, to 1 % rms. At 0.005 shadows
+# have coloured stains yet; what a start of other light gives is black and blue, worse than the volume before.
+PRESENTABLE = 2e-3
 PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
-ONCE_A_GRID = ("weights", "rays", "boundary")  # the rest a moving light or material costs again and again
+DRAG_ROUNDS = 10  # of products that a drag takes until then, with what goes before them
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +52,19 @@ class Scattered:
 
     @property
     def seconds(self) -> float | None:
-        """What new light or another material costs on this grid; None where that did not all run."""
-        if not self.complete or not self.timings.keys() & {"convolution", "solution"}:
+        """What a drag costs on this grid until it may be seen; None where that is not to be told from this.
+
+        A solution does not count as a whole: how many products it took depends on what it started from.
+        """
+        if not self.complete:
             return None
-        return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage not in ONCE_A_GRID)
+        if isinstance(self.result, Solution):
+            rounds = max(self.result.products) - 1  # of the first two one is of the sources
+            known = "solution" in self.timings and rounds > 0
+            return 1e-3 * DRAG_ROUNDS * self.timings["solution"] / rounds if known else None
+        if "convolution" not in self.timings:
+            return None
+        return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage != "weights")
 
 
 class TransportJob:
