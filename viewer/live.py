@@ -8,7 +8,6 @@ of a moment ago, never of two at once, and always replaced as soon as the newer 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import moderngl
 
@@ -69,7 +68,7 @@ class Live:
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
         self._lit: LitScene | None = None
-        self._lit_for: tuple[object, CameraSettings, bool] | None = None
+        self._lit_for: tuple[tuple[object, ...], CameraSettings, bool] | None = None
         self._sent: LitScene | None = None
         self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
         self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
@@ -129,8 +128,10 @@ class Live:
         if self.finished is None:
             return None
         old = self.finished.lit
-        if lit.model is not old.model or lit.bodies is not old.bodies:
-            lit = old  # the first volume of a new model, or of its bodies, is on the way: the old one until then
+        if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.method == "diffusion":
+            lit = (
+                old  # the first volume of a new model, its bodies or other light is on the way: the old one until then
+            )
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), self.finished.gather
 
@@ -167,7 +168,8 @@ class Live:
         if self._has_files(scene, detail):
             self._ready, self._failed = scene, None
         elif self._load is None and (self._failed is None or files(self._failed) != files(scene)):
-            self._load = self._start(lambda: self._read(scene))
+            self._load = self._worker.submit(self._read, scene)
+            self._load.add_done_callback(lambda _: self._wake())
         if self._ready is None:
             return None
         if self._ready is scene:
@@ -220,6 +222,11 @@ class Live:
                 return self._lit
             if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
                 return self._lit
+            solving = detail.draft and self._lit.quality.method == "diffusion"
+            if solving and self._job is not None and not unchanged:
+                # Lit when it can be solved for: until then the processor is the worker's.
+                self._job.supersede(at_once=key[0] != self._lit_for[0][0])
+                return self._lit
         if not detail.draft:
             self._held = None
         coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
@@ -229,9 +236,9 @@ class Live:
         self.assets.accept_finer = detail.draft
         lit = self.renderer.light(scene)
         if self._lit is None or not same_light(lit, self._lit):
-            self._lit = lit
             if self._job is not None:
-                self._job.supersede(lit)
+                self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
+            self._lit = lit
         self._lit_for = (key, camera, coarse is not None)
         return self._lit
 
@@ -277,6 +284,8 @@ class Live:
         scattered = job.future.result() if done else job.preview()
         if scattered is None:
             return
+        if done and not scattered.complete:
+            self._sent = None  # where the light comes back, it is solved after all
         lit = scattered.lit
         if scattered.is_presentable:
             gather = self.renderer.gather(lit, scattered.result)
@@ -284,11 +293,6 @@ class Live:
         if scattered.seconds is not None:
             self._cost = scattered.seconds, lit.quality.resolution, lit.grid.n_layers
         self.renderer.stages.timings.update(scattered.timings)
-
-    def _start(self, work: Callable[[], Any]) -> Future[Any]:
-        future = self._worker.submit(work)
-        future.add_done_callback(lambda _: self._wake())
-        return future
 
     def _count(self, timings: dict[str, float]) -> None:
         if timings:

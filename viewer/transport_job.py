@@ -87,10 +87,10 @@ class TransportJob:
         self.future: Future[Scattered] = worker.submit(self._scatter)
         self.future.add_done_callback(lambda _: wake())
 
-    def supersede(self, lit: LitScene) -> None:
-        """Tell it that newer light waits: it ends as soon as it may be seen, or at once if it never would be."""
+    def supersede(self, at_once: bool) -> None:
+        """Tell it that newer light waits: it ends `at_once` (another model's), else as soon as it may be seen."""
         self._superseded.set()
-        if lit.model is not self._lit.model:
+        if at_once:
             self._unwanted.set()
 
     def preview(self) -> Scattered | None:
