@@ -10,6 +10,7 @@ import trimesh
 
 from core.diffusion import TOLERANCE
 from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_knot
+from viewer.live import Detail
 from viewer.live_error import NOT_EQUATION_1
 from viewer.panel_transport import chosen, solved
 from viewer.scene import apply_set
@@ -351,3 +352,24 @@ def test_the_split_view_compares_two_methods(driver):
     assert mine.finished.lit.quality.method == "ewald"
     assert kept.finished.lit.quality.method == "diffusion"
     assert kept.finished.complete
+
+
+def test_light_that_comes_back_in_a_drag_is_solved_after_all(driver, monkeypatch):
+    live, scene = driver.view.live, driver.view._sized(driver.session.scene)
+    steps = Steps(monkeypatch, live)
+    moved, further = (apply_set(scene, [*OWN[::2], f"material.sigma_a=[{x},0.2,0.3]"]) for x in (0.5, 0.9))
+    live.draw(moved, Detail(draft=True))
+    steps.wait()
+    lit = live._lit
+    live.draw(further, Detail(draft=True))
+    assert live._lit is lit  # the worker has the processor
+    steps.end()
+    live.wait()
+    live.draw(moved, Detail(draft=True))
+    assert live.finished.lit is lit
+    live.wait()
+    live.draw(moved, Detail())
+    live.wait()
+    live.draw(moved, Detail())
+    assert live.is_settled(moved)
+    assert max(live.finished.solution.residuals) <= TOLERANCE
