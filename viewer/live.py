@@ -275,11 +275,9 @@ class Live:
 
     def _collect(self) -> None:
         """Take what the worker has, finished or on the way."""
-        job = self._job
-        if job is None:
+        if (job := self._job) is None:
             return
-        done = job.future.done()
-        if done:
+        if done := job.future.done():
             self._job = None
         scattered = job.future.result() if done else job.preview()
         if scattered is None:
