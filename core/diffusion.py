@@ -96,6 +96,7 @@ class DiffusionTransport(Kernels):
     _last: tuple[Boundary, tuple[Channel | None, ...], tuple[Array, ...]] | None = field(
         default=None, init=False, repr=False
     )
+    _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
@@ -159,7 +160,7 @@ class DiffusionTransport(Kernels):
             Told the solution after each round of products; False ends there, and the next call starts from it.
         """
         depths = stages.run("rays", (mesh,), lambda: Depths(mesh))
-        boundary = stages.run("boundary", (mesh, samples, grid), lambda: self.boundary(mesh, samples, grid, depths))
+        boundary = stages.run("boundary", (mesh, samples, grid), lambda: self._at_hand(mesh, samples, grid, depths))
         entries = [
             stages.run(
                 f"entry of light {i}",
@@ -195,6 +196,13 @@ class DiffusionTransport(Kernels):
         extra = np.maximum(extra, 2 * LEAST_REACH - counts)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
+
+    def _at_hand(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
+        """Return the surface on a grid, perhaps that of the last call, between which another transport had its turn."""
+        kept = self._placed
+        if kept is None or kept[0] is not mesh or kept[1] is not samples or kept[2].grid != grid:
+            kept = self._placed = mesh, samples, self.boundary(mesh, samples, grid, depths)
+        return kept[2]
 
     def _channel(
         self,

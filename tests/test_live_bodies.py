@@ -82,7 +82,7 @@ def test_layers_show_all_bodies_together(driver):
     finished = driver.view.live.finished
     incoming, outgoing = finished.incoming(), finished.outgoing()
     assert incoming.shape == outgoing.shape == (3, *finished.lit.grid.shape)
-    assert finished.exitance.shape[1:] == finished.lit.separated.atlas.shape
+    assert finished.scattered.shape[1:] == finished.lit.separated.atlas.shape
     np.testing.assert_allclose(incoming.sum(axis=(1, 2, 3)), finished.lit.flux.sum(axis=0), rtol=1e-4)
     assert outgoing[:, incoming.sum(axis=0) > 0.0].min() > 0.0
     driver.session.view.show = "layer out"

@@ -1,5 +1,7 @@
 """What a picture depends on, for deciding what to do again."""
 
+from dataclasses import replace
+
 from viewer.lighting import LitScene
 from viewer.scene import Scene
 from viewer.settings import CameraSettings
@@ -42,3 +44,9 @@ def same_light(a: LitScene, b: LitScene) -> bool:
         and a.sources == b.sources
         and a.bodies is b.bodies
     )
+
+
+def looks_of(scene: Scene, lit: LitScene) -> tuple[object, ...]:
+    """All that a picture depends on, but for its volume and its size."""
+    display = replace(scene.display, image_size=(16, 16))
+    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.sources

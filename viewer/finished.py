@@ -15,12 +15,17 @@ Float32 = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """The light it is of, the volume that is drawn, what the volume holds; with `diffusion` how far it is solved."""
+    """The light it is of, the volume that is drawn, what came back; `complete` unless it is on the way to better."""
 
     lit: LitScene
     gather: Gather
-    exitance: Float32
-    solution: Solution | None = None
+    scattered: Float32 | Solution
+    complete: bool = True
+
+    @property
+    def solution(self) -> Solution | None:
+        """With `diffusion`, how far it is solved."""
+        return self.scattered if isinstance(self.scattered, Solution) else None
 
     def incoming(self) -> Float32:
         """Flux on the layers, (3, n_layers, height, width)."""
@@ -28,6 +33,18 @@ class Finished:
         return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
 
     def outgoing(self) -> Float32:
-        """Exitance on the layers, (3, n_layers, height, width), all bodies together."""
+        """Exitance on the layers, (3, n_layers, height, width), all bodies together; with `diffusion` flux again."""
+        if isinstance(self.scattered, Solution):
+            return _leaving(self.scattered)
         separated = self.lit.separated
-        return self.exitance if separated is None else separated.atlas.unfolded(self.exitance)
+        return self.scattered if separated is None else separated.atlas.unfolded(self.scattered)
+
+
+def _leaving(solution: Solution) -> Float32:
+    """M dA on the layers: the volume of a solution is no light yet."""
+    boundary = solution.boundary
+    flux = np.zeros((len(boundary.patches), 3), np.float32)
+    for i, (medium, fluence) in enumerate(zip(solution.media, solution.fluence, strict=True)):
+        if not medium.is_black:
+            flux[:, i] = np.maximum(fluence, 0.0) / (2.0 * medium.boundary) * boundary.patches.areas
+    return deposit(boundary.grid, boundary.weights, flux)

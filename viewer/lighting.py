@@ -31,7 +31,7 @@ from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
-from viewer.quality import Quality, make_transport, sample_spacing
+from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
@@ -107,6 +107,7 @@ class Lighting:
         self._run = stages.run
         self._assets = assets
         self._effort = effort
+        self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
         self._shadows = ShadowsPass(context)
         self._irradiance = SampleIrradiancePass(context)
         self._layers = LayersPass(context)
@@ -129,7 +130,7 @@ class Lighting:
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = quality.grid_alone
         keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
-        transport = run("transport", [made_for, keep], lambda: make_transport(quality, self._effort, keep))
+        transport = run("transport", [made_for, keep], lambda: self._transport(made_for, keep))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
             self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
@@ -195,6 +196,14 @@ class Lighting:
         path = environment.path
         assert path is not None
         return self._run("probe", [path], lambda: self._assets.probe(path))
+
+    def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
+        """Make a transport; with `diffusion`, which keeps a surface and a solution, one of the last two may serve."""
+        if made_for.method != "diffusion":
+            return make_transport(made_for, self._effort, keep)
+        solver = self._solvers.pop(made_for, None) or make_transport(made_for, self._effort, keep)
+        self._solvers = {**dict(list(self._solvers.items())[-1:]), made_for: solver}
+        return solver
 
     def _load(self, settings: ModelSettings) -> Model:
         mesh, warning = self._assets.mesh(settings)

@@ -5,21 +5,16 @@ the light to the worker if the worker is free, and draws with the newest volume 
 of a moment ago, never of two at once, and always replaced as soon as the newer one is there.
 """
 
-import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import moderngl
-import numpy as np
-import numpy.typing as npt
 
-from core.diffusion import Solution
 from core.mesh import Mesh
 from viewer.assets import Assets
 from viewer.camera import place_camera
-from viewer.dependence import angle, files, lighting_key, same_light, turned
+from viewer.dependence import angle, files, lighting_key, looks_of, same_light, turned
 from viewer.finished import Finished
 from viewer.frame import Renderer
 from viewer.gather import Gather
@@ -28,13 +23,11 @@ from viewer.picture import Picture
 from viewer.quality import sample_spacing
 from viewer.scene import Scene
 from viewer.settings import CameraSettings
-
-Float32 = npt.NDArray[np.float32]
+from viewer.transport_job import TransportJob
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
-ONCE_A_GRID = ("weights", "rays", "boundary")  # the rest a moving light or material costs again and again
-PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
+DRAFT_SOLUTION_SECONDS = 1.0  # likewise with `diffusion`, where another grid takes half a second by itself
 SMALLEST_DRAFT = 32  # texels
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
 
@@ -69,16 +62,15 @@ class Live:
         self.ran: dict[str, float] = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
-        self._job: Future[Any] | None = None
-        self._preview: tuple[LitScene, Solution] | None = None  # from the worker, on the way to a solution
+        self._job: TransportJob | None = None
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
         self._lit: LitScene | None = None
-        self._lit_for: tuple[object, CameraSettings, bool] | None = None
+        self._lit_for: tuple[tuple[object, ...], CameraSettings, bool] | None = None
         self._sent: LitScene | None = None
-        self._cost: tuple[float, int, int] | None = None  # seconds of transport, with its resolution and layers
+        self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
         self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
 
     @property
@@ -105,7 +97,7 @@ class Live:
         newest = self._newest(scene, detail)
         if newest is None:
             return None
-        looks = (*_looks(*newest[:2]), self.finished, show, exposure_for)
+        looks = (*looks_of(*newest[:2]), self.finished, show, exposure_for)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
             self.picture = self.renderer.shade(
@@ -136,8 +128,10 @@ class Live:
         if self.finished is None:
             return None
         old = self.finished.lit
-        if lit.model is not old.model or lit.bodies is not old.bodies:
-            lit = old  # the first volume of a new model, or of its bodies, is on the way: the old one until then
+        if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.method == "diffusion":
+            lit = (
+                old  # the first volume of a new model, its bodies or other light is on the way: the old one until then
+            )
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), self.finished.gather
 
@@ -146,6 +140,7 @@ class Live:
         return (
             not self.working
             and self.finished is not None
+            and self.finished.complete
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
@@ -154,9 +149,10 @@ class Live:
 
     def wait(self, timeout: float = 60.0) -> None:
         """Wait for what the worker does now; for tests and replays, never for a window."""
-        for future in (self._load, self._job):
-            if future is not None:
-                future.exception(timeout)
+        if self._load is not None:
+            self._load.exception(timeout)
+        if self._job is not None:
+            self._job.future.exception(timeout)
 
     def close(self) -> None:
         """Let the worker finish and free it."""
@@ -172,7 +168,8 @@ class Live:
         if self._has_files(scene, detail):
             self._ready, self._failed = scene, None
         elif self._load is None and (self._failed is None or files(self._failed) != files(scene)):
-            self._load = self._start(lambda: self._read(scene))
+            self._load = self._worker.submit(self._read, scene)
+            self._load.add_done_callback(lambda _: self._wake())
         if self._ready is None:
             return None
         if self._ready is scene:
@@ -225,6 +222,11 @@ class Live:
                 return self._lit
             if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
                 return self._lit
+            solving = detail.draft and self._lit.quality.method == "diffusion"
+            if solving and self._job is not None and not unchanged:
+                # Lit when it can be solved for: until then the processor is the worker's.
+                self._job.supersede(at_once=key[0] != self._lit_for[0][0])
+                return self._lit
         if not detail.draft:
             self._held = None
         coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
@@ -234,6 +236,8 @@ class Live:
         self.assets.accept_finer = detail.draft
         lit = self.renderer.light(scene)
         if self._lit is None or not same_light(lit, self._lit):
+            if self._job is not None:
+                self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
             self._lit = lit
         self._lit_for = (key, camera, coarse is not None)
         return self._lit
@@ -246,16 +250,18 @@ class Live:
         """
         if self._cost is None or self._lit is None:
             return None
-        settings, held = scene.transport, self._held
+        settings, held, quality = scene.transport, self._held, self._lit.quality
         if held is not None and held[:2] == (scene.model, settings):
             return held[2]
         seconds, resolution, layers = self._cost
-        automatic = settings.resolution is None and settings.method == self._lit.quality.method
-        wanted = settings.resolution or self._lit.quality.resolution
+        is_of_method = settings.method == quality.method or quality.open_surface is not None
+        automatic = settings.resolution is None and is_of_method
+        wanted = settings.resolution or quality.resolution
         # Layers of their own number cost as many times a map; else they grow with the resolution.
         power = 2.0 if settings.layers is not None else 3.0
         seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
-        fitting = int(wanted * (DRAFT_SECONDS / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
+        affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
+        fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
         chosen = wanted if automatic else None
         if fitting < wanted:
             chosen = min(wanted, max(SMALLEST_DRAFT, fitting))
@@ -265,59 +271,28 @@ class Live:
     def _submit(self, lit: LitScene) -> None:
         if self._job is None and self._sent is not lit:
             self._sent = lit
-            self._job = self._start(lambda: self._scatter(lit))
-
-    def _scatter(self, lit: LitScene) -> tuple[LitScene, Float32 | Solution, dict[str, float]]:
-        """Run in the worker: nothing here touches OpenGL."""
-        stages, shown = self.renderer.transport_stages, -np.inf
-        stages.begin()
-
-        def go_on(solution: Solution) -> bool:
-            """Show the first product at once and some of the later ones; end where newer light waits."""
-            nonlocal shown
-            if time.perf_counter() - shown > PREVIEW_SECONDS:
-                shown = time.perf_counter()
-                self._preview = lit, solution
-                self._wake()
-            return self._lit is lit
-
-        scattered = self.renderer.scatter(lit, go_on)
-        return lit, scattered, dict(stages.timings)
+            self._job = TransportJob(self._worker, self.renderer, lit, self._wake)
 
     def _collect(self) -> None:
-        """Take what the worker has finished."""
-        preview, self._preview = self._preview, None
-        if self._job is None or not self._job.done():
-            if preview is not None:
-                self._finish(*preview)
+        """Take what the worker has, finished or on the way."""
+        if (job := self._job) is None:
             return
-        job, self._job = self._job, None
-        lit, scattered, timings = job.result()
-        self._finish(lit, scattered)
-        if "convolution" in timings or "solution" in timings:
-            seconds = 1e-3 * sum(ms for stage, ms in timings.items() if stage not in ONCE_A_GRID)
-            self._cost = seconds, lit.quality.resolution, lit.grid.n_layers
-        self.renderer.stages.timings.update(timings)
-
-    def _finish(self, lit: LitScene, scattered: Float32 | Solution) -> None:
-        gather = self.renderer.gather(lit, scattered)
-        if isinstance(scattered, Solution):
-            self.finished = Finished(lit, gather, scattered.volume[:3], scattered)
-        else:
-            self.finished = Finished(lit, gather, scattered)
-
-    def _start(self, work: Callable[[], Any]) -> Future[Any]:
-        future = self._worker.submit(work)
-        future.add_done_callback(lambda _: self._wake())
-        return future
+        if done := job.future.done():
+            self._job = None
+        scattered = job.future.result() if done else job.preview()
+        if scattered is None:
+            return
+        if done and not scattered.complete:
+            self._sent = None  # where the light comes back, it is solved after all
+        lit = scattered.lit
+        if scattered.is_presentable:
+            gather = self.renderer.gather(lit, scattered.result)
+            self.finished = Finished(lit, gather, scattered.result, scattered.complete)
+        if scattered.seconds is not None:
+            self._cost = scattered.seconds, lit.quality.resolution, lit.grid.n_layers
+        self.renderer.stages.timings.update(scattered.timings)
 
     def _count(self, timings: dict[str, float]) -> None:
         if timings:
             self.ran = dict(timings)
             self.stage_times.update(timings)
-
-
-def _looks(scene: Scene, lit: LitScene) -> tuple[object, ...]:
-    """All that a picture depends on, but for its volume and its size."""
-    display = replace(scene.display, image_size=(16, 16))
-    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.sources

@@ -69,8 +69,11 @@ class Controls:
 
     # rows of settings
 
-    def setting(self, name: str, label: str, automatic: float | str | None = None) -> None:
-        """Draw the control of a scalar setting, "table.key"; `automatic` is what None stands for now."""
+    def setting(self, name: str, label: str, automatic: float | str | None = None, *, off: str | None = None) -> None:
+        """Draw the control of a scalar setting, "table.key".
+
+        `automatic` is what None stands for now; `off` says why the setting means nothing now, a sentence.
+        """
         table, key = name.split(".")
         current = getattr(self.session.scene, table)
         declared, value = settings_of(current)[key], getattr(current, key)
@@ -79,7 +82,7 @@ class Controls:
             return
         changed = self.value(
             name, label, declared, value, default=default, on_reset=lambda: self._put(table, key, default),
-            automatic=automatic,
+            automatic=automatic, off=off,
         )  # fmt: skip
         if changed is not None:
             self._put(table, key, changed)
@@ -87,9 +90,10 @@ class Controls:
     def value(
         self, name: str, label: str, declared: Setting, value: Any, *, default: Any = None,
         on_reset: Callable[[], object] | None = None, reach: Reach | None = None,
-        automatic: float | str | None = None,
+        automatic: float | str | None = None, off: str | None = None,
     ) -> Any:  # fmt: skip
         """Draw the control of any value that a `Setting` describes; returns the new value, None if unchanged."""
+        imgui.begin_disabled(off is not None)
         self.begin_row(label, on_reset is not None)
         if declared.choices and not declared.pattern:
             new = self._choice(name, declared, value, automatic)
@@ -101,7 +105,9 @@ class Controls:
         else:
             new = self._number(name, declared, value, reach or REACH.get(name), automatic)
         hint = TYPE_HINT if declared.kind in ("number", "integer") else RESET_HINT
-        self.end_row(name, label, explained(declared, default) + "\n" + hint, on_reset, value != default)
+        tip = explained(declared, default) + "\n" + (hint if off is None else off)
+        self.end_row(name, label, tip, on_reset, value != default, is_off=off is not None)
+        imgui.end_disabled()
         return new
 
     # the parts of a row
@@ -122,9 +128,9 @@ class Controls:
 
     def end_row(
         self, name: str, label: str, tip: str, on_reset: Callable[[], object] | None = None,
-        differs: bool = False,
+        differs: bool = False, is_off: bool = False,
     ) -> None:  # fmt: skip
-        """Finish a row after its control: tooltip, reset."""
+        """Finish a row after its control: tooltip, and reset unless the row is off."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.boxes[name] = (low.x, low.y, high.x, high.y)
         label_hovered = imgui.is_mouse_hovering_rect((self._labels[0], low.y), (low.x, high.y))
@@ -134,7 +140,7 @@ class Controls:
         if on_reset is None:
             return
         right = imgui.MouseButton_.right.value
-        if (imgui.is_item_hovered() or label_hovered) and imgui.is_mouse_clicked(right):
+        if not is_off and (imgui.is_item_hovered() or label_hovered) and imgui.is_mouse_clicked(right):
             on_reset()
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if differs:

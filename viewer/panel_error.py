@@ -6,9 +6,10 @@ import numpy as np
 
 from viewer.gui import GOOD, WARNING, icons, imgui
 from viewer.live import Live
-from viewer.live_error import LiveError, Measured
+from viewer.live_error import NOT_EQUATION_1, LiveError, Measured
 from viewer.panel_controls import TYPE_HINT, Controls
 from viewer.panel_material import CHANNELS
+from viewer.panel_transport import solves
 from viewer.session import DEFAULT_ERROR_POINTS, Session
 from viewer.sliders import significant
 
@@ -30,24 +31,35 @@ class ErrorPanel:
 
     def draw(self, error: LiveError, live: Live) -> None:
         """Draw them."""
+        is_off = solves(live)
+        imgui.begin_disabled(is_off)
+        self._wishes(is_off)
+        imgui.end_disabled()
+        if is_off:
+            self._controls.note(NOT_EQUATION_1)
+            return
         view, controls = self._session.view, self._controls
-        controls.begin_row("Measure")
-        clicked, _ = imgui.checkbox("##error.measure", view.measure)
-        controls.end_row("error.measure", "Measure", MEASURE_TIP)
-        if clicked:
-            view.measure = not view.measure
-        self._points()
-        controls.begin_row("Show map")
-        clicked, _ = imgui.checkbox("##error.map", view.error_map)
-        controls.end_row("error.map", "Show map", MAP_TIP)
-        if clicked:
-            view.error_map = not view.error_map
         if not view.measure:
             controls.note("off: nothing is measured")
             return
         self._state(error)
         if error.trouble is None or error.outdated:
             self._numbers(error.result, error.outdated, live)
+
+    def _wishes(self, is_off: bool) -> None:
+        """Draw what can be asked for; `is_off` where it would be in vain."""
+        view, controls = self._session.view, self._controls
+        controls.begin_row("Measure")
+        clicked, _ = imgui.checkbox("##error.measure", view.measure)
+        controls.end_row("error.measure", "Measure", NOT_EQUATION_1 if is_off else MEASURE_TIP)
+        if clicked:
+            view.measure = not view.measure
+        self._points(is_off)
+        controls.begin_row("Show map")
+        clicked, _ = imgui.checkbox("##error.map", view.error_map)
+        controls.end_row("error.map", "Show map", NOT_EQUATION_1 if is_off else MAP_TIP)
+        if clicked:
+            view.error_map = not view.error_map
 
     def _state(self, error: LiveError) -> None:
         """Say how far it is, what went wrong, or whether the promise holds."""
@@ -67,15 +79,17 @@ class ErrorPanel:
                 imgui.same_line()
             controls.note(sentence)
 
-    def _points(self) -> None:
+    def _points(self, is_off: bool) -> None:
         view, controls = self._session.view, self._controls
+        tip = f"{POINTS_TIP}\n{FEWEST} to {MOST}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
         controls.begin_row("Points", True)
         points = controls.sliders.integer("error.points", view.error_points, FEWEST, MOST, f"{view.error_points}")
         if points is not None:
             view.error_points = min(max(points, FEWEST), MOST)
         controls.end_row(
-            "error.points", "Points", f"{POINTS_TIP}\n{FEWEST} to {MOST}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}",
+            "error.points", "Points", NOT_EQUATION_1 if is_off else tip,
             lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS), view.error_points != DEFAULT_ERROR_POINTS,
+            is_off,
         )  # fmt: skip
 
     def _numbers(self, measured: Measured | None, outdated: bool, live: Live) -> None:

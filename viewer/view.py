@@ -194,9 +194,10 @@ class ViewArea:
             self._draw_kept(show)
 
     def _warn(self) -> None:
-        """Say what is wrong with the model, once."""
+        """Say what is wrong with the model, and what it cannot have for that, once."""
         assert self.live.finished is not None
-        warnings = self.live.finished.lit.model.warnings
+        lit = self.live.finished.lit
+        warnings = (*lit.model.warnings, *filter(None, (lit.quality.fallback,)))
         for warning in warnings:
             if warning not in self._warned:
                 path = self._session.scene.model.path
