@@ -102,10 +102,9 @@ class Iteration:
         self._start = channel.first_guess if start is None else start
         volume = channel.volume(self._start)
         product = channel.product(self._start, volume)
-        if start is not None:
-            squared = inner(product, product)
-            scale = inner(product, channel.right) / squared if squared > 0.0 else 0.0
-            self._start, volume, product = scale * self._start, np.float32(scale) * volume, scale * product
+        squared = inner(product, product)
+        scale = inner(product, channel.right) / squared if squared > 0.0 else 0.0
+        self._start, volume, product = scale * self._start, np.float32(scale) * volume, scale * product
         self._base = channel.sources - volume
         self._volumes: list[Float32] = []
         scale = norm(channel.right) or 1.0  # 0 where so little scatters that its square underflows

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-BREAKDOWN = 1e-7  # of a product, left when the known is taken off: the space holds the solution, as far as float32 tells
+BREAKDOWN = 1e-7  # of a product, when what is known is taken off: the space holds the solution
 
 
 class Step(NamedTuple):
