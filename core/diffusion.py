@@ -22,6 +22,8 @@ from core.boundary import Boundary, Depths, find_sheet, place
 from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
 from core.diffusion_pixels import PixelTerms, pixel_terms
+from core.diffusion_solution import Solution as Solution
+from core.diffusion_solution import collected, prolonged, same_flux
 from core.entry import EnteringLight, Entry, enter, sources
 from core.ewald import SHEET_REACH
 from core.green import green_spectrum
@@ -39,36 +41,12 @@ Float32 = npt.NDArray[np.float32]
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
+NESTED = 44  # nodes from which on half of them are solved first
+COARSE_TOLERANCE = 1e-3
 PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, and no error is smaller
 LEAST_REACH = 12  # nodes over which the kernel must lie on each side, however thin the object
 DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
 WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Fluence on the surface, and the volume from which any point's is read.
-
-    Attributes
-    ----------
-    boundary : Boundary, of n patches
-    media : R, G and B
-    volume : (4, n_layers, height, width) float32
-        O of R, G and B; then K_L 1.
-    fluence : tuple of (n,) float64
-        phi of each channel's patches.
-    residuals : tuple of float
-        |b - A phi| / |b| of each channel, 0 for a dark one.
-    products : tuple of int
-        Convolutions that each channel took.
-    """
-
-    boundary: Boundary
-    media: tuple[Medium, ...]
-    volume: Float32
-    fluence: tuple[Array, ...]
-    residuals: tuple[float, ...]
-    products: tuple[int, ...]
 
 
 @dataclass
@@ -93,6 +71,8 @@ class DiffusionTransport(Kernels):
     n_layers: int | None = None
     tolerance: float = TOLERANCE
     patch: float = PATCH
+    _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
+    _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
     _last: tuple[Boundary, tuple[Channel | None, ...], tuple[Array, ...]] | None = field(
         default=None, init=False, repr=False
     )
@@ -159,6 +139,60 @@ class DiffusionTransport(Kernels):
         go_on : callable
             Told the solution after each round of products; False ends there, and the next call starts from it.
         """
+        request = self, mesh, samples, grid, *lights, *media
+
+        def anew() -> Solution:
+            coarse = self._coarse_solution(mesh, samples, lights, media, stages, go_on)
+            if coarse is not None and not go_on(coarse):
+                return coarse
+            boundary, channels = self._channels(mesh, samples, grid, lights, media, stages)
+            return self._solve(boundary, media, channels, samples, coarse, go_on)
+
+        solution = stages.run("solution", request, anew)
+        if max(solution.residuals) > self.tolerance or solution.boundary.grid != grid:
+            stages.forget("solution")  # to go on from there
+        return solution
+
+    def _coarse_solution(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+        go_on: Callable[[Solution], bool],
+    ) -> Solution | None:
+        """Solve on half the nodes: a picture at once, and the start from which few products are left."""
+        if self.resolution < NESTED:
+            return None
+        if self._coarse is None:
+            self._coarse = DiffusionTransport(
+                threads=self.threads,
+                effort=self.effort,
+                keep=self.keep,
+                resolution=self.resolution // 2,
+                n_layers=self.n_layers,
+                tolerance=COARSE_TOLERANCE,
+                patch=self.patch,
+            )
+        coarse = self._coarse
+        on = coarse.grid(mesh, np.eye(3))
+        return stages.run(
+            "coarse solution",
+            (coarse, mesh, samples, *lights, *media),
+            lambda: coarse.solve(mesh, samples, on, lights, media, self._coarse_stages, go_on),
+        )
+
+    def _channels(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        grid: LayerGrid,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+    ) -> tuple[Boundary, list[Channel | None]]:
+        """Put the equation up, channel by channel; None for a dark one."""
         depths = stages.run("rays", (mesh,), lambda: Depths(mesh))
         boundary = stages.run("boundary", (mesh, samples, grid), lambda: self._at_hand(mesh, samples, grid, depths))
         entries = [
@@ -173,19 +207,14 @@ class DiffusionTransport(Kernels):
         spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, self._maker(grid)))
         channels: list[Channel | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
-            twin = next((k for k in range(i) if media[k] == medium and _same_flux(entries, i, k)), None)
+            twin = next((k for k in range(i) if media[k] == medium and same_flux(entries, i, k)), None)
             if spectrum is None or not any(entry.flux[:, i].any() for entry in entries):
                 channels.append(None)
             elif twin is not None:
                 channels.append(channels[twin])
             else:
                 channels.append(self._channel(boundary, medium, i, entries, spectrum, stages))
-        solution = stages.run(
-            "solution", (boundary, *media, *channels), lambda: self._solve(boundary, media, channels, go_on)
-        )
-        if max(solution.residuals) > self.tolerance:
-            stages.forget("solution")  # to go on from there
-        return solution
+        return boundary, channels
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
         """Pad a channel by the reach of its G; at most by the extent, which is exact."""
@@ -231,15 +260,20 @@ class DiffusionTransport(Kernels):
         boundary: Boundary,
         media: Sequence[Medium],
         channels: Sequence[Channel | None],
+        samples: SurfaceSamples,
+        coarse: Solution | None,
         go_on: Callable[[Solution], bool],
     ) -> Solution:
         """Step all channels in rounds, each from where it ended last time."""
         ways: dict[Channel, Iteration] = {}
         for i, channel in enumerate(channels):
             if channel is not None and channel not in ways:
-                ways[channel] = Iteration(channel, self._start(boundary, channel, i), self.tolerance, MOST_PRODUCTS)
+                starts = self._starts(boundary, channel, i)
+                if coarse is not None:
+                    starts.append(prolonged(coarse, i, samples, boundary))
+                ways[channel] = Iteration(channel, starts, self.tolerance, MOST_PRODUCTS)
         while True:
-            solution = _collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
+            solution = collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
             self._last = boundary, tuple(channels), solution.fluence
             if max(solution.residuals) <= self.tolerance or not go_on(solution):
                 return solution
@@ -247,15 +281,13 @@ class DiffusionTransport(Kernels):
             if not any(unfinished):
                 return solution
 
-    def _start(self, boundary: Boundary, channel: Channel, i: int) -> Array | None:
-        """Fluence of the last solution on the same surface, of the exitance that it had."""
+    def _starts(self, boundary: Boundary, channel: Channel, i: int) -> list[Array]:
+        """Fluence of the last solution on the same surface, if there is one, of the exitance that it had."""
         if self._last is None or self._last[0] is not boundary:
-            return None
+            return []
         _, channels, fluence = self._last
         before = channels[i]
-        if before is None:
-            return None
-        return fluence[i] * (channel.medium.boundary / before.medium.boundary)
+        return [] if before is None else [fluence[i] * (channel.medium.boundary / before.medium.boundary)]
 
     def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
         return medium, self.shape(grid, medium), grid.texel, grid.layer_distance
@@ -263,19 +295,3 @@ class DiffusionTransport(Kernels):
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
         return lambda medium, shape: green_spectrum(medium, s, grid, shape)
-
-
-def _collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:
-    dark = np.zeros(boundary.grid.shape, np.float32)
-    return Solution(
-        boundary=boundary,
-        media=tuple(media),
-        volume=np.stack([*(dark if way is None else way.volume for way in ways), boundary.constant]),
-        fluence=tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in ways),
-        residuals=tuple(0.0 if way is None else way.residual for way in ways),
-        products=tuple(0 if way is None else way.products for way in ways),
-    )
-
-
-def _same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:
-    return all(np.array_equal(entry.flux[:, i], entry.flux[:, k]) for entry in entries)

@@ -1,6 +1,6 @@
 """One colour channel of the boundary integral equation: its operator, its right side, its steps to the solution."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -91,21 +91,25 @@ class Iteration:
     Parameters
     ----------
     channel : Channel
-    start : (n,) float64, optional
-        A phi that may be near, scaled to fit best.
+    starts : (n,) float64 each
+        Phi that may be near: the sum of them, each scaled, that fits best. The first guess where there is none.
     tolerance, most
         See `core.krylov.gmres`.
     """
 
-    def __init__(self, channel: Channel, start: Array | None, tolerance: float, most: int) -> None:
+    def __init__(self, channel: Channel, starts: Sequence[Array], tolerance: float, most: int) -> None:
         self.channel = channel
-        self._start = channel.first_guess if start is None else start
-        volume = channel.volume(self._start)
-        product = channel.product(self._start, volume)
-        squared = inner(product, product)
-        scale = inner(product, channel.right) / squared if squared > 0.0 else 0.0
-        self._start, volume, product = scale * self._start, np.float32(scale) * volume, scale * product
-        self._base = channel.sources - volume
+        starts = starts or [channel.first_guess]
+        volumes = [channel.volume(start) for start in starts]
+        products = [channel.product(start, volume) for start, volume in zip(starts, volumes, strict=True)]
+        gram = np.array([[inner(a, b) for b in products] for a in products])
+        fits = np.array([inner(a, channel.right) for a in products])
+        scales = np.linalg.lstsq(gram, fits, rcond=1e-12)[0]
+        self._start, product, self._base = np.zeros(len(channel.right)), np.zeros(len(channel.right)), channel.sources
+        for scale, start, volume, own in zip(scales, starts, volumes, products, strict=True):
+            self._start, product = self._start + scale * start, product + scale * own
+            self._base = self._base - np.float32(scale) * volume
+        self._before = 1 + len(starts)
         self._volumes: list[Float32] = []
         scale = norm(channel.right) or 1.0  # 0 where so little scatters that its square underflows
         self._steps = gmres(self._multiply, channel.right - product, scale, tolerance, most)
@@ -126,7 +130,7 @@ class Iteration:
     @property
     def products(self) -> int:
         """Convolutions so far, with those of the sources and of the start."""
-        return self._step.products + 2
+        return self._step.products + self._before
 
     @property
     def fluence(self) -> Array:

@@ -76,7 +76,7 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ strengths.astype(np.float32)
     local = np.zeros(len(found.patches))
     channel = Channel(found.boundary, medium, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
-    way = Iteration(channel, None, 1e-4, 40)
+    way = Iteration(channel, [], 1e-4, 40)
     while way.residual > 1e-4 and way.advance():
         pass
     assert way.residual <= 1e-4
@@ -134,7 +134,7 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ shares
     local = np.full(len(patches), float(local_green(MARBLE, s, R - r0)) / (4.0 * np.pi * r0**2))
     way = Iteration(
-        Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local), None, 1e-4, 40
+        Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local), [], 1e-4, 40
     )
     while way.residual > 1e-4 and way.advance():
         pass

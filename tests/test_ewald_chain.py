@@ -21,7 +21,7 @@ SOURCE_EDGE = 0.25  # mm; the shortest mean free path is 0.26 mm, and sources li
 
 
 def scene_of(*assignments: str, lights=(DirectionalLight(FRONT),)) -> Scene:
-    small = ["display.image_size=[192, 192]", "camera.azimuth_deg=20", *assignments]
+    small = ["transport.method=ewald", "display.image_size=[192, 192]", "camera.azimuth_deg=20", *assignments]
     return replace(apply_set(Scene(), small), lights=lights)
 
 

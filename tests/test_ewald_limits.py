@@ -26,7 +26,7 @@ from viewer.report import error_report
 from viewer.scene import DirectionalLight, MaterialSettings
 from viewer.settings import TransportSettings
 
-DEFAULT = TransportSettings()
+DEFAULT = TransportSettings("ewald")
 STRIPE = 3.0  # mm
 
 
@@ -57,7 +57,9 @@ def test_a_thousandfold_range_of_sizes(context, size):
     """The same marble at 1 mm to 1 m in the same light: measured at most .6 %."""
     mesh = torus_knot(20.0)
     mesh = Mesh(mesh.vertices * np.float32(size / 20.0), mesh.normals, mesh.faces)
-    scene = replace(scene_of(lights=(DirectionalLight(FRONT),)), material=MaterialSettings(name="marble"))
+    scene = replace(
+        scene_of(lights=(DirectionalLight(FRONT),)), transport=DEFAULT, material=MaterialSettings(name="marble")
+    )
     scene = replace(scene, transport=DEFAULT)
     content = error_report(MeshRenderer(context, mesh), scene, points=100).content
     assert content["error"]["rms_together"] < 0.02

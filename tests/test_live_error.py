@@ -22,7 +22,7 @@ from viewer.settings import DirectionalLight, MaterialSettings, ModelSettings, T
 from viewer.visible_error import DEFAULT_POINTS, measure
 
 POINTS = 40
-EWALD = TransportSettings(error_target=0.02)
+EWALD = TransportSettings("ewald", error_target=0.02)
 BLACK = MaterialSettings(sigma_s_prime=(0.0,) * 3, sigma_a=(1.0,) * 3)
 
 

@@ -47,7 +47,7 @@ def nodes(quality, found, mesh) -> int:
 
 
 def test_the_default_is_two_per_cent():
-    default = choose_quality(TransportSettings(), profiles(2.0), PLATE)
+    default = choose_quality(TransportSettings(method="ewald"), profiles(2.0), PLATE)
     assert replace(default, asked_for=True) == choose_quality(ewald(error_target=0.02), profiles(2.0), PLATE)
     assert default.error_target == DEFAULT_ERROR_TARGET == 0.02
     assert (default.method, default.layers, default.assignment, default.warning) == ("ewald", None, "tsc", None)

@@ -114,7 +114,7 @@ def test_small_pictures_are_enlarged():
 
 @pytest.fixture(scope="module")
 def report(renderer_of):
-    scene = replace(scene_of("material.name=skimmilk"), transport=TransportSettings(error_target=0.02))
+    scene = replace(scene_of("material.name=skimmilk"), transport=TransportSettings("ewald", error_target=0.02))
     return error_report(renderer_of("ball"), scene, points=60)
 
 
@@ -266,7 +266,7 @@ def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monke
     assert {p.name for p in tmp_path.iterdir()} == {"a.png", "error.json", "error.png"}
     content = json.loads((tmp_path / "error.json").read_text())
     assert content["reference"]["points"] == 20
-    assert {"model", "convolution", "gbuffer", "tone map"} <= content["timings_ms"].keys()
+    assert {"model", "solution", "gbuffer", "tone map"} <= content["timings_ms"].keys()
     assert all(math.isfinite(share) for share in content["error"]["rms"])
     line = capsys.readouterr().out
     assert line.startswith("Error of exitance at 20 visible points: rms ")

@@ -1,0 +1,67 @@
+"""What `core.diffusion` finds, and how it goes on from one grid to the next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.boundary import Boundary
+from core.diffusion_channel import Iteration
+from core.entry import Entry
+from core.medium import Medium
+from core.samples import SurfaceSamples
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Fluence on the surface, and the volume from which any point's is read.
+
+    Attributes
+    ----------
+    boundary : Boundary, of n patches
+    media : R, G and B
+    volume : (4, n_layers, height, width) float32
+        O of R, G and B; then K_L 1.
+    fluence : tuple of (n,) float64
+        phi of each channel's patches.
+    residuals : tuple of float
+        |b - A phi| / |b| of each channel, 0 for a dark one.
+    products : tuple of int
+        Convolutions that each channel took.
+    """
+
+    boundary: Boundary
+    media: tuple[Medium, ...]
+    volume: Float32
+    fluence: tuple[Array, ...]
+    residuals: tuple[float, ...]
+    products: tuple[int, ...]
+
+
+def collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:
+    """Gather what the channels have come to."""
+    dark = np.zeros(boundary.grid.shape, np.float32)
+    return Solution(
+        boundary=boundary,
+        media=tuple(media),
+        volume=np.stack([*(dark if way is None else way.volume for way in ways), boundary.constant]),
+        fluence=tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in ways),
+        residuals=tuple(0.0 if way is None else way.residual for way in ways),
+        products=tuple(0 if way is None else way.products for way in ways),
+    )
+
+
+def prolonged(coarse: Solution, i: int, samples: SurfaceSamples, boundary: Boundary) -> Array:
+    """Fluence of one channel on finer patches of the same samples, (n,): means over them."""
+    at_samples = coarse.boundary.patches.sums.T @ coarse.fluence[i]
+    total = boundary.patches.sums @ (samples.areas * at_samples)
+    return np.asarray(total / np.maximum(boundary.patches.areas, np.finfo(np.float64).tiny))
+
+
+def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:
+    """Whether two channels are lit alike."""
+    return all(np.array_equal(entry.flux[:, i], entry.flux[:, k]) for entry in entries)
