@@ -83,7 +83,7 @@ BAD_LINES = [
     ("view --layers 0", "--layers must be a whole number from 1 to 128, not 0."),
     ("view --layers 2.5", '--layers must be a whole number from 1 to 128, not "2.5".'),
     ("view --resolution 5000", "--resolution must be a whole number from 16 to 1024, not 5000."),
-    ("view --transport magic", '--transport must be one of "ewald", "layered", not "magic".'),
+    ("view --transport magic", '--transport must be one of "diffusion", "ewald", "layered", not "magic".'),
     ("view --error-target 2", "--error-target must be a number from 0.001 to 0.5, not 2."),
     ("view --light sun:0,1,0", "--light sun:0,1,0: unknown kind of light; known are directional, point."),
     ("view --light pint:0,1,0", '--light pint:0,1,0: unknown kind of light; did you mean "point"?'),
