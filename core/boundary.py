@@ -6,6 +6,7 @@ for is local. For S that is `core.green.local_green`; for K it is found from wha
 nothing is absorbed: k0 = -1/2 - K_L 1. It holds curvature, thin sheets and the noise of the grid.
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,6 +125,12 @@ class Depths:
         face, t = self._rays.first(patches.on_surface[chosen] - RAY_OFFSET * cell * normals, directions)
         inward = np.einsum("ij,ij->i", directions, normals) < 0.0
         return np.where((face >= 0) & inward, t, 0.0)
+
+
+@functools.lru_cache(maxsize=1)
+def depths_of(mesh: Mesh) -> Depths:
+    """Return the rays of the last mesh: grids of the same one share them."""
+    return Depths(mesh)
 
 
 def row_sums(mesh: Mesh, n: int = ROWS) -> Array:

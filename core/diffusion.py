@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from core.boundary import Boundary, Depths, find_sheet, place
+from core.boundary import Boundary, Depths, depths_of, find_sheet, place
 from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
 from core.diffusion_pixels import PixelTerms, pixel_terms
@@ -193,7 +193,7 @@ class DiffusionTransport(Kernels):
         stages: Stages,
     ) -> tuple[Boundary, list[Channel | None]]:
         """Put the equation up, channel by channel; None for a dark one."""
-        depths = stages.run("rays", (mesh,), lambda: Depths(mesh))
+        depths = stages.run("rays", (mesh,), lambda: depths_of(mesh))
         boundary = stages.run("boundary", (mesh, samples, grid), lambda: self._at_hand(mesh, samples, grid, depths))
         entries = [
             stages.run(

@@ -261,7 +261,8 @@ def test_a_channel_without_light_is_no_number(renderer_of):
 @pytest.mark.gl
 def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    small = "--transport ewald --image-size 64x64 --material skimmilk --resolution 32 --report-points 20 --report-photons 500 --samples 2"
+    small = "--transport ewald --resolution 32 --image-size 64x64 --material skimmilk --samples 2"
+    small += " --report-points 20 --report-photons 500"
     assert cli.main(["render", "--output", "a.png", "--report", "error.json", *small.split()]) == 0
     assert {p.name for p in tmp_path.iterdir()} == {"a.png", "error.json", "error.png"}
     content = json.loads((tmp_path / "error.json").read_text())
