@@ -166,15 +166,7 @@ class DiffusionTransport(Kernels):
         if self.resolution < NESTED:
             return None
         if self._coarse is None:
-            self._coarse = DiffusionTransport(
-                threads=self.threads,
-                effort=self.effort,
-                keep=self.keep,
-                resolution=self.resolution // 2,
-                n_layers=self.n_layers,
-                tolerance=COARSE_TOLERANCE,
-                patch=self.patch,
-            )
+            self._coarse = replace(self, resolution=self.resolution // 2, tolerance=COARSE_TOLERANCE)
         coarse = self._coarse
         on = coarse.grid(mesh, np.eye(3))
         return stages.run(
@@ -225,6 +217,12 @@ class DiffusionTransport(Kernels):
         extra = np.maximum(extra, 2 * LEAST_REACH - counts)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
+
+    def release(self) -> None:
+        """Let go of the last surface and solution too."""
+        super().release()
+        self._coarse = self._placed = self._last = None
+        self._coarse_stages.clear()
 
     def _at_hand(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
         """Return the surface on a grid, perhaps that of the last call, between which another transport had its turn."""

@@ -66,5 +66,10 @@ class Kernels:
             self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
         return self._convolvers[shape]
 
+    def release(self) -> None:
+        """Let go of all that is kept; what is needed again is made again."""
+        self._convolvers.clear()
+        self._spectra.clear()
+
     def _bytes(self) -> int:
         return sum(part.nbytes for spectra in self._spectra.values() for part in spectra)

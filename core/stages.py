@@ -47,6 +47,10 @@ class Stages:
         """Drop a stage's result, because what it holds is no longer what it says."""
         self._kept.pop(name, None)
 
+    def clear(self) -> None:
+        """Drop all results, and keep the timings."""
+        self._kept.clear()
+
     def run(self, name: str, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
         """Return the stage's result, computing it only if `depends_on` differs from the last time."""
         key = tuple(depends_on)

@@ -5,6 +5,8 @@ stage inside states what it depends on and runs only when that changed, so a ren
 benchmark's) computes only what a new scene needs.
 """
 
+import ctypes
+import sys
 from collections.abc import Callable
 
 import moderngl
@@ -13,6 +15,7 @@ import numpy.typing as npt
 
 from core.diffusion import DiffusionTransport, Solution
 from core.environment import Probe
+from core.kernels import Kernels
 from core.stages import Stages
 from viewer.assets import Assets
 from viewer.camera import pixel_offsets
@@ -63,8 +66,15 @@ def _drawn(
 ) -> tuple[Picture, dict[str, float]]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
     renderer = Renderer(headless_context())
-    picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress)
+    picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
     return picture, renderer.timings
+
+
+def _give_back_memory() -> None:
+    """Return freed memory to the system where the C library keeps it: OpenGL's is taken from there."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 class Renderer:
@@ -104,16 +114,25 @@ class Renderer:
         seed: int = 0,
         parts: bool = False,
         progress: Progress | None = None,
+        last: bool = False,
     ) -> Picture:
-        """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`."""
+        """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
+
+        If it is the `last`, what transport keeps for the next goes before the pixels come: less memory at the peak.
+        """
         say = progress or (lambda _: None)
         self.stages.begin()
         self.transport_stages.begin()
         lit = self.light(scene, say)
         say("scattering light through the layers")
-        scattered = self.scatter(lit)
+        gather = self.gather(lit, self.scatter(lit))
+        if last:
+            self.transport_stages.clear()
+            if isinstance(lit.transport, Kernels):
+                lit.transport.release()
+            _give_back_memory()
         say("drawing")
-        return self.shade(scene, lit, self.gather(lit, scattered), samples=samples, seed=seed, parts=parts)
+        return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts)
 
     def light(self, scene: Scene, progress: Progress = lambda _: None) -> LitScene:
         """Load, sample and light a scene: everything that transport needs, on the CPU."""
