@@ -107,7 +107,8 @@ def place(grid: LayerGrid, patches: Patches) -> tuple[csc_array, Float32]:
     """W of patches, and the slopes of its entries along their mean normals."""
     coordinates = grid.coordinates(patches.points)
     mean_normals = patches.vector_areas / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]
-    return smooth_matrix(grid, coordinates), smooth_slope_matrix(grid, coordinates, mean_normals).data
+    weights = smooth_matrix(grid, coordinates)
+    return weights, smooth_slope_matrix(grid, coordinates, mean_normals, weights).data
 
 
 class Depths:

@@ -28,7 +28,7 @@ from core.entry import EnteringLight, Entry, enter, sources
 from core.ewald import SHEET_REACH
 from core.green import green_spectrum
 from core.kernels import Kernel, Kernels, Spectra
-from core.layers import LayerGrid, fit_box, smooth_matrix
+from core.layers import LayerGrid, fit_nodes, smooth_matrix
 from core.medium import NO_ABSORPTION, Medium
 from core.mesh import Mesh
 from core.patches import make_patches
@@ -80,7 +80,7 @@ class DiffusionTransport(Kernels):
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
-        return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
+        return fit_nodes(mesh.bounds, self.resolution, self.n_layers)
 
     @property
     def smooth(self) -> bool:

@@ -122,6 +122,12 @@ def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) 
     return LayerGrid(depth, height, width, spacing, distance, tuple(tuple(map(float, row)) for row in matrix))
 
 
+def fit_nodes(bounds: npt.ArrayLike, resolution: int, n_layers: int | None = None) -> LayerGrid:
+    """`fit_box` with so many nodes along the longest side, >= 2."""
+    longest = float(np.ptp(np.asarray(bounds, np.float64), axis=0).max())
+    return fit_box(bounds, longest / (resolution - 1), n_layers)
+
+
 def tent_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
     """Tent weights of points on the nodes, (4): a sparse matrix W, one column a point.
 
@@ -158,25 +164,24 @@ def smooth_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc
 
 
 def smooth_slope_matrix(
-    grid: LayerGrid, coordinates: npt.NDArray[np.floating], vectors: npt.NDArray[np.floating]
+    grid: LayerGrid, coordinates: npt.NDArray[np.floating], vectors: npt.NDArray[np.floating], weights: csc_array
 ) -> csc_array:
     """Slopes v . grad of the weights of `smooth_matrix`, 1/mm, along a world vector v (n, 3) of each point.
 
-    For grids along world axes, as `fit_box` gives; entries in the order of `smooth_matrix`.
+    For grids along world axes, as `fit_box` gives; `weights` are those of the same points, entry by entry.
     """
     axes = 3
     steps = np.array([grid.texel, grid.texel, grid.layer_distance])
     parts = [_spline(coordinates[:, i], grid.shape[::-1][i]) for i in range(axes)]
-    total = smooth_matrix(grid, coordinates)
     data = np.zeros((len(coordinates), 27), np.float32)
     for axis in range(axes):
-        weights = [w for _, w in parts]
+        factors = [w for _, w in parts]
         f = (coordinates[:, axis] - parts[axis][0] - 1).astype(np.float32)
         scale = (vectors[:, axis] / steps[axis]).astype(np.float32)
-        weights[axis] = np.stack([f - 0.5, -2.0 * f, f + 0.5]) * scale
-        x, y, z = weights
+        factors[axis] = np.stack([f - 0.5, -2.0 * f, f + 0.5]) * scale
+        x, y, z = factors
         data += np.einsum("kn,jn,in->nkji", z, y, x).reshape(-1, 27)
-    return csc_array((data.ravel(), total.indices, total.indptr), shape=total.shape)
+    return csc_array((data.ravel(), weights.indices, weights.indptr), shape=weights.shape)
 
 
 def _spline(u: npt.NDArray[np.floating], count: int) -> AxisWeights:

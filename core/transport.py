@@ -21,7 +21,7 @@ from scipy.sparse import csc_array
 
 from core import ewald
 from core.convolution import ConvolutionShape
-from core.layers import LayerGrid, fit_box, fit_layers, smooth_matrix, tent_matrix
+from core.layers import LayerGrid, fit_layers, fit_nodes, smooth_matrix, tent_matrix
 from core.mesh import Mesh
 from core.spectra import Profile, Profiles, kernel_spectrum, layer_kernels
 from core.stages import Stages
@@ -163,7 +163,7 @@ class EwaldTransport(FftTransport):
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
-        return fit_box(mesh.bounds, float(np.ptp(mesh.bounds, axis=0).max()) / (self.resolution - 1), self.n_layers)
+        return fit_nodes(mesh.bounds, self.resolution, self.n_layers)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """B-splines of the assignment's order."""
