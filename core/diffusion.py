@@ -23,7 +23,8 @@ from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
 from core.diffusion_pixels import PixelTerms, pixel_terms
 from core.diffusion_solution import Solution as Solution
-from core.diffusion_solution import collected, prolonged, same_flux
+from core.diffusion_solution import collected, same_flux
+from core.diffusion_start import End, begin
 from core.entry import EnteringLight, Entry, enter, sources
 from core.ewald import SHEET_REACH
 from core.green import green_spectrum
@@ -73,9 +74,7 @@ class DiffusionTransport(Kernels):
     patch: float = PATCH
     _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
-    _last: tuple[Boundary, tuple[Channel | None, ...], tuple[Array, ...]] | None = field(
-        default=None, init=False, repr=False
-    )
+    _last: End | None = field(default=None, init=False, repr=False)
     _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
@@ -146,7 +145,8 @@ class DiffusionTransport(Kernels):
             if coarse is not None and not go_on(coarse):
                 return coarse
             boundary, channels = self._channels(mesh, samples, grid, lights, media, stages)
-            return self._solve(boundary, media, channels, samples, coarse, go_on)
+            ended = None if self._coarse is None or coarse is None else self._coarse._last
+            return self._solve(boundary, media, channels, samples, ended, go_on)
 
         solution = stages.run("solution", request, anew)
         if max(solution.residuals) > self.tolerance or solution.boundary.grid != grid:
@@ -259,33 +259,23 @@ class DiffusionTransport(Kernels):
         media: Sequence[Medium],
         channels: Sequence[Channel | None],
         samples: SurfaceSamples,
-        coarse: Solution | None,
+        coarse: End | None,
         go_on: Callable[[Solution], bool],
     ) -> Solution:
         """Step all channels in rounds, each from where it ended last time."""
         ways: dict[Channel, Iteration] = {}
         for i, channel in enumerate(channels):
             if channel is not None and channel not in ways:
-                starts = self._starts(boundary, channel, i)
-                if coarse is not None:
-                    starts.append(prolonged(coarse, i, samples, boundary))
-                ways[channel] = Iteration(channel, starts, self.tolerance, MOST_PRODUCTS)
+                start = begin(channel, i, self._last, coarse, samples)
+                ways[channel] = Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
         while True:
             solution = collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
-            self._last = boundary, tuple(channels), solution.fluence
+            self._last = End(boundary, tuple(channels), solution.fluence, coarse)
             if max(solution.residuals) <= self.tolerance or not go_on(solution):
                 return solution
             unfinished = [way.advance() for way in ways.values()]  # all of them: each takes its step
             if not any(unfinished):
                 return solution
-
-    def _starts(self, boundary: Boundary, channel: Channel, i: int) -> list[Array]:
-        """Fluence of the last solution on the same surface, if there is one, of the exitance that it had."""
-        if self._last is None or self._last[0] is not boundary:
-            return []
-        _, channels, fluence = self._last
-        before = channels[i]
-        return [] if before is None else [fluence[i] * (channel.medium.boundary / before.medium.boundary)]
 
     def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
         return medium, self.shape(grid, medium), grid.texel, grid.layer_distance

@@ -1,13 +1,15 @@
 """One colour channel of the boundary integral equation: its operator, its right side, its steps to the solution."""
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
 from core.green import local_green, local_slope
-from core.krylov import gmres, inner, norm
+from core.krylov import gmres
 from core.medium import NO_ABSORPTION, Medium
 
 Array = npt.NDArray[np.float64]
@@ -43,8 +45,8 @@ class Channel:
         deposited: Float32,
         local: Array,
     ) -> None:
-        self.medium = medium
-        self._boundary, self._convolve = boundary, convolve
+        self.boundary, self.medium = boundary, medium
+        self._convolve = convolve
         self._areas = boundary.patches.areas
         self._deposit = boundary.double_layer(medium.boundary, medium.diffusion)
         self._gather = boundary.weights.T
@@ -56,8 +58,17 @@ class Channel:
         )
         self._diagonal = 0.5 + boundary.near + own
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
-        self.sources = convolve(deposited.reshape(boundary.grid.shape))
-        self.right = self._gathered(self.sources) + local
+        self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
+
+    @functools.cached_property
+    def sources(self) -> Float32:
+        """What Q gives at the nodes: (n_layers, height, width)."""
+        return self._convolve(self._deposited)
+
+    @functools.cached_property
+    def right(self) -> Array:
+        """Right side, (n,)."""
+        return self._gathered(self.sources) + self._local
 
     @property
     def scale(self) -> Array:
@@ -71,18 +82,54 @@ class Channel:
 
     def volume(self, fluence: Array) -> Float32:
         """What phi on the surface gives at the nodes: (n_layers, height, width)."""
-        deposited = self._deposit @ (self._areas * fluence).astype(np.float32)
-        return self._convolve(deposited.reshape(self._boundary.grid.shape))
+        return self._convolve(self._spread(fluence))
 
     def product(self, fluence: Array, volume: Float32) -> Array:
         """Left side for phi whose `volume` is known."""
-        left = self._diagonal * fluence + self._gathered(volume)
-        sheet = self._boundary.sheet
+        return self._own(fluence) + self._gathered(volume)
+
+    def remainder(self, fluence: Array) -> tuple[Float32, Array]:
+        """O that phi leaves at the nodes, and right less left side, (n,): both in one convolution."""
+        volume = self._convolve(self._deposited - self._spread(fluence))
+        return volume, self._local + self._gathered(volume) - self._own(fluence)
+
+    def _spread(self, fluence: Array) -> Float32:
+        deposited = self._deposit @ (self._areas * fluence).astype(np.float32)
+        return np.asarray(deposited.reshape(self.boundary.grid.shape))
+
+    def _own(self, fluence: Array) -> Array:
+        """What patches give without the nodes, and to the other side of a sheet."""
+        left = self._diagonal * fluence
+        sheet = self.boundary.sheet
         left[sheet.patches] += self._across * fluence[sheet.others]
         return np.asarray(left)
 
     def _gathered(self, volume: Float32) -> Array:
         return np.asarray(self._gather @ volume.ravel(), np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a channel's iteration begins.
+
+    Attributes
+    ----------
+    fluence : (n,) float64
+    volume : (n_layers, height, width) float32
+        O that it leaves at the nodes.
+    residual : (n,) float64
+        Right less left side.
+    size : float
+        Norm of the right side.
+    products : int
+        Convolutions that it took.
+    """
+
+    fluence: Array
+    volume: Float32
+    residual: Array
+    size: float
+    products: int
 
 
 class Iteration:
@@ -91,28 +138,16 @@ class Iteration:
     Parameters
     ----------
     channel : Channel
-    starts : (n,) float64 each
-        Phi that may be near: the sum of them, each scaled, that fits best. The first guess where there is none.
+    start : Start
     tolerance, most
         See `core.krylov.gmres`.
     """
 
-    def __init__(self, channel: Channel, starts: Sequence[Array], tolerance: float, most: int) -> None:
-        self.channel = channel
-        starts = starts or [channel.first_guess]
-        volumes = [channel.volume(start) for start in starts]
-        products = [channel.product(start, volume) for start, volume in zip(starts, volumes, strict=True)]
-        gram = np.array([[inner(a, b) for b in products] for a in products])
-        fits = np.array([inner(a, channel.right) for a in products])
-        scales = np.linalg.lstsq(gram, fits, rcond=1e-12)[0]
-        self._start, product, self._base = np.zeros(len(channel.right)), np.zeros(len(channel.right)), channel.sources
-        for scale, start, volume, own in zip(scales, starts, volumes, products, strict=True):
-            self._start, product = self._start + scale * start, product + scale * own
-            self._base = self._base - np.float32(scale) * volume
-        self._before = 1 + len(starts)
+    def __init__(self, channel: Channel, start: Start, tolerance: float, most: int) -> None:
+        self.channel, self._start = channel, start
         self._volumes: list[Float32] = []
-        scale = norm(channel.right) or 1.0  # 0 where so little scatters that its square underflows
-        self._steps = gmres(self._multiply, channel.right - product, scale, tolerance, most)
+        scale = start.size or 1.0  # 0 where so little scatters that its square underflows
+        self._steps = gmres(self._multiply, start.residual, scale, tolerance, most)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:
@@ -130,12 +165,12 @@ class Iteration:
     @property
     def products(self) -> int:
         """Convolutions so far, with those of the sources and of the start."""
-        return self._step.products + self._before
+        return self._step.products + self._start.products
 
     @property
     def fluence(self) -> Array:
         """Phi of the patches."""
-        fluence = self._start.copy()
+        fluence = self._start.fluence.copy()
         for share, vector in zip(self._step.coefficients, self._basis, strict=True):
             fluence += share * vector * self.channel.scale
         return fluence
@@ -143,7 +178,7 @@ class Iteration:
     @property
     def volume(self) -> Float32:
         """O at the nodes."""
-        volume = self._base.copy()
+        volume = self._start.volume.copy()
         for share, part in zip(self._step.coefficients, self._volumes, strict=True):
             volume -= np.float32(share) * part
         return volume

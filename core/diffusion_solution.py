@@ -1,4 +1,4 @@
-"""What `core.diffusion` finds, and how it goes on from one grid to the next."""
+"""What `core.diffusion` finds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,6 @@ from core.boundary import Boundary
 from core.diffusion_channel import Iteration
 from core.entry import Entry
 from core.medium import Medium
-from core.samples import SurfaceSamples
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
@@ -53,13 +52,6 @@ def collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iterat
         residuals=tuple(0.0 if way is None else way.residual for way in ways),
         products=tuple(0 if way is None else way.products for way in ways),
     )
-
-
-def prolonged(coarse: Solution, i: int, samples: SurfaceSamples, boundary: Boundary) -> Array:
-    """Fluence of one channel on finer patches of the same samples, (n,): means over them."""
-    at_samples = coarse.boundary.patches.sums.T @ coarse.fluence[i]
-    total = boundary.patches.sums @ (samples.areas * at_samples)
-    return np.asarray(total / np.maximum(boundary.patches.areas, np.finfo(np.float64).tiny))
 
 
 def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:

@@ -10,6 +10,7 @@ from scipy.special import iv, ivp, kv, kvp
 
 from core.diffusion import DiffusionTransport
 from core.diffusion_channel import Channel, Iteration
+from core.diffusion_start import fitted
 from core.green import local_green
 from core.layers import smooth_matrix
 from core.medium import Medium
@@ -76,7 +77,7 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ strengths.astype(np.float32)
     local = np.zeros(len(found.patches))
     channel = Channel(found.boundary, medium, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
-    way = Iteration(channel, [], 1e-4, 40)
+    way = Iteration(channel, fitted(channel, []), 1e-4, 40)
     while way.residual > 1e-4 and way.advance():
         pass
     assert way.residual <= 1e-4
@@ -133,9 +134,8 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     shares = samples.areas / samples.areas.sum()
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ shares
     local = np.full(len(patches), float(local_green(MARBLE, s, R - r0)) / (4.0 * np.pi * r0**2))
-    way = Iteration(
-        Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local), [], 1e-4, 40
-    )
+    channel = Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
+    way = Iteration(channel, fitted(channel, []), 1e-4, 40)
     while way.residual > 1e-4 and way.advance():
         pass
     sigma, z_b = MARBLE.attenuation, 2.0 * MARBLE.diffusion * MARBLE.boundary
