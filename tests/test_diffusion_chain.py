@@ -1,17 +1,22 @@
 """Transport `diffusion` through the whole renderer: spheres against a photon walk, meshes without an inside."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
+from core.photon_shapes import Sphere
+from core.photon_walk import walk
 from viewer.frame import Renderer
+from viewer.images import write_exr
 from viewer.scene import Scene
 from viewer.settings import (
     CameraSettings,
     DirectionalLight,
     DisplaySettings,
+    EnvironmentSettings,
     MaterialSettings,
     ModelSettings,
     TransportSettings,
@@ -72,6 +77,27 @@ def test_pixels_of_spheres_against_a_photon_walk(context, data_dir, sphere, radi
         rms = np.sqrt(np.mean((M - truth) ** 2) / np.mean(truth**2))
         assert rms < (0.03 if albedo > 0.9 else 0.05)
         assert M[BINS // 2 :].sum() == pytest.approx(truth[BINS // 2 :].sum(), rel=0.05)
+
+
+@pytest.mark.parametrize(("radius", "eta"), [(2, 1.3), (8, 1.3), (8, 1.5)])
+def test_light_from_all_around_against_a_photon_walk(context, sphere, tmp_path, radius, eta):
+    """A ball in a white surround is evenly bright; what leaves it is measured by photons of their own walk."""
+    albedos = (0.9, 0.97, 0.99)
+    tally = walk(Sphere(float(radius)), 1.0, albedos, eta, None, 100_000, seed=3)
+    white = np.full((32, 64), 1.0 / np.pi, np.float32)
+    write_exr(tmp_path / "white.exr", dict.fromkeys("RGB", white))
+    scene = replace(
+        scene_of(sphere, albedos, radius, eta, 0.0),
+        lights=(),
+        environment=EnvironmentSettings(path=tmp_path / "white.exr"),
+    )
+    frame = Renderer(context).render(scene, samples=1)
+    inner = frame.alpha > 0.0
+    for channel, allowed in enumerate((0.05, 0.03, 0.03)):
+        truth = tally.areas @ tally.exitance[:, channel] / tally.areas.sum()
+        M = frame.exitance[inner][:, channel]
+        assert M.mean() == pytest.approx(truth, rel=allowed)
+        assert M.std() < 0.01 * M.mean()
 
 
 def test_a_mesh_without_an_inside_is_told_and_rendered_with_ewald(context, tmp_path):
