@@ -22,7 +22,7 @@ Float32 = npt.NDArray[np.float32]
 # have coloured stains yet; what a start of other light gives is black and blue, worse than the volume before.
 PRESENTABLE = 2e-3
 PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
-DRAG_ROUNDS = 10  # of products that a drag takes until then, with what goes before them
+SURFACE_STAGES = {"rays", "boundary"}  # run once a mesh and grid, which a drag keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +38,15 @@ class Scattered:
         Stage -> ms; empty on the way.
     complete : bool
         Whether it is all that can be had, not on the way or given up for newer light.
+    seen_after : float
+        Seconds until a solution could be seen.
     """
 
     lit: LitScene
     result: Float32 | Solution
     timings: dict[str, float]
     complete: bool
+    seen_after: float = np.inf
 
     @property
     def is_presentable(self) -> bool:
@@ -52,16 +55,12 @@ class Scattered:
 
     @property
     def seconds(self) -> float | None:
-        """What a drag costs on this grid until it may be seen; None where that is not to be told from this.
-
-        A solution does not count as a whole: how many products it took depends on what it started from.
-        """
+        """What a drag costs on this grid until it may be seen; None where that is not to be told from this."""
         if not self.complete:
             return None
         if isinstance(self.result, Solution):
-            rounds = max(self.result.products) - 1  # of the first two one is of the sources
-            known = "solution" in self.timings and rounds > 0
-            return 1e-3 * DRAG_ROUNDS * self.timings["solution"] / rounds if known else None
+            known = "solution" in self.timings and not SURFACE_STAGES & self.timings.keys()
+            return self.seen_after if known else None
         if "convolution" not in self.timings:
             return None
         return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage != "weights")
@@ -84,6 +83,7 @@ class TransportJob:
         self._superseded, self._unwanted = threading.Event(), threading.Event()
         self._preview: Solution | None = None
         self._shown_at, self._gave_up = -np.inf, False
+        self._began, self._seen_after = 0.0, np.inf
         self.future: Future[Scattered] = worker.submit(self._scatter)
         self.future.add_done_callback(lambda _: wake())
 
@@ -102,14 +102,18 @@ class TransportJob:
         """Run in the worker: nothing here touches OpenGL."""
         stages = self._renderer.transport_stages
         stages.begin()
+        self._began = time.perf_counter()
         result = self._renderer.scatter(self._lit, self._go_on)
-        return Scattered(self._lit, result, dict(stages.timings), complete=not self._gave_up)
+        self._seen_after = min(self._seen_after, time.perf_counter() - self._began)
+        return Scattered(self._lit, result, dict(stages.timings), not self._gave_up, self._seen_after)
 
     def _go_on(self, solution: Solution) -> bool:
         """Show the first solution that may be seen at once and some of the later ones; give up in good time."""
         presentable = _is_presentable(solution)
         self._gave_up = self._unwanted.is_set() or (presentable and self._superseded.is_set())
         now = time.perf_counter()
+        if presentable:
+            self._seen_after = min(self._seen_after, now - self._began)
         if presentable and not self._gave_up and now - self._shown_at > PREVIEW_SECONDS:
             self._shown_at, self._preview = now, solution
             self._wake()
