@@ -48,9 +48,15 @@ class Atlas:
     shape: tuple[int, int, int]
 
     @cached_property
-    def offsets(self) -> Float32:
-        """What leads each body from the texture coordinates of `world_to_texture` to its place: (n, 3), x, y, z."""
-        return np.ascontiguousarray(((self.places - self.first) / np.array(self.shape))[:, ::-1], np.float32)
+    def windows(self) -> Float32:
+        """Where pixels read each body, (n, 3, 3), x, y, z of three.
+
+        What leads from the texture coordinates of `world_to_texture` to its place; its first node; its last, beyond
+        which the edge goes on.
+        """
+        sizes = np.array([crop.shape for crop in self.crops])
+        nodes = np.stack([self.places - self.first, self.places + 0.5, self.places + sizes - 0.5], axis=1)
+        return np.ascontiguousarray((nodes / np.array(self.shape))[..., ::-1], np.float32)
 
     @property
     def world_to_texture(self) -> Array:
@@ -58,9 +64,9 @@ class Atlas:
         depth, height, width = self.shape
         return replace(self.whole, n_layers=depth, height=height, width=width).world_to_texture
 
-    def filled(self, parts: Sequence[Float32 | None]) -> Float32:
-        """Put every body's exitance (3, *its crop's shape), or None where there is none, in its place."""
-        out = np.zeros((3, *self.shape), np.float32)
+    def filled(self, parts: Sequence[Float32 | None], channels: int = 3) -> Float32:
+        """Put every body's exitance (channels, *its crop's shape), or None where there is none, in its place."""
+        out = np.zeros((channels, *self.shape), np.float32)
         for place, part in zip(self.places - BORDER, parts, strict=True):
             if part is not None:
                 border = [(0, 0), *[(BORDER, BORDER)] * 3]

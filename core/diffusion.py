@@ -21,7 +21,6 @@ from scipy.sparse import csc_array
 from core.boundary import Boundary, Depths, depths_of, find_sheet, place
 from core.convolution import ConvolutionShape
 from core.diffusion_channel import Channel, Iteration
-from core.diffusion_pixels import PixelTerms, pixel_terms
 from core.diffusion_solution import Solution as Solution
 from core.diffusion_solution import collected, same_flux
 from core.diffusion_start import End, begin
@@ -89,10 +88,6 @@ class DiffusionTransport(Kernels):
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """Quadratic B-splines."""
         return smooth_matrix(grid, coordinates)
-
-    def pixel_terms(self, solution: Solution) -> PixelTerms:
-        """Tabulate what pixels need beside the solution's volume."""
-        return pixel_terms(solution.boundary, solution.media, self.window_width(solution.boundary.grid))
 
     def window_width(self, grid: LayerGrid) -> float:
         """Width s of the window, mm."""

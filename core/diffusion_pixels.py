@@ -9,7 +9,7 @@ with M = phi / (2 A). Dashes are the other side of a sheet of thickness T, where
 so that both are known from the light on both; elsewhere f and k are 0 and `across` does not matter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -62,12 +62,23 @@ class PixelTerms:
 
 def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> PixelTerms:
     """Tabulate for three media of the same eta and a window of width s, mm."""
-    eta = media[0].eta
-    least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
+    reach = thin_reach(boundary, media)
+    terms = tables(reach, media, s)
+    return terms if reach == 0.0 else replace(terms, depths=depths_at_nodes(boundary, reach))
+
+
+def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
+    """Thickness up to which parts of an object are thin, mm; 0 where none is."""
     bright = [medium.mean_free_path for medium in media if not medium.is_black]
     wanted = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
     thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < wanted)))
-    reach = wanted if thin else 0.0
+    return wanted if thin else 0.0
+
+
+def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
+    """Tabulate for thicknesses up to `reach`, mm; no `depths` yet."""
+    eta, thin = media[0].eta, reach > 0.0
+    least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
     thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
     cosines = np.maximum(np.linspace(least, 1.0, COSINES), 1e-3)
     zero = np.zeros((COSINES, len(thickness)))
@@ -91,7 +102,7 @@ def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> Pixe
         coupling=coupling.astype(np.float32),
         diagonal=np.array(own_side),
         doubled=doubled,
-        depths=_depths(boundary, reach) if thin else None,
+        depths=None,
     )
 
 
@@ -116,8 +127,8 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
     return medium.albedo * own.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
 
 
-def _depths(boundary: Boundary, reach: float) -> Float32:
-    """Thickness and share of a sheet, spread over the nodes by area."""
+def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
+    """Return `PixelTerms.depths`: thickness and share of a sheet, spread over the nodes by area."""
     areas = boundary.patches.areas
     thickness = np.where(boundary.thickness > 0.0, np.minimum(boundary.thickness, reach), reach)
     share = np.zeros(len(areas))

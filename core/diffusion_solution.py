@@ -8,7 +8,9 @@ import numpy.typing as npt
 
 from core.boundary import Boundary
 from core.diffusion_channel import Iteration
+from core.diffusion_pixels import PixelTerms, mean_fluence, pixel_terms
 from core.entry import Entry
+from core.layers import LayerGrid
 from core.medium import Medium
 
 Array = npt.NDArray[np.float64]
@@ -39,6 +41,29 @@ class Solution:
     fluence: tuple[Array, ...]
     residuals: tuple[float, ...]
     products: tuple[int, ...]
+
+    @property
+    def boundaries(self) -> tuple[Boundary, ...]:
+        """The one."""
+        return (self.boundary,)
+
+    @property
+    def grid(self) -> LayerGrid:
+        """Nodes of the whole object."""
+        return self.boundary.grid
+
+    @property
+    def world_to_texture(self) -> Array:
+        """(4, 4): world space to the volume's texture coordinates, row vectors."""
+        return self.grid.world_to_texture
+
+    def pixel_terms(self, s: float) -> PixelTerms:
+        """Tabulate what pixels need beside the volume, for a window of width s, mm."""
+        return pixel_terms(self.boundary, self.media, s)
+
+    def mean_fluence(self) -> Float32:
+        """See `core.diffusion_pixels.mean_fluence`."""
+        return mean_fluence(self.boundary, self.fluence)
 
 
 def collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:

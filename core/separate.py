@@ -67,6 +67,11 @@ class SeparateTransport:
         parts = [] if stages.has("bodies", key) else self._parts(atlas, places, fluxes, profiles, stages)
         return stages.run("bodies", key, lambda: atlas.filled(parts))
 
+    def release(self) -> None:
+        """Let go of what the bodies have computed."""
+        for own in self._stages:
+            own.clear()
+
     def _placed(self, atlas: Atlas, coordinates: Float32) -> list[Float32]:
         """Coordinates of each body's samples in its own crop; whole nodes off, so no bit is lost."""
         return [

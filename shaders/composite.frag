@@ -4,6 +4,7 @@
 // transport `diffusion` the equation of core/diffusion_pixels.py.
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
+#include "bodies.glsl"
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;     // a: body
@@ -11,9 +12,6 @@ uniform sampler2D t_irradiance; // a, as of the next two: what the other side of
 uniform sampler2D t_specular;
 uniform sampler2D t_local;      // see irradiance_pixels.frag
 uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
-uniform mat4 u_world_to_texture;
-uniform bool u_separate;        // whether t_exitance is an atlas of bodies (core/atlas.py)
-uniform sampler2D t_offsets;    // then: what each body adds to its texture coordinates, row by row
 uniform bool u_smooth;          // gather with quadratic B-splines instead of tents
 
 uniform bool u_diffusion;
@@ -61,7 +59,7 @@ vec4 gather(vec3 coordinates) {
 }
 
 // Exitance of transport `diffusion`. local: what light that enters here adds; other: the same on the other side.
-vec3 diffuse_exitance(vec3 position, vec3 normal, vec3 coordinates, vec3 local, vec3 other) {
+vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 local, vec3 other) {
     vec4 gathered = gather(coordinates);
     vec3 right = gathered.rgb + local, own = u_diagonal - gathered.a;
     vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
@@ -69,7 +67,7 @@ vec3 diffuse_exitance(vec3 position, vec3 normal, vec3 coordinates, vec3 local, 
         float columns = float(textureSize(t_coupling, 0).x);
         float s = (depths.x / u_thin_reach * (columns - 1.0) + 0.5) / columns;
         vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
-        vec4 across = gather((u_world_to_texture * vec4(position - depths.x * normal, 1.0)).xyz);
+        vec4 across = gather(volume_coordinates(position - depths.x * normal_and_body.xyz, normal_and_body.a));
         vec3 there = u_diagonal - across.a - coupling.a;
         vec3 share = coupling.rgb / max(there, LEAST_OWN);
         right -= share * (across.rgb + other);
@@ -90,15 +88,11 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
-    vec3 coordinates = (u_world_to_texture * vec4(position.xyz, 1.0)).xyz;
-    if (u_separate) {
-        int body = int(normal_and_body.a), columns = textureSize(t_offsets, 0).x;
-        coordinates += texelFetch(t_offsets, ivec2(body % columns, body / columns), 0).xyz;
-    }
+    vec3 coordinates = volume_coordinates(position.xyz, normal_and_body.a);
     vec4 irradiance = texelFetch(t_irradiance, pixel, 0), specular = texelFetch(t_specular, pixel, 0);
     vec4 local = texelFetch(t_local, pixel, 0);
     vec3 exitance = u_diffusion
-        ? diffuse_exitance(position.xyz, normal, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
+        ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
         : gather(coordinates).rgb + local.rgb;
     exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);

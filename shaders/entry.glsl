@@ -1,6 +1,8 @@
 // What the nodes are too coarse for of light that enters, transport `diffusion`: factors on irradiance by the light's
 // cosine and the object's thickness, tabulated by core/diffusion_pixels.py.
 
+#include "bodies.glsl"
+
 uniform bool u_diffusion;
 uniform sampler2D t_own;         // columns: thickness; rows: cosine of the refracted ray
 uniform sampler2D t_across;
@@ -8,12 +10,11 @@ uniform float u_least_cosine;    // of the first row; the last row's is 1
 uniform float u_diffuse_cosine;  // that serves for light from all around
 uniform sampler3D t_depths;      // thickness, mm, and how far it is a sheet
 uniform float u_thin_reach;      // thickness of the last column, mm; 0: no part is thin
-uniform mat4 u_world_to_texture;
 
-// Thickness and share of a sheet at a surface point.
-vec2 depths_at(vec3 position) {
+// Thickness and share of a sheet at a surface point of a body.
+vec2 depths_at(vec3 position, float body) {
     if (u_thin_reach == 0.0) return vec2(0.0);
-    return textureLod(t_depths, (u_world_to_texture * vec4(position, 1.0)).xyz, 0.0).rg;
+    return textureLod(t_depths, volume_coordinates(position, body), 0.0).rg;
 }
 
 // cosine: of the light to the normal, outside.

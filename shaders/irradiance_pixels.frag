@@ -44,7 +44,7 @@ void main() {
     }
     vec3 local, other = vec3(0.0);
     if (u_diffusion) {
-        vec2 depths = depths_at(position.xyz);
+        vec2 depths = depths_at(position.xyz, normal_and_body.a);
         local = entry_factor(t_own, cosine, depths.x) * irradiance;
         if (depths.y > 0.0) {
             local += depths.y * entry_factor(t_across, behind.cosine, depths.x) * behind.irradiance;

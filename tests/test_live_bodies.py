@@ -9,7 +9,7 @@ from viewer.view_drawing import developed
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 LIT = {"shadow of light 1", "shadow of light 2", "irradiance of light 1", "irradiance of light 2", "flux"}
-SEPARATED = {"body marks", "body layers", "body offsets", "body samples", "body flux", "bodies", "separate transport"}
+SEPARATED = {"body marks", "body layers", "body windows", "body samples", "body flux", "bodies", "separate transport"}
 TRANSPORT = {"transport", "weights", "deposit", "spectra", "convolution", "layer volume", "local", "local table"}
 
 
@@ -41,7 +41,7 @@ def test_separating_neither_loads_nor_samples_again(driver, method, lit):
 def test_a_change_of_separate_bodies_runs_what_depends_on_it(driver):
     put(driver, "model.bodies=separate")
     driver.settle()
-    moved = {"body layers", "body offsets", "body samples", "bodies", "layer depth"}
+    moved = {"body layers", "body windows", "body samples", "bodies", "layer depth"}
     transport = TRANSPORT - {"transport"}
     for assignments, expected in (
         (["display.key=0.3"], {"tone map"}),

@@ -26,11 +26,14 @@ class OtherSide:
         Of the light over there.
     share : (n,) float64
         How much of a sheet the surroundings are, [0, 1].
+    face : (n,) int64
+        Where it enters.
     """
 
     thickness: Array
     cosine: Array
     share: Array
+    face: npt.NDArray[np.int64]
 
 
 class SheetRays:
@@ -44,7 +47,7 @@ class SheetRays:
     def other_side(self, points: npt.ArrayLike, normals: npt.ArrayLike, towards: Array, reach: float) -> OtherSide:
         """Look from points (n, 3) with unit normals along the direction `towards` a light; `reach` as of LocalTerm."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
-        entry, other = self._entries(points, towards)
+        entry, other, face = self._entries(points, towards)
         way = (entry - points) @ towards
         facing = np.maximum(0.0, -(normals @ towards))
         parallel = _smoothstep(0.6, 0.95, -np.einsum("ij,ij->i", normals, other))
@@ -54,15 +57,15 @@ class SheetRays:
         across /= np.linalg.norm(across)
         for side in (across, np.cross(towards, across)):
             for sign in (-1.0, 1.0):
-                beside, _ = self._entries(points + sign * PROBE * reach * side, towards)
+                beside, *_ = self._entries(points + sign * PROBE * reach * side, towards)
                 off = np.abs(np.einsum("ij,ij->i", beside - entry, other))
                 flat += 0.25 * (1.0 - _smoothstep(0.25, 1.0, off / (PROBE * reach)))
         sheet = (facing > 0.0) & (way > 0.0) & (way < reach)
         cosine = np.clip(other @ towards, 0.0, facing)
-        return OtherSide(np.where(sheet, way * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0))
+        return OtherSide(np.where(sheet, way * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face)
 
-    def _entries(self, points: Array, towards: Array) -> tuple[Array, Array]:
-        """Where light on its way to points enters the mesh, and the normals there, towards the light: (n, 3) each."""
+    def _entries(self, points: Array, towards: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+        """Where light on its way to points enters the mesh, the normals there, towards the light, and the faces."""
         origins = points + self._far * towards
         down = np.tile(-towards.astype(np.float32), (len(points), 1))
         hits = self._scene.run(origins.astype(np.float32), down, output=True)
@@ -70,7 +73,7 @@ class SheetRays:
         normals = hits["Ng"].astype(np.float64)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
         normals *= np.where(normals @ towards < 0.0, -1.0, 1.0)[:, None]
-        return origins - distance[:, None] * towards, normals
+        return origins - distance[:, None] * towards, normals, hits["primID"].astype(np.int64)
 
 
 def _smoothstep(low: float, high: float, x: Array) -> Array:

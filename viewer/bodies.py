@@ -1,17 +1,27 @@
 """Bodies of a scene that scatter light each on their own: what lighting, transport and shading need of them."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.atlas import Atlas
+from core.atlas import Atlas, fit_atlas
 from core.bodies import Bodies
+from core.diffusion import DiffusionTransport
+from core.entry import EnteringLight
+from core.kernels import CONVOLVERS
+from core.layers import LayerGrid
+from core.medium import Medium
 from core.mesh import Mesh
+from core.samples import SurfaceSamples
 from core.separate import SeparateTransport
+from core.separate_diffusion import SHAPES, SeparateDiffusion, SeparateSolution
 from core.spectra import Profiles
 from core.stages import Stages
+from viewer.layers_pass import LayersPass
+from viewer.quality import AnyTransport, Quality
 
 Float32 = npt.NDArray[np.float32]
 
@@ -36,11 +46,68 @@ class Separated:
 
     marks: BodyMarks
     atlas: Atlas
-    transport: SeparateTransport
+    transport: SeparateTransport | SeparateDiffusion
 
     def exitance(self, coordinates: Float32, flux: Float32, profiles: Profiles, stages: Stages) -> Float32:
         """See `core.separate.SeparateTransport.exitance`."""
+        assert isinstance(self.transport, SeparateTransport)
         return self.transport.exitance(self.atlas, coordinates, flux, profiles, stages)
+
+    def solve(
+        self,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+        go_on: Callable[[SeparateSolution], bool],
+    ) -> SeparateSolution:
+        """See `core.separate_diffusion.SeparateDiffusion.solve`."""
+        assert isinstance(self.transport, SeparateDiffusion)
+        return self.transport.solve(lights, media, stages, go_on)
+
+
+class Separation:
+    """Makes bodies ready in one OpenGL context; a step runs only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, layers: LayersPass) -> None:
+        self._context, self._run, self._layers = context, stages.run, layers
+        self._solvers: dict[tuple[Quality, Bodies, SurfaceSamples], SeparateDiffusion] = {}
+
+    def separated(
+        self,
+        mesh: Mesh,
+        bodies: Bodies,
+        made_for: Quality,
+        transport: AnyTransport,
+        grid: LayerGrid,
+        samples: SurfaceSamples,
+    ) -> Separated:
+        """Place the bodies of a mesh on layers, and wrap a transport.
+
+        Raises
+        ------
+        InputError
+            If the GPU cannot hold the layers.
+        """
+        run = self._run
+        marks = run("body marks", [mesh, bodies], lambda: BodyMarks(self._context, mesh, bodies))
+        cut = grid, transport.smooth
+        atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
+        self._layers.check_atlas(atlas)
+
+        def wrap() -> SeparateTransport | SeparateDiffusion:
+            if not isinstance(transport, DiffusionTransport):
+                return SeparateTransport(transport, bodies, samples)
+            key = made_for, bodies, samples
+            solver = self._solvers.pop(key, None) or SeparateDiffusion(transport, mesh, bodies, samples)
+            self._solvers = {**dict(list(self._solvers.items())[-1:]), key: solver}  # a drag's and the picture's
+            return solver
+
+        return Separated(marks, atlas, run("separate transport", [transport, bodies, samples], wrap))
+
+
+def convolvers(made_for: Quality, count: int) -> int:
+    """How many are to be kept for so many bodies, each of which may have shapes of its own."""
+    return CONVOLVERS + (SHAPES if made_for.method == "diffusion" else 3) * (count - 1)
 
 
 def bodies_warnings(bodies: Bodies | None) -> tuple[str, ...]:

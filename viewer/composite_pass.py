@@ -7,7 +7,7 @@ import moderngl
 from viewer.camera import Camera
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets, float_texture
+from viewer.gl import Program, float_targets
 from viewer.irradiance_pass import PixelLight
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
@@ -27,7 +27,6 @@ class CompositePass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = Program(context, "fullscreen.vert", "composite.frag")
-        self._no_offsets = float_texture(context, (1, 1))
         self._triangle = context.vertex_array(self._program.program, [])
 
     def targets(self, size: tuple[int, int], parts: bool) -> Composite:
@@ -56,7 +55,6 @@ class CompositePass:
                 "t_irradiance": light.irradiance,
                 "t_specular": light.specular,
                 **gather.exitance_uniforms(),
-                "t_offsets": self._no_offsets if gather.offsets is None else gather.offsets,
                 "t_local": light.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from core.diffusion import Solution
 from core.layers import deposit
+from core.separate_diffusion import AnySolution, SeparateSolution
 from viewer.gather import Gather
 from viewer.lighting import LitScene
 
@@ -19,13 +20,13 @@ class Finished:
 
     lit: LitScene
     gather: Gather
-    scattered: Float32 | Solution
+    scattered: Float32 | AnySolution
     complete: bool = True
 
     @property
-    def solution(self) -> Solution | None:
+    def solution(self) -> AnySolution | None:
         """With `diffusion`, how far it is solved."""
-        return self.scattered if isinstance(self.scattered, Solution) else None
+        return self.scattered if isinstance(self.scattered, AnySolution) else None
 
     def incoming(self) -> Float32:
         """Flux on the layers, (3, n_layers, height, width)."""
@@ -36,6 +37,8 @@ class Finished:
         """Exitance on the layers, (3, n_layers, height, width), all bodies together; with `diffusion` flux again."""
         if isinstance(self.scattered, Solution):
             return _leaving(self.scattered)
+        if isinstance(self.scattered, SeparateSolution):
+            return self.scattered.atlas.unfolded(self.scattered.filled(_leaving))
         separated = self.lit.separated
         return self.scattered if separated is None else separated.atlas.unfolded(self.scattered)
 

@@ -13,9 +13,10 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.diffusion import DiffusionTransport, Solution
+from core.diffusion import DiffusionTransport
 from core.environment import Probe
 from core.kernels import Kernels
+from core.separate_diffusion import AnySolution
 from core.stages import Stages
 from viewer.assets import Assets
 from viewer.camera import pixel_offsets
@@ -130,6 +131,8 @@ class Renderer:
             self.transport_stages.clear()
             if isinstance(lit.transport, Kernels):
                 lit.transport.release()
+            if lit.separated is not None:
+                lit.separated.transport.release()
             _give_back_memory()
         say("drawing")
         return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts)
@@ -140,13 +143,15 @@ class Renderer:
         leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress)
 
-    def scatter(self, lit: LitScene, go_on: Callable[[Solution], bool] = lambda _: True) -> Float32 | Solution:
+    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] = lambda _: True) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
 
         `go_on` as of `core.diffusion.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may run it.
         """
         if isinstance(lit.transport, DiffusionTransport):
             mesh, stages = lit.model.mesh, self.transport_stages
+            if lit.separated is not None:
+                return lit.separated.solve(lit.lights, lit.media, stages, go_on)
             return lit.transport.solve(mesh, lit.samples, lit.grid, lit.lights, lit.media, stages, go_on)
         if lit.separated is not None:
             return lit.separated.exitance(lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
@@ -154,7 +159,7 @@ class Renderer:
             lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
         )
 
-    def gather(self, lit: LitScene, scattered: Float32 | Solution) -> Gather:
+    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload what `scatter` returned as the volume that pixels read."""
         return self._lighting.gather(lit, scattered)
 

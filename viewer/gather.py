@@ -48,8 +48,8 @@ class Gather:
         Thickness up to which the light behind a sheet matters, mm: the range of the factors.
     eta : float
         On the way out.
-    offsets : texture, optional
-        Where the volume is an atlas of bodies: what each adds to its texture coordinates, row by row.
+    windows : texture, optional
+        Where the volume is an atlas of bodies: `core.atlas.Atlas.windows`, three texels a body.
     diffuse : DiffuseTables, optional
         With transport `diffusion`, in place of the factors.
     """
@@ -60,11 +60,11 @@ class Gather:
     local: moderngl.Texture
     local_reach: float
     eta: float
-    offsets: moderngl.Texture | None = None
+    windows: moderngl.Texture | None = None
     diffuse: DiffuseTables | None = None
 
     def light_uniforms(self) -> dict[str, object]:
-        """Values for sheet.glsl and entry.glsl."""
+        """Values for sheet.glsl, entry.glsl and bodies.glsl."""
         diffuse = self.diffuse
         terms = None if diffuse is None else diffuse.terms
         return {
@@ -77,18 +77,17 @@ class Gather:
             "u_diffuse_cosine": 1.0 if terms is None else terms.diffuse_cosine,
             "t_depths": self._depths,
             "u_thin_reach": self._thin_reach,
-            "u_world_to_texture": self.world_to_texture,
+            **self._placed,
         }
 
     def exitance_uniforms(self) -> dict[str, object]:
-        """Values for composite.frag."""
+        """Values for composite.frag and bodies.glsl."""
         diffuse = self.diffuse
         ones = (1.0, 1.0, 1.0)
         return {
             "t_exitance": self.volume,
-            "u_world_to_texture": self.world_to_texture,
             "u_smooth": self.smooth,
-            "u_separate": self.offsets is not None,
+            **self._placed,
             "u_diffusion": diffuse is not None,
             "u_diagonal": ones if diffuse is None else tuple(diffuse.terms.diagonal),
             "u_doubled": ones if diffuse is None else tuple(diffuse.terms.doubled),
@@ -96,6 +95,15 @@ class Gather:
             "t_depths": self._depths,
             "u_thin_reach": self._thin_reach,
             "t_fluence": self.volume if diffuse is None else diffuse.fluence,
+        }
+
+    @property
+    def _placed(self) -> dict[str, object]:
+        """Values for bodies.glsl."""
+        return {
+            "u_world_to_texture": self.world_to_texture,
+            "u_separate": self.windows is not None,
+            "t_windows": self.local if self.windows is None else self.windows,
         }
 
     @property

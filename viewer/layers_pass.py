@@ -13,7 +13,7 @@ from viewer.gl import Program, driver_name, float_texture, volume_texture
 Float32 = npt.NDArray[np.float32]
 
 LLVMPIPE_TEXTURE_BYTES = 1 << 30  # Mesa's LP_MAX_TEXTURE_SIZE; OpenGL has no query for it
-OFFSETS_A_ROW = 256
+BODIES_A_ROW = 256
 
 
 class LayersPass:
@@ -69,12 +69,12 @@ class LayersPass:
                 " holds; lower transport.resolution or set model.bodies to joined"
             )
 
-    def offsets(self, atlas: Atlas) -> moderngl.Texture:
-        """Upload what leads each body to its place in an atlas, in rows of `OFFSETS_A_ROW`."""
-        rows = -(-len(atlas.offsets) // OFFSETS_A_ROW)
-        values = np.zeros((rows * OFFSETS_A_ROW, 3), np.float32)
-        values[: len(atlas.offsets)] = atlas.offsets
-        texture = float_texture(self._context, (OFFSETS_A_ROW, rows), 3)
+    def windows(self, atlas: Atlas) -> moderngl.Texture:
+        """Upload where each body lies in an atlas, three texels a body in rows of `BODIES_A_ROW`."""
+        rows = -(-len(atlas.windows) // BODIES_A_ROW)
+        values = np.zeros((rows * BODIES_A_ROW, 3, 3), np.float32)
+        values[: len(atlas.windows)] = atlas.windows
+        texture = float_texture(self._context, (3 * BODIES_A_ROW, rows), 3)
         texture.write(values)
         return texture
 

@@ -7,24 +7,22 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.atlas import fit_atlas
+from core.atlas import Atlas
 from core.bodies import Bodies
 from core.diffusion import DiffusionTransport, Solution
-from core.diffusion_pixels import mean_fluence
 from core.dipole import dipoles
 from core.entry import EnteringLight
 from core.environment import Probe, irradiance_table
-from core.kernels import CONVOLVERS
 from core.layers import LayerGrid
 from core.medium import Medium, media
 from core.mesh import Mesh
 from core.samples import SurfaceSamples
-from core.separate import SeparateTransport
+from core.separate_diffusion import AnySolution
 from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
 from viewer.assets import Assets, shape_of
-from viewer.bodies import BodyMarks, Separated
+from viewer.bodies import Separated, Separation, convolvers
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import DiffuseTables, Gather
@@ -111,6 +109,7 @@ class Lighting:
         self._shadows = ShadowsPass(context)
         self._irradiance = SampleIrradiancePass(context)
         self._layers = LayersPass(context)
+        self._separation = Separation(context, stages, self._layers)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
     def light(self, scene: Scene, say: Progress) -> LitScene:
@@ -120,7 +119,7 @@ class Lighting:
         say("loading the model")
         model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
         bodies, method = None, self._assets.possible(scene.transport, model.mesh).method
-        if scene.model.bodies == "separate" and method != "diffusion":  # which keeps them apart by itself
+        if scene.model.bodies == "separate":
             bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
@@ -129,7 +128,7 @@ class Lighting:
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = quality.grid_alone
-        keep = CONVOLVERS + 3 * (count - 1)  # a body may have shapes of its own, one a channel
+        keep = convolvers(made_for, count)
         transport = run("transport", [made_for, keep], lambda: self._transport(made_for, keep))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
@@ -144,10 +143,10 @@ class Lighting:
         surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
 
         separated = marks = None
-        if bodies is not None and count > 1 and not isinstance(transport, DiffusionTransport):
-            separated = self._separated(model, bodies, transport, grid, samples)
-            # Light through thin sheets, of ewald alone, asks which body a shadow map shows.
-            marks = separated.marks.buffer if quality.method == "ewald" else None
+        if bodies is not None and count > 1:
+            separated = self._separation.separated(model.mesh, bodies, made_for, transport, grid, samples)
+            # Light through thin sheets, which layered has none of, asks which body a shadow map shows.
+            marks = None if quality.method == "layered" else separated.marks.buffer
 
         say("casting shadows")
         sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta))
@@ -160,36 +159,35 @@ class Lighting:
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(model, camera, sources, material.eta, quality, *placed, bodies, separated)
 
-    def gather(self, lit: LitScene, scattered: Float32 | Solution) -> Gather:
+    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload the result of transport."""
-        if isinstance(scattered, Solution):
+        if isinstance(scattered, AnySolution):
             return self._gather_solution(lit, scattered)
         transport = lit.transport
         assert not isinstance(transport, DiffusionTransport)
         volume = self._run("layer volume", [scattered], lambda: self._layers.volume(scattered))
         local = self._run("local", [transport, lit.grid, lit.profiles], lambda: transport.local(lit.grid, lit.profiles))
         table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
-        to_texture, offsets = lit.grid.world_to_texture, None
+        to_texture, windows = lit.grid.world_to_texture, None
         if lit.separated is not None:
-            atlas = lit.separated.atlas
-            to_texture = atlas.world_to_texture
-            offsets = self._run("body offsets", [atlas], lambda: self._layers.offsets(atlas))
-        return Gather(volume, to_texture, transport.smooth, table, local.reach, lit.eta, offsets)
+            to_texture, windows = lit.separated.atlas.world_to_texture, self._windows(lit.separated.atlas)
+        return Gather(volume, to_texture, transport.smooth, table, local.reach, lit.eta, windows)
 
-    def _gather_solution(self, lit: LitScene, solution: Solution) -> Gather:
-        transport, boundary = lit.transport, solution.boundary
+    def _gather_solution(self, lit: LitScene, solution: AnySolution) -> Gather:
+        run, transport = self._run, lit.transport
         assert isinstance(transport, DiffusionTransport)
-        volume = self._run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
-        terms = self._run("pixel terms", [boundary, *solution.media], lambda: transport.pixel_terms(solution))
-        mean = self._run(
-            "mean fluence",
-            [solution],
-            lambda: volume_texture(self._context, mean_fluence(boundary, solution.fluence)),
-        )
-        tables = self._run("pixel tables", [terms, mean], lambda: DiffuseTables.upload(self._context, terms, mean))
-        reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
-        to_texture = boundary.grid.world_to_texture
-        return Gather(volume, to_texture, True, self._no_probe, reach, lit.eta, None, tables)
+        s = transport.window_width(solution.grid)
+        volume = run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
+        terms = run("pixel terms", [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
+        mean = run("mean fluence", [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
+        tables = run("pixel tables", [terms, mean], lambda: DiffuseTables.upload(self._context, terms, mean))
+        sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
+        reach = max(sheets, default=0.0)
+        windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)
+        return Gather(volume, solution.world_to_texture, True, self._no_probe, reach, lit.eta, windows, tables)
+
+    def _windows(self, atlas: Atlas) -> moderngl.Texture:
+        return self._run("body windows", [atlas], lambda: self._layers.windows(atlas))
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -202,27 +200,14 @@ class Lighting:
         if made_for.method != "diffusion":
             return make_transport(made_for, self._effort, keep)
         solver = self._solvers.pop(made_for, None) or make_transport(made_for, self._effort, keep)
+        assert isinstance(solver, DiffusionTransport)
+        solver.keep = keep
         self._solvers = {**dict(list(self._solvers.items())[-1:]), made_for: solver}
         return solver
 
     def _load(self, settings: ModelSettings) -> Model:
         mesh, warning = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
-
-    def _separated(
-        self, model: Model, bodies: Bodies, transport: Transport, grid: LayerGrid, samples: SurfaceSamples
-    ) -> Separated:
-        run, mesh = self._run, model.mesh
-        marks = run("body marks", [model, bodies], lambda: BodyMarks(self._context, mesh, bodies))
-        cut = grid, transport.smooth
-        atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
-        self._layers.check_atlas(atlas)
-        alone = run(
-            "separate transport",
-            [transport, bodies, samples],
-            lambda: SeparateTransport(transport, bodies, samples),
-        )
-        return Separated(marks, atlas, alone)
 
     def _lamps(self, scene: Scene, model: Model, bodies: moderngl.Buffer | None) -> list[LightSource]:
         """Directional and point lights, each with its shadow map, which tells bodies apart if they are given."""

@@ -10,7 +10,7 @@ from viewer.panel_controls import RESET_HINT, Box, Controls
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
-from viewer.panel_transport import BODIES_OFF, draw_transport, solves
+from viewer.panel_transport import draw_transport
 from viewer.session import SHOWN, Session
 from viewer.settings import BUILTINS, ModelSettings
 
@@ -243,7 +243,7 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
-        controls.setting("model.bodies", "Bodies", off=BODIES_OFF if solves(live) else None)
+        controls.setting("model.bodies", "Bodies")
         if live.finished is not None and live.finished.lit.bodies is not None:
             count = live.finished.lit.bodies.count
             controls.note(

@@ -1,6 +1,6 @@
 """The panel's part for transport: what was asked for, what was chosen for it, the error to expect and the cost."""
 
-from core.diffusion import Solution
+from core.separate_diffusion import AnySolution
 from viewer.finished import Finished
 from viewer.live import Live
 from viewer.panel_controls import Controls
@@ -10,7 +10,6 @@ NEW_LIGHT: tuple[str, ...] = ("deposit", "convolution")  # stages of transport
 NEW_MATERIAL: tuple[str, ...] = ("spectra", "convolution")
 SOLVED_FOR = (*(f"sources of {channel}" for channel in "RGB"), "solution")  # likewise, with `diffusion`
 ASSIGNMENT_OFF = "It means nothing to diffusion, which spreads light with quadratic B-splines always."
-BODIES_OFF = "It means nothing to diffusion, which keeps bodies apart by itself: no light crosses the air."
 
 
 def draw_transport(controls: Controls, live: Live) -> None:
@@ -40,7 +39,7 @@ def solves(live: Live) -> bool:
     return live.finished is not None and live.finished.lit.quality.method == "diffusion"
 
 
-def solved(solution: Solution, complete: bool) -> str:
+def solved(solution: AnySolution, complete: bool) -> str:
     """Say how far a solution is, channel by channel."""
     each = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"

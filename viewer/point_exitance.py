@@ -5,16 +5,20 @@ What `viewer.transport_error` compares with photons. Dipoles are gathered from t
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from core.bodies import Bodies, bodies_at
 from core.diffusion import DiffusionTransport, Solution
+from core.diffusion_pixels import PixelTerms, depths_at_nodes
 from core.diffusion_points import PointLight, point_exitance
 from core.fresnel import transmittance
 from core.layers import LayerGrid, gather
 from core.mesh import Mesh
 from core.reference import Occluder
+from core.separate_diffusion import AnySolution, SeparateSolution
 from core.spectra import Profiles
 from core.transport import LocalTerm, Transport
 from viewer.bench_sheet import OtherSide, SheetRays
@@ -24,6 +28,7 @@ from viewer.visible_error import Illumination
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
 
 
@@ -58,22 +63,29 @@ class RayLights:
         around = [] if self._illumination.table is None else [None]
         return [*((float(x), float(y), float(z)) for x, y, z in ways), *around]
 
-    def others(self, points: Array, normals: Array, reach: float) -> list[tuple[OtherSide, Array]]:
-        """Other sides of sheets, thinner than `reach` mm, that directional lights shine through, and E there (n, 3)."""
+    def others(
+        self, points: Array, normals: Array, reach: float, own: Bools | None = None
+    ) -> list[tuple[OtherSide, Array]]:
+        """Other sides of sheets, thinner than `reach` mm, that directional lights shine through, and E there (n, 3).
+
+        `own`, (faces,), says which are of the body that the points are of, where there are several.
+        """
         found = []
         for lamp in self._lamps:
             towards = np.asarray(lamp.direction, np.float64) / np.linalg.norm(lamp.direction)
             other = self._rays.other_side(points, normals, towards, reach)
             entering = transmittance(self.eta, other.cosine) * other.cosine * other.share * (other.thickness > 0.0)
+            if own is not None:
+                entering = entering * own[other.face]
             found.append((other, np.asarray(entering[:, None] * np.asarray(lamp.irradiance))))
         return found
 
-    def at(self, points: Array, normals: Array, reach: float, thin: bool) -> list[PointLight]:
+    def at(self, points: Array, normals: Array, reach: float, thin: bool, own: Bools | None = None) -> list[PointLight]:
         """All lights at points; `reach` of the sheets that matter, mm, 0 for none; `thin`: whether any part is."""
         nothing = np.zeros((len(points), 3)), np.ones(len(points))
         each = self.irradiance(points, normals)
         lights = []
-        others = self.others(points, normals, reach) if reach > 0.0 else []
+        others = self.others(points, normals, reach, own) if reach > 0.0 else []
         for i, (irradiance, way) in enumerate(zip(each, self.directions(), strict=True)):
             if way is None:
                 behind = self._illumination.surrounding(-normals) if thin else nothing[0]
@@ -85,9 +97,13 @@ class RayLights:
         return lights
 
 
-def scene_exitance(lit: LitScene, scattered: Float32 | Solution, illumination: Illumination) -> Evaluate:
-    """Exitance of a scene whose bodies are not separate, from what its transport has scattered."""
+def scene_exitance(lit: LitScene, scattered: Float32 | AnySolution, illumination: Illumination) -> Evaluate:
+    """Exitance of a scene from what its transport has scattered; separate bodies with `diffusion` only."""
     lights = RayLights(lit.model.mesh, illumination, lit.eta)
+    if isinstance(scattered, SeparateSolution):
+        assert isinstance(lit.transport, DiffusionTransport)
+        assert lit.bodies is not None
+        return separate_exitance(lit.transport, scattered, lit.model.mesh, lit.bodies, lights)
     if isinstance(scattered, Solution):
         assert isinstance(lit.transport, DiffusionTransport)
         return diffusion_exitance(lit.transport, scattered, lights)
@@ -98,14 +114,36 @@ def scene_exitance(lit: LitScene, scattered: Float32 | Solution, illumination: I
 
 def diffusion_exitance(transport: DiffusionTransport, solution: Solution, lights: RayLights) -> Evaluate:
     """M of a solution."""
-    boundary, terms = solution.boundary, transport.pixel_terms(solution)
-    reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
+    terms = solution.pixel_terms(transport.window_width(solution.grid))
+    return lambda points, normals: _solved(solution, terms, lights, points, normals)
+
+
+def separate_exitance(
+    transport: DiffusionTransport, solution: SeparateSolution, mesh: Mesh, bodies: Bodies, lights: RayLights
+) -> Evaluate:
+    """M of bodies, each on its own."""
+    tables = solution.pixel_terms(transport.window_width(solution.grid))
 
     def evaluate(points: Array, normals: Array) -> Array:
-        here = lights.at(points, normals, reach, terms.reach > 0.0)
-        return point_exitance(solution.volume, boundary.grid, terms, lights.eta, points, normals, here)
+        found, body = np.zeros((len(points), 3)), bodies_at(mesh, bodies, points)
+        for i, part in enumerate(solution.parts):
+            here = body == i
+            if part is not None and here.any():
+                depths = None if tables.reach == 0.0 else depths_at_nodes(part.boundary, tables.reach)
+                terms = replace(tables, depths=depths)
+                found[here] = _solved(part, terms, lights, points[here], normals[here], bodies.of_face == i)
+        return found
 
     return evaluate
+
+
+def _solved(
+    solution: Solution, terms: PixelTerms, lights: RayLights, points: Array, normals: Array, own: Bools | None = None
+) -> Array:
+    boundary = solution.boundary
+    reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
+    here = lights.at(points, normals, reach, terms.reach > 0.0, own)
+    return point_exitance(solution.volume, boundary.grid, terms, lights.eta, points, normals, here)
 
 
 def dipole_exitance(

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.diffusion import Solution
 from core.errors import InputError
+from core.separate_diffusion import AnySolution
 from viewer.lighting import LitScene
 from viewer.point_exitance import scene_exitance
 from viewer.scene import Scene
@@ -27,7 +27,7 @@ REGIONS = 150
 def transport_content(
     scene: Scene,
     lit: LitScene,
-    scattered: npt.NDArray[np.float32] | Solution,
+    scattered: npt.NDArray[np.float32] | AnySolution,
     illumination: Illumination,
     photons: int,
     seed: int = 0,
@@ -76,8 +76,8 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the scene has no light"
     if not any(scene.material.resolve().sigma_s_prime):
         return "the material does not scatter"
-    if lit.separated is not None:
-        return "bodies that are separate are not compared; transport diffusion keeps them apart by itself"
+    if lit.separated is not None and lit.quality.method != "diffusion":
+        return "bodies that are separate are compared with transport diffusion only"
     return None
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core.diffusion import Solution
+from core.separate_diffusion import AnySolution
 from viewer.frame import Renderer
 from viewer.lighting import LitScene
 
@@ -43,7 +43,7 @@ class Scattered:
     """
 
     lit: LitScene
-    result: Float32 | Solution
+    result: Float32 | AnySolution
     timings: dict[str, float]
     complete: bool
     seen_after: float = np.inf
@@ -51,14 +51,14 @@ class Scattered:
     @property
     def is_presentable(self) -> bool:
         """Whether it may be seen."""
-        return self.complete or not isinstance(self.result, Solution) or _is_presentable(self.result)
+        return self.complete or not isinstance(self.result, AnySolution) or _is_presentable(self.result)
 
     @property
     def seconds(self) -> float | None:
         """What a drag costs on this grid until it may be seen; None where that is not to be told from this."""
         if not self.complete:
             return None
-        if isinstance(self.result, Solution):
+        if isinstance(self.result, AnySolution):
             known = "solution" in self.timings and not SURFACE_STAGES & self.timings.keys()
             return self.seen_after if known else None
         if "convolution" not in self.timings:
@@ -81,7 +81,8 @@ class TransportJob:
     def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
         self._renderer, self._lit, self._wake = renderer, lit, wake
         self._superseded, self._unwanted = threading.Event(), threading.Event()
-        self._preview: Solution | None = None
+        self._preview: AnySolution | None = None
+        self._shown: AnySolution | None = None
         self._shown_at, self._gave_up = -np.inf, False
         self._began, self._seen_after = 0.0, np.inf
         self.future: Future[Scattered] = worker.submit(self._scatter)
@@ -107,18 +108,19 @@ class TransportJob:
         self._seen_after = min(self._seen_after, time.perf_counter() - self._began)
         return Scattered(self._lit, result, dict(stages.timings), not self._gave_up, self._seen_after)
 
-    def _go_on(self, solution: Solution) -> bool:
+    def _go_on(self, solution: AnySolution) -> bool:
         """Show the first solution that may be seen at once and some of the later ones; give up in good time."""
         presentable = _is_presentable(solution)
         self._gave_up = self._unwanted.is_set() or (presentable and self._superseded.is_set())
         now = time.perf_counter()
         if presentable:
             self._seen_after = min(self._seen_after, now - self._began)
-        if presentable and not self._gave_up and now - self._shown_at > PREVIEW_SECONDS:
-            self._shown_at, self._preview = now, solution
+        new = solution is not self._shown  # bodies have nothing better together while one of them goes on
+        if presentable and new and not self._gave_up and now - self._shown_at > PREVIEW_SECONDS:
+            self._shown_at, self._shown, self._preview = now, solution, solution
             self._wake()
         return not self._gave_up
 
 
-def _is_presentable(solution: Solution) -> bool:
+def _is_presentable(solution: AnySolution) -> bool:
     return max(solution.residuals) <= PRESENTABLE
