@@ -14,6 +14,7 @@ Spectra = tuple[Float32, ...]
 Kernel = tuple[Any, ConvolutionShape, float, float]  # what it is of, its shape, texel and layer distance
 
 CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
+ONE_THREAD = 1 << 15  # padded nodes up to which handing out work takes longer than the work
 SPECTRA_BYTES = 64 << 20  # kept beyond those in use: materials between which a person goes back and forth
 
 
@@ -63,7 +64,8 @@ class Kernels:
         if shape not in self._convolvers:
             if len(self._convolvers) >= self.keep:
                 self._convolvers.pop(next(iter(self._convolvers)))
-            self._convolvers[shape] = LayerConvolver(shape, self.threads, self.effort)
+            threads = 1 if shape.padded_nodes <= ONE_THREAD else self.threads
+            self._convolvers[shape] = LayerConvolver(shape, threads, self.effort)
         return self._convolvers[shape]
 
     def release(self) -> None:

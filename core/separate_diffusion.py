@@ -8,7 +8,6 @@ come first, body by body, and are a picture together; then the fine ones. A body
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -77,7 +76,7 @@ class SeparateSolution:
         """Of each channel the most that a body took."""
         return tuple(max(each) for each in zip((0, 0, 0), *(part.products for part in self.solved), strict=True))
 
-    @cached_property
+    @property
     def volume(self) -> Float32:
         """O of R, G and B, then K_L 1, in the atlas: (4, *atlas.shape)."""
         return self.filled(lambda part: part.volume, 4)

@@ -284,10 +284,10 @@ def test_an_open_mesh_falls_back_and_says_so(driver, tmp_path):
 def test_controls_without_meaning_are_off_and_the_rest_works(driver):
     for section in SECTIONS:
         driver.click(f"section.{section}", 0.3)
-    put(driver, "transport.assignment=tent", "model.bodies=separate")
+    put(driver, "transport.assignment=tent")
     driver.settle()
     scene = driver.session.scene
-    for name in ("transport.assignment", "model.bodies", "error.measure", "error.points", "error.map"):
+    for name in ("transport.assignment", "error.measure", "error.points", "error.map"):
         driver.click(name, 0.3)
         driver.click(name, 0.3, button="right")
     assert driver.session.scene == scene
