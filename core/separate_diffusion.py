@@ -227,24 +227,26 @@ class SeparateDiffusion:
         lit = [i for i, lights in enumerate(own) if lights]
         parts: dict[int, Solution] = {}
         newest = replace(self._dark(media), waiting=bool(lit))
-        for coarse in (True, False):
-            for i in lit:
-                crop, ended = self.atlas().crops[i], False
 
-                def told(part: Solution, i: int = i, crop: LayerGrid = crop, coarse: bool = coarse) -> bool:
-                    nonlocal newest, ended
-                    parts[i] = part
-                    newest = self._together(parts, lit, i) or newest
-                    ended = not go_on(newest)
-                    enough = coarse and part.boundary.grid != crop and max(part.residuals) <= COARSE_TOLERANCE
-                    return not ended and not enough
-
-                body = self._bodies[i]
-                solve = body.transport.solve
-                parts[i] = solve(body.mesh, body.samples, crop, own[i], media, body.stages, told)
+        def take(i: int, part: Solution) -> None:
+            nonlocal newest
+            if parts.get(i) is not part:
+                parts[i] = part
                 newest = self._together(parts, lit, i) or newest
-                if ended:
-                    return newest
+
+        for coarse, i in [*((True, i) for i in lit), *((False, i) for i in lit)]:
+            body, crop, ended = self._bodies[i], self.atlas().crops[i], False
+
+            def told(part: Solution, i: int = i, coarse: bool = coarse, crop: LayerGrid = crop) -> bool:
+                nonlocal ended
+                take(i, part)
+                ended = not go_on(newest)
+                enough = coarse and part.boundary.grid != crop and max(part.residuals) <= COARSE_TOLERANCE
+                return not ended and not enough
+
+            take(i, body.transport.solve(body.mesh, body.samples, crop, own[i], media, body.stages, told))
+            if ended:
+                break
         return newest
 
     def _together(self, parts: dict[int, Solution], lit: Sequence[int], latest: int) -> SeparateSolution | None:

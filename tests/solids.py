@@ -59,3 +59,15 @@ def scattered(count: int, subdivisions: int = 1, seed: int = 0) -> Mesh:
     places = np.stack(np.meshgrid(*[np.arange(side)] * 3), axis=-1).reshape(-1, 3)[:count]
     moved = places + np.random.default_rng(seed).uniform(-0.05, 0.05, places.shape)
     return mesh_of(*(ball(0.4, at, subdivisions) for at in moved))
+
+
+def tubes() -> Mesh:
+    """Two capped tubes that touch along a line; for light from -x the second one lies in the shadow of the first."""
+    parts = []
+    for radius, length, at, turn in ((5.0, 40.0, (-5.0, 0.0, 0.0), 0.0), (4.2, 39.0, (4.195, 0.37, 0.0), np.pi / 64)):
+        part = trimesh.creation.cylinder(radius, length, sections=64).subdivide_to_size(2.5)
+        part.apply_transform(trimesh.transformations.rotation_matrix(turn, [0, 0, 1]))
+        part.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, [1, 0, 0]))
+        part.apply_translation(at)
+        parts.append(part)
+    return mesh_of(*parts)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
+from viewer.panel_transport import solved
 from viewer.scene import apply_set
 from viewer.view_drawing import developed
 
@@ -57,7 +58,7 @@ def test_a_change_of_separate_bodies_runs_what_depends_on_it(driver):
         assert expected is None or ran == expected, assignments
 
 
-@pytest.mark.parametrize("method", ["layered", "ewald"])
+@pytest.mark.parametrize("method", ["layered", "ewald", "diffusion"])
 def test_changes_in_a_hurry_end_in_the_picture_of_their_sum(driver, method):
     rng = np.random.default_rng(2)
     put(driver, f"transport.method={method}", "transport.resolution=32")
@@ -73,7 +74,8 @@ def test_changes_in_a_hurry_end_in_the_picture_of_their_sum(driver, method):
             put(driver, f"model.size_mm={rng.choice([20, 60])}")
         driver.frames(int(rng.integers(1, 4)))
     put(driver, "model.bodies=separate")
-    np.testing.assert_array_equal(driver.picture(), headless_picture(driver.session.scene, PICTURE))
+    off = np.abs(driver.picture().astype(int) - headless_picture(driver.session.scene, PICTURE))
+    assert off.max() <= (2 if method == "diffusion" else 0)  # a start of other light ends elsewhere in its tolerance
 
 
 def test_layers_show_all_bodies_together(driver):
@@ -90,3 +92,62 @@ def test_layers_show_all_bodies_together(driver):
     key, texture = driver.view._map
     expected = developed(np.moveaxis(outgoing[:, 0], 0, -1), outgoing, key[3], key[4])
     np.testing.assert_array_equal(np.frombuffer(texture.read(), np.uint8).reshape(expected.shape), expected)
+
+
+def test_diffusion_in_separate_bodies(driver):
+    """Solved body by body: what depends on a change runs again, for all of them; layers show them together."""
+    put(driver, "transport.method=diffusion", "transport.resolution=32")
+    joined, start = driver.picture(), driver.session.scene
+    put(driver, "model.bodies=separate")
+    ran = driver.stages()
+    assert ran >= {
+        "find bodies",
+        "body marks",
+        "body layers",
+        "body windows",
+        "separate transport",
+        "solution",
+        "bodies",
+    }
+    assert not ran & {"samples", "model"}
+    finished = driver.view.live.finished
+    assert len(finished.solution.parts) == 2
+    assert solved(finished.solution, finished.complete).startswith("solved: R to ")
+    outgoing = finished.outgoing()
+    assert outgoing.shape == (3, *finished.lit.grid.shape)
+    leaving = sum(
+        part.fluence[0] @ part.boundary.patches.areas / (2.0 * part.media[0].boundary)
+        for part in finished.solution.parts
+    )
+    assert outgoing[0].sum() == pytest.approx(leaving, rel=1e-3)
+    for assignments, expected in (
+        (["camera.azimuth_deg=50"], PIXELS),
+        (["material.name=wax"], PIXELS | {"spectra", "sources of R", "sources of G", "sources of B", "solution"}),
+    ):
+        put(driver, *assignments)
+        ran = driver.stages()
+        assert ran >= expected
+        assert not ran & {"boundary", "body layers", "separate transport", "rays"}
+    driver.session.put(start)
+    assert np.abs(driver.picture().astype(int) - joined).max() <= 2
+
+
+def test_a_drag_in_separate_bodies_shows_coarse_solutions_and_ends_in_the_fine_one(driver):
+    put(driver, "transport.method=diffusion", "transport.resolution=64", "model.bodies=separate")
+    driver.settle()
+    live, seen = driver.view.live, set()
+    gather = live.renderer.gather
+
+    def see(lit, result):
+        seen.add((result.grid.width, result.waiting))
+        return gather(lit, result)
+
+    live.renderer.gather = see
+    driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
+    driver.settle()
+    fine = live.finished.lit.grid.width
+    assert (fine, False) in seen
+    assert any(width < fine for width, _ in seen)
+    assert not any(waiting for _, waiting in seen)
+    off = np.abs(driver.picture().astype(int) - headless_picture(driver.session.scene, PICTURE))
+    assert off.max() <= 2
