@@ -17,7 +17,8 @@ The pipeline, one module a stage::
     diffusion     the equation solved, on half the nodes first; diffusion_channel: one channel's operator and steps,
                   krylov: GMRES, diffusion_solution: what comes of it;
                   diffusion_pixels: what a pixel needs of it, diffusion_points: the same at any point, on the CPU
-    bodies        the solids of a mesh; atlas: the layers of each; separate: transport in each alone
+    bodies        the solids of a mesh; atlas: the layers of each; separate and separate_diffusion: transport in each
+                  alone
     tonemap       float64 reference of the display transform
 
 Beside it ``materials`` (coefficients), ``dipole`` (R_d), ``fresnel``, ``stages`` (run only what changed),

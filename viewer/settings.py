@@ -43,8 +43,8 @@ class ModelSettings:
     )
     bodies: str = setting(
         "text", "joined", choices=("joined", "separate"),
-        why="with ewald and layered: joined, equation (1) over all of the surface, across air gaps; or separate, each "
-            "closed part alone; diffusion keeps them apart by itself"
+        why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
+            "are within about four nodes of each other); or separate: each closed part alone"
     )
 
     def __post_init__(self) -> None:
