@@ -134,8 +134,10 @@ def depths_of(mesh: Mesh) -> Depths:
     return Depths(mesh)
 
 
-def row_sums(mesh: Mesh, n: int = ROWS) -> Array:
+def row_sums(mesh: Mesh, n: int = ROWS, body: npt.NDArray[np.integer] | None = None) -> Array:
     """K 1 at n places spread over the surface, without absorption: -1/2 each where it is closed and wound outwards.
+
+    Of a place's own body alone where that of each face is given: bodies may then share a plane.
 
     The solid angle of all faces seen from the middle of one, over -4 pi (van Oosterom and Strackee 1983), float64.
     """
@@ -144,12 +146,13 @@ def row_sums(mesh: Mesh, n: int = ROWS) -> Array:
     chosen = np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1])
     sums = np.empty(n)
     for row, face in enumerate(chosen):
-        a, b, c = np.moveaxis(corners - corners[face].mean(axis=0), 1, 0)
+        own = np.arange(len(corners)) if body is None else np.flatnonzero(body == body[face])
+        a, b, c = np.moveaxis(corners[own] - corners[face].mean(axis=0), 1, 0)
         la, lb, lc = (np.sqrt(np.einsum("ij,ij->i", side, side)) for side in (a, b, c))
         ab, bc, ca = (np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a)))
         volume = np.einsum("ij,ij->i", a, np.cross(b, c))
         angle = 2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-        angle[face] = 0.0  # its own plane
+        angle[own == face] = 0.0  # its own plane
         sums[row] = -np.sum(angle) / (4.0 * np.pi)
     return sums
 

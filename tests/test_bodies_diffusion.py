@@ -8,7 +8,7 @@ import trimesh
 
 from core.bodies import bodies_at, find_bodies
 from tests.rendering import MeshRenderer, inside, relative_rms
-from tests.solids import ball, mesh_of, plates, rings, tubes
+from tests.solids import ball, block, mesh_of, plates, rings, tubes
 from viewer import images
 from viewer.frame import render
 from viewer.point_exitance import scene_exitance
@@ -158,3 +158,17 @@ def test_another_material_and_light_solve_the_bodies_again(context):
         fresh = MeshRenderer(context, plates()).render(changed, samples=1)
         lit = inside(again, 1)
         assert relative_rms(again.exitance[lit], fresh.exitance[lit]).max() < 0.005
+
+
+def test_blocks_that_lie_upon_each_other(context):
+    """Joined, a place on the common plane is on both surfaces, and ewald takes over; each alone is closed."""
+    mesh = mesh_of(block((5, 5, 5)), block((4, 4, 4), (4.5, 0.1, 0.1)))
+    renderer, methods = MeshRenderer(context, mesh), {}
+    for mode in ("joined", "separate"):
+        frame = renderer.render(scene(mode=mode), samples=1)
+        methods[mode] = frame.quality.method
+    assert methods == {"joined": "ewald", "separate": "diffusion"}
+    pixels, body = parts_of(frame, mesh)
+    assert frame.exitance[pixels][body == 0].min() > 0.0
+    M = frame.exitance[pixels].sum(axis=1)
+    assert M[body == 1].sum() < 1e-3 * M[body == 0].sum()

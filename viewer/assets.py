@@ -72,29 +72,44 @@ class Assets:
 
         return self._get("roughness", id(mesh), measure)[1]  # type: ignore[no-any-return]
 
-    def row_sums(self, mesh: Mesh) -> npt.NDArray[np.float64]:
-        """Return how closed a mesh is, see `core.boundary.row_sums`."""
-        return self._get("row sums", id(mesh), lambda: (mesh, row_sums(mesh)))[1]  # type: ignore[no-any-return]
+    def row_sums(self, mesh: Mesh, separate: bool = False) -> npt.NDArray[np.float64]:
+        """Return how closed a mesh is, or each of its bodies, see `core.boundary.row_sums`."""
 
-    def possible(self, settings: TransportSettings, mesh: Mesh) -> TransportSettings:
-        """Return the settings that are used: `ewald` where `diffusion` is asked for and the mesh is not closed."""
-        if settings.method == "diffusion" and not is_closed(self.row_sums(mesh)):
+        def measure() -> tuple[Mesh, npt.NDArray[np.float64]]:
+            bodies = self.bodies(mesh) if separate else None
+            return mesh, row_sums(mesh, body=None if bodies is None or bodies.count == 1 else bodies.of_face)
+
+        return self._get("row sums", (id(mesh), separate), measure)[1]  # type: ignore[no-any-return]
+
+    def possible(self, settings: TransportSettings, mesh: Mesh, separate: bool = False) -> TransportSettings:
+        """Return the settings that are used: `ewald` where `diffusion` is asked for and the mesh is not closed.
+
+        `separate` bodies are closed each for itself.
+        """
+        if settings.method == "diffusion" and not is_closed(self.row_sums(mesh, separate)):
             return replace(settings, method="ewald")
         return settings
 
-    def quality(self, settings: TransportSettings, profiles: Profiles, mesh: Mesh, sharp_light: bool) -> Quality:
+    def quality(
+        self,
+        settings: TransportSettings,
+        profiles: Profiles,
+        mesh: Mesh,
+        sharp_light: bool,
+        separate: bool = False,
+    ) -> Quality:
         """Return layers and resolution, see `viewer.quality.choose_quality`; only `ewald` needs to know the shape."""
-        asked, settings = settings, self.possible(settings, mesh)
+        asked, settings = settings, self.possible(settings, mesh, separate)
         shape = self.roughness(mesh) if settings.method == "ewald" else None
 
         def choose() -> tuple[Mesh, Quality]:
             quality = choose_quality(settings, profiles, mesh, shape, sharp_light)
             if settings != asked:
-                sums = self.row_sums(mesh)
+                sums = self.row_sums(mesh, separate)
                 quality = replace(quality, open_surface=float(sums[np.abs(sums + 0.5).argmax()]))
             return mesh, quality
 
-        key = (asked, tuple(profiles), id(mesh), sharp_light)
+        key = (asked, tuple(profiles), id(mesh), sharp_light, separate)
         return self._get("quality", key, choose)[1]  # type: ignore[no-any-return]
 
     def has_mesh(self, settings: ModelSettings) -> bool:
@@ -109,9 +124,9 @@ class Assets:
         """Whether `bodies` would return at once."""
         return self._has("bodies", id(mesh))
 
-    def has_row_sums(self, mesh: Mesh) -> bool:
+    def has_row_sums(self, mesh: Mesh, separate: bool = False) -> bool:
         """Whether `row_sums` would return at once."""
-        return self._has("row sums", id(mesh))
+        return self._has("row sums", (id(mesh), separate))
 
     def has_roughness(self, mesh: Mesh) -> bool:
         """Whether `roughness` would return at once."""

@@ -118,13 +118,14 @@ class Lighting:
 
         say("loading the model")
         model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
-        bodies, method = None, self._assets.possible(scene.transport, model.mesh).method
-        if scene.model.bodies == "separate":
+        bodies, separate = None, scene.separate
+        if separate:
             bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
+        settings = self._assets.possible(scene.transport, model.mesh, separate)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)
-        if method == "ewald":
+        if settings.method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = quality.grid_alone
@@ -135,7 +136,6 @@ class Lighting:
             self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
 
         say("sampling the surface")
-        settings = self._assets.possible(scene.transport, model.mesh)
         spacing = sample_spacing(model.mesh, settings, quality.resolution)
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
@@ -274,5 +274,9 @@ def _total(irradiances: list[Float32], n: int) -> Float32:
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
     return assets.quality(
-        scene.transport, dipoles(scene.material.resolve()), mesh, sharp_light=bool(scene.effective_lights())
+        scene.transport,
+        dipoles(scene.material.resolve()),
+        mesh,
+        sharp_light=bool(scene.effective_lights()),
+        separate=scene.separate,
     )

@@ -185,13 +185,13 @@ class Live:
         if probe is not None and not self.assets.has_probe(probe):
             return False
         mesh, _ = self.assets.mesh(scene.model)
-        if scene.model.bodies == "separate" and not self.assets.has_bodies(mesh):
+        if scene.separate and not self.assets.has_bodies(mesh):
             return False
-        if scene.transport.method == "diffusion" and not self.assets.has_row_sums(mesh):
+        if scene.transport.method == "diffusion" and not self.assets.has_row_sums(mesh, scene.separate):
             return False
         if detail.draft:
             return True
-        settings = self.assets.possible(scene.transport, mesh)
+        settings = self.assets.possible(scene.transport, mesh, scene.separate)
         if settings.method == "ewald" and not self.assets.has_roughness(mesh):
             return False
         return self.assets.has_samples(mesh, self._sample_spacing(scene, mesh))
@@ -199,7 +199,7 @@ class Live:
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
-        if scene.model.bodies == "separate":
+        if scene.separate:
             self.assets.bodies(mesh)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
@@ -207,7 +207,7 @@ class Live:
         self._failed = None
 
     def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
-        settings = self.assets.possible(scene.transport, mesh)
+        settings = self.assets.possible(scene.transport, mesh, scene.separate)
         return sample_spacing(mesh, settings, quality_of(scene, mesh, self.assets).resolution)
 
     # light and transport

@@ -84,6 +84,11 @@ class Scene:
         """Return the lights that shine: those given, else the default pair where there is no environment."""
         return tuple(light for light in self.all_lights() if light.on)
 
+    @property
+    def separate(self) -> bool:
+        """Whether bodies scatter light each alone."""
+        return self.model.bodies == "separate"
+
     def all_lights(self) -> tuple[Light, ...]:
         """Return the lights given, off or on, else the default pair where there is no environment."""
         if self.lights is not None:
