@@ -216,6 +216,7 @@ class DiffusionTransport(Kernels):
     def release(self) -> None:
         """Let go of the last surface and solution too."""
         super().release()
+        depths_of.cache_clear()
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
 

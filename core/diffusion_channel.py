@@ -147,7 +147,8 @@ class Iteration:
         self.channel, self._start = channel, start
         self._volumes: list[Float32] = []
         scale = start.size or 1.0  # 0 where so little scatters that its square underflows
-        self._steps = gmres(self._multiply, start.residual, scale, tolerance, most)
+        multiply = functools.partial(_multiply, channel, self._volumes)
+        self._steps = gmres(multiply, start.residual, scale, tolerance, most)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:
@@ -183,7 +184,9 @@ class Iteration:
             volume -= np.float32(share) * part
         return volume
 
-    def _multiply(self, vector: Array) -> Array:
-        fluence = vector * self.channel.scale
-        self._volumes.append(self.channel.volume(fluence))
-        return self.channel.product(fluence, self._volumes[-1])
+
+def _multiply(channel: Channel, volumes: list[Float32], vector: Array) -> Array:
+    """Take a product and keep its volume; no method, which would tie an iteration to itself through its generator."""
+    fluence = vector * channel.scale
+    volumes.append(channel.volume(fluence))
+    return channel.product(fluence, volumes[-1])

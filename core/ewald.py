@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
-from scipy.signal import fftconvolve
 
 from core.convolution import ConvolutionShape
 from core.layers import LayerGrid
@@ -55,7 +54,7 @@ def long_range(profile: Profile, s: float, furthest: float) -> CubicSpline:
     n, m = int(np.ceil(furthest / step)) + 1, int(np.ceil(reach / step))
     t = step * np.arange(-2 * m, n + 2 * m + 1)
     strength = t * profile.radial(np.abs(t))
-    smooth = step * fftconvolve(strength, window(step * np.arange(-m, m + 1), s), mode="valid")
+    smooth = step * _convolve(strength, window(step * np.arange(-m, m + 1), s))
     rho = t[m:-m]
     # rho R_L is odd; its slope at 0 is R_L(0), which the quotient cannot give.
     odd = CubicSpline(rho, smooth)
@@ -74,8 +73,16 @@ def local_table(profile: Profile, s: float) -> CubicSpline:
     step = max(min(s / 20.0, profile.mean_free_path / 6.0), (furthest + 2.0 * reach) / MAX_NODES)
     n, m = int(np.ceil(furthest / step)) + 1, int(np.ceil(reach / step))
     total = profile.total(step * np.abs(np.arange(-m, n + m + 1)))
-    smooth = step * fftconvolve(total, window(step * np.arange(-m, m + 1), s), mode="valid")
+    smooth = step * _convolve(total, window(step * np.arange(-m, m + 1), s))
     return CubicSpline(step * np.arange(n + 1), total[m:-m] - smooth)
+
+
+def _convolve(values: Array, weights: Array) -> Array:
+    """Convolve along a line, where all weights meet a value."""
+    # Imported here: with it comes scipy.stats, 20 MB and half a second, of which `diffusion` has no need.
+    from scipy.signal import fftconvolve
+
+    return np.asarray(fftconvolve(values, weights, mode="valid"))
 
 
 def influence(frequency: Array, assignment: str = TSC) -> Array:

@@ -102,6 +102,14 @@ def test_exr_round_trip_is_bit_exact_with_dotted_names(tmp_path):
     assert spec.getattribute("compression") == "zip"
 
 
+@pytest.mark.parametrize("height", [images.BAND, 2 * images.BAND + 5])
+def test_exr_is_whole_however_many_bands_it_takes(tmp_path, height):
+    channels = {name: np.random.default_rng(i).random((height, 7), np.float32) for i, name in enumerate("RGBA")}
+    images.write_exr(tmp_path / "a.exr", channels)
+    for name, plane in images.read_channels(tmp_path / "a.exr").items():
+        np.testing.assert_array_equal(plane, channels[name])
+
+
 def test_exr_bytes_repeat(tmp_path):
     for name in ("a.exr", "b.exr"):
         images.write_exr(tmp_path / name, planes())

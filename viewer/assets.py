@@ -143,6 +143,11 @@ class Assets:
                 for key in [key for key in kept if key == path or getattr(key, "path", None) == path]:
                     del kept[key]
 
+    def keep_probes(self) -> None:
+        """Let go of all but the probes."""
+        with self._lock:
+            self._kept = {kind: kept for kind, kept in self._kept.items() if kind == "probe"}
+
     def _spacing_at_hand(self, mesh: Mesh, spacing: float) -> float:
         with self._lock:
             keys: list[Any] = list(self._kept.get("samples", ()))

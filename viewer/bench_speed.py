@@ -207,9 +207,9 @@ class ProcessRow:
     megabytes: float
 
 
-def process_row(scene: Scene, setting: str, folder: Path, repeats: int) -> ProcessRow:
+def process_row(scene: Scene, setting: str, folder: Path, repeats: int, output: str = "picture.png") -> ProcessRow:
     """Run `milkglass render` of a scene in processes of their own; files go to `folder`."""
-    described, picture = folder / "scene.toml", folder / "picture.png"
+    described, picture = folder / "scene.toml", folder / output
     scene.save(described)
     times, peak = [], 0.0
     command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(described), "--output", str(picture)]

@@ -188,8 +188,9 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
     """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
     from rich.console import Console
 
-    from viewer import frame
+    from viewer import frame, memory
 
+    memory.share_heap()
     only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
     draw = frame.render_image if only_images else frame.render
     console = Console(stderr=True)

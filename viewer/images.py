@@ -7,7 +7,7 @@ left behind.
 
 import os
 import secrets
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photogra
 # A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
 # ringing and become 0; more of them mean that the picture is something else.
 NEGATIVE_SHARE = 1e-3
+BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
 _PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksum
 _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 
@@ -129,7 +130,7 @@ def write_png(path: str | os.PathLike[str], pixels: Pixels8) -> None:
     spec = oiio.ImageSpec(width, height, count, "uint8")
     spec.attribute("oiio:ColorSpace", "sRGB")
     spec.attribute("oiio:UnassociatedAlpha", 1)  # else colours are divided by alpha on the way out
-    _write(Path(path), ".png", spec, pixels)
+    _write(Path(path), ".png", spec, [pixels])
 
 
 def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) -> None:
@@ -145,7 +146,8 @@ def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) ->
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")  # the same picture gives the same bytes
-    _write(Path(path), ".exr", spec, np.stack(planes, axis=-1))
+    bands = (slice(top, top + BAND) for top in range(0, height, BAND))
+    _write(Path(path), ".exr", spec, (np.stack([plane[rows] for plane in planes], axis=-1) for rows in bands))
 
 
 def _read(
@@ -204,7 +206,8 @@ def _upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[n
     return np.ascontiguousarray(pixels[:: -1 if flip_rows else 1, :: -1 if flip_columns else 1])
 
 
-def _write(path: Path, suffix: str, spec: oiio.ImageSpec, pixels: npt.NDArray[np.generic]) -> None:
+def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.NDArray[np.generic]]) -> None:
+    """Write an image whose rows come in bands, from the top."""
     check_output(path, (suffix,))
     target = Path(os.path.realpath(path))  # a link stays a link
     temporary = target.with_name(f".{secrets.token_hex(8)}{suffix}")
@@ -212,7 +215,10 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, pixels: npt.NDArray[np
     if output is None:
         raise RuntimeError(f"this OpenImageIO cannot write {suffix} files: {oiio.geterror()}")
     try:
-        done = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
+        done, top = output.open(str(temporary), spec), 0
+        for band in bands if done else ():
+            done = done and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
+            top += len(band)
         done = output.close() and done
         output.geterror()  # fetched so that it is not printed at exit
         if not done or not _is_complete(temporary, spec.height):

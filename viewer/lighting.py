@@ -195,6 +195,11 @@ class Lighting:
         assert path is not None
         return self._run("probe", [path], lambda: self._assets.probe(path))
 
+    def release(self) -> None:
+        """Let go of solvers and assets, but for the probes."""
+        self._solvers.clear()
+        self._assets.keep_probes()
+
     def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
         """Make a transport; with `diffusion`, which keeps a surface and a solution, one of the last two may serve."""
         if made_for.method != "diffusion":

@@ -108,10 +108,16 @@ class Frame:
             write_exr(path, self.channels())
 
 
-def read_frame(picture: Picture, timings: dict[str, float]) -> Frame:
-    """Read a picture back from the GPU."""
+def read_frame(picture: Picture, timings: dict[str, float], last: bool = False) -> Frame:
+    """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
     alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
-    planes = {n: np.ascontiguousarray(read_rgba(t)[..., :3]) for n, t in picture.composite.textures.items()}
+    planes = {}
+    if last:
+        picture.composite.framebuffer.release()
+    for name, texture in picture.composite.textures.items():
+        planes[name] = np.ascontiguousarray(read_rgba(texture)[..., :3])
+        if last:
+            texture.release()
     # Sums over the samples that hit the object become their means; most pixels are hit by all or none.
     edge = (alpha > 0.0) & (alpha < 1.0)
     for name in ("position", "normal", "irradiance", "exitance"):
