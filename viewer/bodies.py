@@ -72,6 +72,10 @@ class Separation:
         self._context, self._run, self._layers = context, stages.run, layers
         self._solvers: dict[tuple[Quality, Bodies, SurfaceSamples], SeparateDiffusion] = {}
 
+    def release(self) -> None:
+        """Let go of solvers."""
+        self._solvers.clear()
+
     def separated(
         self,
         mesh: Mesh,

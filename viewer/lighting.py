@@ -198,6 +198,7 @@ class Lighting:
     def release(self) -> None:
         """Let go of solvers and assets, but for the probes."""
         self._solvers.clear()
+        self._separation.release()
         self._assets.keep_probes()
 
     def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
