@@ -8,7 +8,7 @@ import trimesh
 
 from core.bodies import bodies_at, find_bodies
 from tests.rendering import MeshRenderer, inside, relative_rms
-from tests.solids import ball, block, mesh_of, plates, rings, tubes
+from tests.solids import ball, block, mesh_of, plates, rings, scattered, tubes
 from viewer import images
 from viewer.frame import render
 from viewer.point_exitance import scene_exitance
@@ -174,3 +174,18 @@ def test_blocks_that_lie_upon_each_other(context):
     assert frame.exitance[pixels][body == 0].min() > 0.0
     M = frame.exitance[pixels].sum(axis=1)
     assert M[body == 1].sum() < 1e-3 * M[body == 0].sum()
+
+
+def test_bodies_are_separate_by_default_where_the_method_asks_for_it(context):
+    renderer, mesh = MeshRenderer(context, tubes()), tubes()
+    default = scene()
+    default = replace(default, model=replace(default.model, bodies=None))
+    frame = renderer.render(default, samples=1)
+    pixels, body = parts_of(frame, mesh)
+    assert not frame.exitance[pixels][body == 1].any()
+    assert frame.exitance[pixels][body == 0].any()
+    leaking = renderer.render(apply_set(default, ["transport.method=ewald"]), samples=1)
+    assert leaking.exitance[pixels][body == 1].any()
+    lit = MeshRenderer(context, scattered(65)).light(default)
+    assert lit.bodies is None
+    assert lit.separated is None

@@ -96,7 +96,7 @@ def test_layers_show_all_bodies_together(driver):
 
 def test_diffusion_in_separate_bodies(driver):
     """Solved body by body: what depends on a change runs again, for all of them; layers show them together."""
-    put(driver, "transport.method=diffusion", "transport.resolution=32")
+    put(driver, "transport.method=diffusion", "transport.resolution=32", "model.bodies=joined")
     joined, start = driver.picture(), driver.session.scene
     put(driver, "model.bodies=separate")
     ran = driver.stages()

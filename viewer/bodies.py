@@ -25,6 +25,8 @@ from viewer.quality import AnyTransport, Quality
 
 Float32 = npt.NDArray[np.float32]
 
+MOST_BY_DEFAULT = 64  # bodies: each takes 15 ms, so that more are better joined
+
 
 class BodyMarks:
     """Body of each vertex, on both sides.
@@ -107,6 +109,14 @@ class Separation:
             return solver
 
         return Separated(marks, atlas, run("separate transport", [transport, bodies, samples], wrap))
+
+
+def separate_by_default(bodies: Bodies, method: str) -> Bodies | None:
+    """Return bodies that are to be separate though nobody asked for it; None where all are joined.
+
+    With `diffusion` light that crosses the air between bodies is an error; with the others it is what (1) says.
+    """
+    return bodies if method == "diffusion" and 2 <= bodies.count <= MOST_BY_DEFAULT else None
 
 
 def convolvers(made_for: Quality, count: int) -> int:

@@ -22,7 +22,7 @@ from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
 from viewer.assets import Assets, shape_of
-from viewer.bodies import Separated, Separation, convolvers
+from viewer.bodies import Separated, Separation, convolvers, separate_by_default
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import DiffuseTables, Gather
@@ -122,6 +122,8 @@ class Lighting:
         if separate:
             bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
         settings = self._assets.possible(scene.transport, model.mesh, separate)
+        if scene.model.bodies is None and bodies is not None:
+            bodies = separate_by_default(bodies, settings.method)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = dipoles(material)

@@ -41,8 +41,9 @@ class ModelSettings:
         "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
         why="axis of the file that points up; most scans use y"
     )
-    bodies: str = setting(
-        "text", "joined", choices=("joined", "separate"),
+    bodies: str | None = setting(
+        "text", None, optional=True, choices=("joined", "separate"),
+        default_text="separate with diffusion where there are up to 64, else joined",
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
     )
