@@ -78,6 +78,28 @@ def evaluate_grid(sh: Array, theta: Array, phi: Array) -> Array:
     return np.asarray(np.einsum("hmc,wm->hwc", rows, _azimuthal(phi, order), optimize=True))
 
 
+def basis(directions: npt.ArrayLike, order: int) -> Array:
+    """Y_lm of unit directions (n, 3): (n, (order + 1)^2) float64."""
+    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
+    values = np.empty((len(x), (order + 1) ** 2))
+    azimuthal = _azimuthal(np.arctan2(x, -z), order)
+    for degree, legendre in enumerate(_legendre_by_m(np.arctan2(np.hypot(x, z), y), order)):
+        ell = np.arange(degree, order + 1)
+        for sign in {degree, -degree}:
+            values[:, ell * (ell + 1) + sign] = legendre.T * azimuthal[:, order + sign, None]
+    return values
+
+
+def rotated(sh: Array, rotation_deg: float) -> Array:
+    """Coefficients ((L + 1)^2, 3) of a probe that is turned by rotation_deg about +y, see `core.probe_maps`."""
+    ell = np.repeat(np.arange(order_of(sh) + 1), 2 * np.arange(order_of(sh) + 1) + 1)
+    centre = ell * (ell + 1)
+    m = np.arange(len(sh)) - centre
+    # It is looked up at phi + a: each pair of sine and cosine turns by m a, whichever sign m has.
+    angle = m[:, None] * np.radians(rotation_deg)
+    return np.asarray(np.cos(angle) * sh + np.sin(angle) * sh[centre - m])
+
+
 def convolve_zonal(sh: Array, zonal: Array) -> Array:
     """Multiply band l by zonal[l] (Funk-Hecke theorem), dropping bands beyond the shorter of the two.
 

@@ -1,0 +1,116 @@
+"""A mesh with more vertices on the same surface: for values that are known at vertices and interpolated between.
+
+Every edge that is longer than wanted is halved, until none is. Each edge decides for itself, by its two ends alone, so
+that the faces on both sides of it agree and no crack opens, across duplicated vertices too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.mesh import Mesh
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+
+MOST_FACES = 200_000  # more are not made; the mesh itself may have any number
+# Corners (0, 1, 2) and middles of the edges from them to the next (3, 4, 5) of the pieces, by which edges are halved.
+_PIECES: dict[tuple[bool, bool, bool], tuple[tuple[int, int, int], ...]] = {
+    (False, False, False): ((0, 1, 2),),
+    (True, False, False): ((0, 3, 2), (3, 1, 2)),
+    (False, True, False): ((0, 1, 4), (0, 4, 2)),
+    (False, False, True): ((0, 1, 5), (5, 1, 2)),
+    (True, True, False): ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
+    (False, True, True): ((5, 4, 2), (0, 1, 4), (0, 4, 5)),
+    (True, False, True): ((0, 3, 5), (3, 1, 2), (3, 2, 5)),
+    (True, True, True): ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A mesh and what became of its faces.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The first vertices are those of the original. Normals of the others are means of two, as interpolation between
+        the ends would have them, not normalised.
+    sources : (n,) int32
+        An original vertex of the same part for each vertex.
+    levels : of (faces (m, 3), first piece (m,))
+        Every step, the original first: piece k of a face follows its first one.
+    """
+
+    mesh: Mesh
+    sources: Ints
+    levels: tuple[tuple[Ints, npt.NDArray[np.int64]], ...]
+
+    def locate(self, points: npt.NDArray[np.floating], faces: Ints) -> tuple[Ints, npt.NDArray[np.float32]]:
+        """Vertices (n, 3) and weights (n, 3) that interpolate at points (n, 3) which lie on original faces (n,)."""
+        points, at = np.asarray(points, np.float64), np.asarray(faces, np.int64)
+        for (_, first), (finer, _) in zip(self.levels, self.levels[1:], strict=False):
+            count = np.diff(first)[at]
+            best, inside = first[at], np.full(len(at), -np.inf)
+            for piece in range(int(count.max(initial=0))):
+                some = np.flatnonzero(count > max(piece, 1))
+                candidate = first[at[some]] + piece
+                least = _barycentric(self.mesh.vertices, finer[candidate], points[some]).min(axis=1)
+                better = least > inside[some]
+                best[some[better]], inside[some[better]] = candidate[better], least[better]
+            at = best
+        corners = self.levels[-1][0][at]
+        weights = np.maximum(_barycentric(self.mesh.vertices, corners, points), 0.0)
+        return corners, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def refined(mesh: Mesh, longest: float) -> Refined:
+    """Halve edges until none is longer than `longest` (mm, > 0), or as near to it as MOST_FACES allow."""
+    # A piece of longest edge s has an area of about s^2 / 4.
+    longest = max(longest, 2.0 * float(np.sqrt(mesh.area / MOST_FACES)))
+    vertices, normals, faces = mesh.vertices, mesh.normals, mesh.faces
+    sources = np.arange(len(vertices), dtype=np.int32)
+    levels = []
+    while True:
+        ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)  # (m, 3 edges, 2)
+        sides = vertices[ends[..., 0]] - vertices[ends[..., 1]]
+        long = np.einsum("ijk,ijk->ij", sides, sides) > np.float32(longest**2)
+        if not long.any():
+            break
+        pairs = np.sort(ends[long], axis=1).astype(np.int64)
+        unique, inverse = np.unique(pairs[:, 0] * len(vertices) + pairs[:, 1], return_inverse=True)
+        a, b = np.divmod(unique, len(vertices))
+        middles = np.zeros((len(faces), 3), np.int32)
+        middles[long] = len(vertices) + inverse.ravel()
+        vertices = np.concatenate([vertices, np.float32(0.5) * (vertices[a] + vertices[b])])
+        normals = np.concatenate([normals, np.float32(0.5) * (normals[a] + normals[b])])
+        sources = np.concatenate([sources, sources[a]])
+        pieces, first = _split(np.concatenate([faces, middles], axis=1), long)
+        levels.append((faces, first))
+        faces = pieces
+    levels.append((faces, np.arange(len(faces) + 1)))
+    return Refined(mesh if len(levels) == 1 else Mesh(vertices, normals, faces), sources, tuple(levels))
+
+
+def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np.int64]]:
+    """Cut faces, by corners and middles (m, 6), where edges are long (m, 3); the pieces, and where each face's begin."""
+    count = 1 + long.sum(axis=1)
+    first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    pieces = np.empty((first[-1], 3), np.int32)
+    for halved, parts in _PIECES.items():
+        some = np.flatnonzero((long == halved).all(axis=1))
+        for i, part in enumerate(parts):
+            pieces[first[some] + i] = six[some][:, part]
+    return pieces, first
+
+
+def _barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: Array) -> Array:
+    """Barycentric coordinates (n, 3) of points in the planes of faces, by their corners (n, 3)."""
+    a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    size = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
+    to = points - a
+    second = np.einsum("ij,ij->i", np.cross(to, c - a), normal) / size
+    third = np.einsum("ij,ij->i", np.cross(b - a, to), normal) / size
+    return np.stack([1.0 - second - third, second, third], axis=1)
