@@ -94,7 +94,7 @@ def refined(mesh: Mesh, longest: float) -> Refined:
 
 
 def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np.int64]]:
-    """Cut faces, by corners and middles (m, 6), where edges are long (m, 3); the pieces, and where each face's begin."""
+    """Cut faces, by corners and middles (m, 6), where edges are long (m, 3): the pieces, and each face's first."""
     count = 1 + long.sum(axis=1)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     pieces = np.empty((first[-1], 3), np.int32)
@@ -105,7 +105,7 @@ def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np
     return pieces, first
 
 
-def _barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: Array) -> Array:
+def _barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: npt.NDArray[np.floating]) -> Array:
     """Barycentric coordinates (n, 3) of points in the planes of faces, by their corners (n, 3)."""
     a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)

@@ -54,7 +54,7 @@ class Sight:
     @property
     def directions(self) -> int:
         """How many, over the whole sphere."""
-        return 8 * self.bits.shape[1]
+        return 8 * int(self.bits.shape[1])
 
 
 @dataclass(frozen=True, eq=False)

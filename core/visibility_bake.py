@@ -58,11 +58,12 @@ def bake(mesh: Mesh, progress: Progress = lambda _: None, cancelled: threading.E
         If it was.
     """
     n, count = len(mesh.vertices), directions_for(len(mesh.vertices))
-    origins = mesh.vertices + np.float32(RAY_OFFSET * mesh.radius) * mesh.normals
+    normals = unit_normals(mesh)
+    origins = mesh.vertices + np.float32(RAY_OFFSET * mesh.radius) * normals
     planes = flat_normals(mesh)
     rays = RayMesh(mesh.vertices, mesh.faces)
     bits = np.zeros((n, count // 8), np.uint8)
-    done, lock = 0, threading.Lock()
+    done, lock, stop = 0, threading.Lock(), cancelled or threading.Event()
 
     def cast(block: tuple[int, npt.NDArray[np.intp]]) -> None:
         nonlocal done
@@ -70,18 +71,28 @@ def bake(mesh: Mesh, progress: Progress = lambda _: None, cancelled: threading.E
         directions = pattern_directions(count, pattern).astype(np.float32)
         step = max(1, 2 * RAYS_AT_A_TIME // count)
         for start in range(0, len(points), step):
-            if cancelled is not None and cancelled.is_set():
+            if stop.is_set():
                 raise Cancelled
             some = points[start : start + step]
-            bits[some] = _sees(rays, origins[some], mesh.normals[some], planes[some], directions)
+            bits[some] = _sees(rays, origins[some], normals[some], planes[some], directions)
             with lock:
                 done += len(some)
                 progress(done / n)
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, THREADS)) as pool:
-        for future in [pool.submit(cast, block) for block in blocks(n)]:
-            future.result()
-    return Sight(mesh.normals, bits)
+        try:
+            for future in [pool.submit(cast, block) for block in blocks(n)]:
+                future.result()
+        except BaseException:
+            stop.set()  # else leaving the pool would wait for all that is left
+            raise
+    return Sight(normals, bits)
+
+
+def unit_normals(mesh: Mesh) -> Float32:
+    """Normals of a mesh, (n, 3); where two opposite ones cancel halfway between, 0, which sees nothing."""
+    length = np.linalg.norm(mesh.normals, axis=1, keepdims=True)
+    return np.where(length > 1e-6, mesh.normals / np.maximum(length, 1e-6), 0.0).astype(np.float32)
 
 
 def flat_normals(mesh: Mesh) -> Float32:

@@ -10,6 +10,8 @@
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
+uniform sampler2D t_visible;   // rgb: visible share of the environment's light; a: of the highlight's lobe
+uniform bool u_occluded;       // whether t_visible is there
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 uniform float u_strength;
 uniform float u_shininess;
@@ -29,6 +31,7 @@ void main() {
     float cosine = 1.0;
     if (u_light_kind == ENVIRONMENT) {
         irradiance = environment_irradiance(normal);
+        if (u_occluded) irradiance *= texelFetch(t_visible, pixel, 0).rgb;
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
     } else {
         Arrival arrival = arrive(position.xyz, normal);

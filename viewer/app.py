@@ -252,7 +252,9 @@ class App:
         if live.finished is None:
             return left, "light spreads ..."
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
-        return left, "   ".join(filter(None, (self._error_status(), rate)))
+        baked = live.visibility.progress
+        casting = "" if baked is None else f"environment's shadows: {100.0 * baked:.0f} %"
+        return left, "   ".join(filter(None, (casting, self._error_status(), rate)))
 
     def _error_status(self) -> str:
         if self.error.progress is not None:

@@ -25,6 +25,7 @@ from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
 from viewer.quality import Quality, choose_quality, survey_spacing
 from viewer.settings import ModelSettings, TransportSettings
+from viewer.visibility import BakedVisibility, bake_visibility
 
 LoadedMesh = tuple[Mesh, str | None]
 
@@ -40,6 +41,7 @@ class Assets:
 
     def __init__(self, keep: int = 1) -> None:
         self.accept_finer = False  # whether lighting may use finer samples that are there: while something moves
+        self.bakes = True  # whether lighting waits for visibility; else it does without until it is there
         self._keep = keep
         self._lock = threading.Lock()
         self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
@@ -111,6 +113,20 @@ class Assets:
 
         key = (asked, tuple(profiles), id(mesh), sharp_light, separate)
         return self._get("quality", key, choose)[1]  # type: ignore[no-any-return]
+
+    def visibility(
+        self,
+        mesh: Mesh,
+        progress: Callable[[float], object] = lambda _: None,
+        cancelled: threading.Event | None = None,
+    ) -> BakedVisibility:
+        """Return what a mesh's vertices see, see `viewer.visibility`."""
+        compute = lambda: (mesh, bake_visibility(mesh, progress, cancelled))  # noqa: E731
+        return self._get("visibility", id(mesh), compute)[1]  # type: ignore[no-any-return]
+
+    def has_visibility(self, mesh: Mesh) -> bool:
+        """Whether `visibility` would return at once."""
+        return self._has("visibility", id(mesh))
 
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""

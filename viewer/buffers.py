@@ -26,6 +26,15 @@ class MeshBuffers:
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
         return self._bound(program, content, bodies)
 
+    def visible(self, program: Program, values: moderngl.Buffer, bodies: moderngl.Buffer) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_visible`` too, four floats a vertex."""
+        content = [
+            (self._positions, "3f", "a_position"),
+            (self._normals, "3f", "a_normal"),
+            (values, "4f", "a_visible"),
+        ]
+        return self._bound(program, content, bodies)
+
     def _bound(
         self, program: Program, content: list[tuple[moderngl.Buffer, str, str]], bodies: moderngl.Buffer | None
     ) -> moderngl.VertexArray:

@@ -14,6 +14,7 @@ from viewer.camera import Camera
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
+from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, Light, SpecularSettings
 from viewer.shadows_pass import ShadowMap
 
@@ -37,6 +38,8 @@ class LightSource:
         Irradiance over normals, lat-long, of an environment; any texture otherwise.
     rotation : (3, 3) float64
         World to probe, row vectors.
+    occlusion : Occlusion, optional
+        Of an environment.
     """
 
     kind: int
@@ -45,6 +48,7 @@ class LightSource:
     shadow: ShadowMap
     table: moderngl.Texture
     rotation: npt.NDArray[np.float64]
+    occlusion: Occlusion | None = None
 
     def uniforms(self, eta: float) -> dict[str, object]:
         """Values for irradiance.glsl."""
@@ -75,9 +79,16 @@ def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSourc
     return LightSource(POINT, light.position_mm, light.intensity, shadow, table, np.eye(3))
 
 
-def surround(table: moderngl.Texture, rotation_deg: float, intensity: float, no_shadow: ShadowMap) -> LightSource:
-    """Make an environment's source from its irradiance table."""
-    return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), (intensity,) * 3, no_shadow, table, world_to_probe(rotation_deg))
+def surround(
+    table: moderngl.Texture,
+    rotation_deg: float,
+    intensity: float,
+    no_shadow: ShadowMap,
+    occlusion: Occlusion | None = None,
+) -> LightSource:
+    """Make an environment's source from its irradiance table, and what is in its way."""
+    to_probe, factor = world_to_probe(rotation_deg), (intensity,) * 3
+    return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), factor, no_shadow, table, to_probe, occlusion)
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
@@ -134,6 +145,8 @@ class PixelIrradiancePass:
                     **gather.light_uniforms(),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
+                    "t_visible": gbuffer.visible or gbuffer.normal,
+                    "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                     "u_eye": tuple(camera.eye),
                     "u_strength": specular.strength,
                     "u_shininess": specular.shininess,

@@ -29,6 +29,7 @@ from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
 from viewer.layers_pass import LayersPass
+from viewer.occlusion import Occlusion, OcclusionStages
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
@@ -110,6 +111,7 @@ class Lighting:
         self._irradiance = SampleIrradiancePass(context)
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
+        self._occlusions = OcclusionStages(context, stages, assets)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
     def light(self, scene: Scene, say: Progress) -> LitScene:
@@ -151,7 +153,8 @@ class Lighting:
             marks = None if quality.method == "layered" else separated.marks.buffer
 
         say("casting shadows")
-        sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta))
+        occlusion = self._occlusions.of(scene.environment, self.probe, model.mesh, model.buffers, say)
+        sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta, occlusion))
 
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
@@ -229,7 +232,7 @@ class Lighting:
             for i, light in enumerate(scene.effective_lights(), start=1)
         ]
 
-    def _surround(self, environment: EnvironmentSettings, eta: float) -> list[LightSource]:
+    def _surround(self, environment: EnvironmentSettings, eta: float, occlusion: Occlusion | None) -> list[LightSource]:
         """Return the environment's light, if there is one."""
         if environment.path is None:
             return []
@@ -241,8 +244,8 @@ class Lighting:
         )
         source = self._run(
             "environment light",
-            [table, environment],
-            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none),
+            [table, environment, occlusion],
+            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none, occlusion),
         )
         return [source]
 
@@ -252,10 +255,14 @@ class Lighting:
             self._run(
                 f"irradiance of light {i}",
                 [surface, source, eta],
-                lambda source=source: self._irradiance.run(surface.buffers, source, eta),  # type: ignore[misc]
+                lambda source=source: self._irradiance_of(surface, source, eta),  # type: ignore[misc]
             )
             for i, source in enumerate(sources, start=1)
         ]
+
+    def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Float32:
+        whole = self._irradiance.run(surface.buffers, source, eta)
+        return self._occlusions.occluded(whole, source.occlusion, surface.samples)
 
     def _entering(
         self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]

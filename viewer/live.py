@@ -24,6 +24,7 @@ from viewer.quality import sample_spacing
 from viewer.scene import Scene
 from viewer.settings import CameraSettings
 from viewer.transport_job import TransportJob
+from viewer.visibility_job import VisibilityJob
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
@@ -54,6 +55,8 @@ class Live:
 
     def __init__(self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None = None) -> None:
         self.assets = assets or Assets(KEEP)
+        self.assets.bakes = False
+        self.visibility = VisibilityJob(self.assets, wake)
         self.renderer = Renderer(context, assets=self.assets)
         self.finished: Finished | None = None
         self.picture: Picture | None = None
@@ -81,7 +84,7 @@ class Live:
     @property
     def working(self) -> bool:
         """Whether the worker has something to do."""
-        return self._job is not None or self._load is not None
+        return self._job is not None or self._load is not None or self.visibility.busy
 
     def draw(
         self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
@@ -122,6 +125,7 @@ class Live:
         drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
+        self.visibility.follow(drawn)
         lit = self._light(drawn, detail)
         self.current = drawn is scene
         self._submit(lit)
@@ -129,9 +133,7 @@ class Live:
             return None
         old = self.finished.lit
         if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.method == "diffusion":
-            lit = (
-                old  # the first volume of a new model, its bodies or other light is on the way: the old one until then
-            )
+            lit = old  # the first volume of a new model, its bodies or other light is on the way
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), self.finished.gather
 
@@ -144,7 +146,7 @@ class Live:
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
-            and self._lit_for == (lighting_key(scene), turned(scene.camera), False)
+            and self._lit_for == (self._key(scene), turned(scene.camera), False)
         )
 
     def wait(self, timeout: float = 60.0) -> None:
@@ -153,9 +155,11 @@ class Live:
             self._load.exception(timeout)
         if self._job is not None:
             self._job.future.exception(timeout)
+        self.visibility.wait(timeout)
 
     def close(self) -> None:
         """Let the worker finish and free it."""
+        self.visibility.close()
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     # files
@@ -179,10 +183,8 @@ class Live:
         return replace(waiting, display=replace(self._ready.display, image_size=size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        if not self.assets.has_mesh(scene.model):
-            return False
         probe = scene.environment.path
-        if probe is not None and not self.assets.has_probe(probe):
+        if not self.assets.has_mesh(scene.model) or (probe is not None and not self.assets.has_probe(probe)):
             return False
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate and not self.assets.has_bodies(mesh):
@@ -212,9 +214,12 @@ class Live:
 
     # light and transport
 
+    def _key(self, scene: Scene) -> tuple[object, ...]:
+        return (*lighting_key(scene), self.visibility.is_there(scene))
+
     def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
-        key, camera = lighting_key(scene), turned(scene.camera)
+        key, camera = self._key(scene), turned(scene.camera)
         unchanged = False
         if self._lit is not None and self._lit_for is not None:
             unchanged = key == self._lit_for[0]

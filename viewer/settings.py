@@ -215,15 +215,14 @@ class EnvironmentSettings:
 
     TABLE: ClassVar[str] = "environment"
 
-    path: Path | None = setting(
-        "path", None, optional=True, why="light probe, .hdr or .exr"
-    )
+    path: Path | None = setting("path", None, optional=True, why="light probe, .hdr or .exr")
     rotation_deg: float = setting(
         "number", 0.0, unit="deg", low=-360, high=360, why="turn of the probe about the up axis"
     )
     intensity: float = setting(
         "number", 1.0, low=0, high=1e6, why="factor on the probe's radiance"
     )
+    occluded: bool = setting("boolean", True, why="whether the object is in the way of the light that reaches it")
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)

@@ -151,14 +151,19 @@ class Shading:
     ) -> None:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
-        gbuffer = self._seen = run("gbuffer targets", [size], lambda: self._gbuffer.targets(size))
+        occlusion = next((source.occlusion for source in lit.sources if source.occlusion is not None), None)
+        occluded = occlusion is not None
+        gbuffer = self._seen = run("gbuffer targets", [size, occluded], lambda: self._gbuffer.targets(size, occluded))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.separated is None else lit.separated.marks.buffer
+        if lit.separated is not None and occlusion is not None:
+            of_vertex, refined = lit.separated.marks.of_vertex, occlusion.baked.refined
+            marks = run("refined marks", [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
         run(
             "gbuffer",
-            [lit.model, gbuffer, clip.tobytes(), marks],
-            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks),
+            [lit.model, gbuffer, clip.tobytes(), marks, occlusion],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion),
         )
         if i == 0:
             targets.framebuffer.clear()

@@ -1,0 +1,107 @@
+"""Environment light that the object itself keeps from its surface: baked once a mesh, then a share for every vertex.
+
+Shares multiply the unoccluded irradiance: interpolated over the faces for pixels (the G-buffer's third texture), and
+for the surface samples on the CPU. Light on the other side of a thin sheet stays unoccluded: its place is not known
+where it is asked for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.environment import Probe
+from core.mesh import Mesh
+from core.samples import SurfaceSamples
+from core.spherical_harmonics import rotated
+from core.stages import Stages
+from viewer.assets import Assets
+from viewer.buffers import MeshBuffers
+from viewer.settings import EnvironmentSettings
+from viewer.visibility import BakedVisibility, needs_visibility
+
+Float32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Occlusion:
+    """Shares of one environment's light, on both sides.
+
+    Attributes
+    ----------
+    baked : BakedVisibility
+    shares : (n, 3) float32
+        Of the vertices of the refined mesh, in [0, 1].
+    buffers : MeshBuffers
+        Of that mesh.
+    values : buffer
+        Four floats a vertex: shares, and 1: visibility of the highlight's lobe.
+    no_body : buffer
+        A zero for each vertex.
+    """
+
+    baked: BakedVisibility
+    shares: Float32
+    buffers: MeshBuffers
+    values: moderngl.Buffer
+    no_body: moderngl.Buffer
+
+    def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
+        """Body of each vertex of the refined mesh, one float."""
+        return context.buffer(of_vertex[self.baked.refined.sources].astype(np.float32))
+
+
+class OcclusionStages:
+    """Makes occlusions in one OpenGL context, each step only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
+        self._context, self._run, self._assets = context, stages.run, assets
+
+    def of(
+        self,
+        environment: EnvironmentSettings,
+        probe: Callable[[EnvironmentSettings], Probe],
+        mesh: Mesh,
+        buffers: MeshBuffers,
+        say: Callable[[str], None],
+    ) -> Occlusion | None:
+        """What keeps the environment's light from the surface of a mesh, if that is wanted and known."""
+        if not needs_visibility(environment) or not (self._assets.bakes or self._assets.has_visibility(mesh)):
+            return None
+
+        def report(share: float) -> None:
+            say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
+
+        baked = self._run("visibility", [mesh], lambda: self._assets.visibility(mesh, report))
+        return self._occlusion(baked, buffers, probe(environment), environment.rotation_deg)
+
+    def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
+        """Unoccluded E at the surface samples, (n, 3), times what reaches them."""
+        if occlusion is None:
+            return irradiance
+        fine = occlusion.baked.refined
+        corners, weights = self._run(
+            "occluded samples", [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
+        )
+        shares = sum(weights[:, i, None] * occlusion.shares[corners[:, i]] for i in range(3))
+        return np.asarray(irradiance * shares, np.float32)
+
+    def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
+        context, run, fine = self._context, self._run, baked.refined
+        n = len(fine.mesh.vertices)
+        of_mesh = run(
+            "refined mesh",
+            [baked, buffers],
+            lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
+        )
+        values = run("occlusion values", [baked], lambda: context.buffer(reserve=16 * n, dynamic=True))
+        no_body = run("no bodies", [baked], lambda: context.buffer(np.zeros(n, np.float32)))
+
+        def share() -> Occlusion:
+            shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
+            values.write(np.concatenate([shares, np.ones((n, 1), np.float32)], axis=1))
+            return Occlusion(baked, shares, of_mesh, values, no_body)
+
+        return run("occlusion", [baked, of_mesh, probe, rotation_deg], share)
