@@ -12,10 +12,10 @@ def files(scene: Scene) -> tuple[object, ...]:
     return scene.model, scene.environment.path, scene.transport
 
 
-def lighting_key(scene: Scene) -> tuple[object, ...]:
-    """Everything that light and transport depend on, but for where the camera stands."""
+def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
+    """Everything that light and transport depend on, but for where the camera stands; `occluded`: as far as known."""
     environment = scene.environment
-    return scene.model, scene.material.resolve(), scene.effective_lights(), environment, scene.transport
+    return scene.model, scene.material.resolve(), scene.effective_lights(), environment, scene.transport, occluded
 
 
 def turned(camera: CameraSettings) -> CameraSettings:

@@ -146,7 +146,7 @@ class Live:
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
-            and self._lit_for == (self._key(scene), turned(scene.camera), False)
+            and self._lit_for == (lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera), False)
         )
 
     def wait(self, timeout: float = 60.0) -> None:
@@ -214,12 +214,9 @@ class Live:
 
     # light and transport
 
-    def _key(self, scene: Scene) -> tuple[object, ...]:
-        return (*lighting_key(scene), self.visibility.is_there(scene))
-
     def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
-        key, camera = self._key(scene), turned(scene.camera)
+        key, camera = lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera)
         unchanged = False
         if self._lit is not None and self._lit_for is not None:
             unchanged = key == self._lit_for[0]

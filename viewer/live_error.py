@@ -238,7 +238,7 @@ class LiveError:
         job.report(0.0)
         start, (alpha, position, exitance) = time.perf_counter(), surface
         seen = visible_points(alpha, position, exitance, job.of.points)
-        light, material = lights_of(scene, probe), scene.material.resolve()
+        light, material = lights_of(scene, probe, lit), scene.material.resolve()
         mesh = lit.model.mesh
         error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh), lit.bodies)
         size, covered = (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from core.environment import Probe
 from core.mesh import Mesh
@@ -20,7 +21,7 @@ from core.stages import Stages
 from viewer.assets import Assets
 from viewer.buffers import MeshBuffers
 from viewer.settings import EnvironmentSettings
-from viewer.visibility import BakedVisibility, needs_visibility
+from viewer.visibility import LONGEST_EDGE, BakedVisibility, needs_visibility
 
 Float32 = npt.NDArray[np.float32]
 
@@ -47,6 +48,22 @@ class Occlusion:
     buffers: MeshBuffers
     values: moderngl.Buffer
     no_body: moderngl.Buffer
+
+    def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+        """Shares at any points (n, 3) of the surface with normals (n, 3): of the nearest vertices that face that way."""
+        weights, nearest = self._neighbours(points, normals)
+        return np.asarray(np.einsum("nk,nkc->nc", weights, self.shares[nearest]))
+
+    def _neighbours(
+        self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
+        mesh = self.baked.refined.mesh
+        turn = LONGEST_EDGE * mesh.radius  # mm that a turn of the normal by a radian counts
+        tree = cKDTree(np.concatenate([mesh.vertices, turn * mesh.normals], axis=1))
+        distance, nearest = tree.query(np.concatenate([points, turn * normals], axis=1), k=min(3, len(mesh.vertices)))
+        distance, nearest = (np.reshape(values, (len(points), -1)) for values in (distance, nearest))
+        weights = 1.0 / (distance**2 + (1e-6 * mesh.radius) ** 2)
+        return weights / weights.sum(axis=1, keepdims=True), nearest
 
     def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
         """Body of each vertex of the refined mesh, one float."""

@@ -54,7 +54,7 @@ class RayLights:
             self._occluder.irradiance(points, normals, normals, a.direction, a.irradiance, self.eta)
             for a in self._lamps
         )
-        around = () if self._illumination.table is None else (self._illumination.surrounding(normals),)
+        around = () if self._illumination.table is None else (self._illumination.surrounding(normals, points),)
         return [*lamps, *around]
 
     def directions(self) -> list[tuple[float, float, float] | None]:

@@ -120,7 +120,7 @@ def error_report(
     lit = renderer.light(scene)
     start = time.perf_counter()
     seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
-    illumination = illumination_of(renderer, scene)
+    illumination = illumination_of(renderer, scene, lit)
     error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress, bodies=lit.bodies)
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
@@ -130,16 +130,18 @@ def error_report(
     return Report(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
 
 
-def illumination_of(renderer: Renderer, scene: Scene) -> Illumination:
+def illumination_of(renderer: Renderer, scene: Scene, lit: LitScene | None = None) -> Illumination:
     """Gather a scene's lights for `viewer.visible_error.measure`; reads the probe, if any, or has it already."""
-    return lights_of(scene, None if scene.environment.path is None else renderer.probe(scene.environment))
+    return lights_of(scene, None if scene.environment.path is None else renderer.probe(scene.environment), lit)
 
 
-def lights_of(scene: Scene, probe: Probe | None) -> Illumination:
-    """Gather a scene's lights, with its probe; uses no OpenGL."""
+def lights_of(scene: Scene, probe: Probe | None, lit: LitScene | None = None) -> Illumination:
+    """Gather a scene's lights, with its probe, occluded as in `lit`; uses no OpenGL."""
+    occlusions = [] if lit is None else [source.occlusion for source in lit.sources if source.occlusion is not None]
+    visible = occlusions[0].at if occlusions else None
     environment = scene.environment
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
-    return Illumination.of(scene.effective_lights(), eta, probe, to_probe, environment.intensity)
+    return Illumination.of(scene.effective_lights(), eta, probe, to_probe, environment.intensity, visible)
 
 
 def _content(

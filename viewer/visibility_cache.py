@@ -13,7 +13,7 @@ from core.mesh import Mesh
 from core.visibility import Sight
 from core.visibility_bake import directions_for, unit_normals
 
-VERSION = 1  # of what is in the files, and of how rays are cast
+VERSION = 3  # of what is in the files, and of how rays are cast
 MOST_BYTES = 512 << 20  # of all files; those unused for longest go first
 
 

@@ -65,12 +65,15 @@ class Illumination:
         World to the environment's frame, row vectors.
     intensity : float
         Of the environment.
+    visible : callable, optional
+        Share of the environment's light that reaches points (n, 3) with normals (n, 3): (n, 3), as in the picture.
     """
 
     lights: tuple[Light, ...]
     table: npt.NDArray[np.floating] | None
     to_probe: Array
     intensity: float
+    visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
 
     @classmethod
     def of(
@@ -80,13 +83,14 @@ class Illumination:
         probe: Probe | None = None,
         to_probe: npt.ArrayLike = np.eye(3),
         intensity: float = 1.0,
+        visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None,
     ) -> "Illumination":
         """Tabulate the environment for a relative index of refraction."""
         table = None if probe is None else irradiance_table(probe.sh, eta)
-        return cls(lights, table, np.asarray(to_probe, np.float64), intensity)
+        return cls(lights, table, np.asarray(to_probe, np.float64), intensity, visible)
 
     def irradiance(self, occluder: Occluder, sources: Sources, eta: float) -> Array:
-        """E that enters at sources, (n, 3): shadows cast by rays; the environment is not occluded, as in pictures."""
+        """E that enters at sources, (n, 3): shadows cast by rays, the environment occluded as in pictures."""
         entering = np.zeros((len(sources), 3))
         where = sources.points, sources.normals, sources.face_normals
         for light in self.lights:
@@ -95,13 +99,16 @@ class Illumination:
             else:
                 entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
         if self.table is not None:
-            entering += self.surrounding(sources.normals)
+            entering += self.surrounding(sources.normals, sources.points)
         return entering
 
-    def surrounding(self, normals: Array) -> Array:
-        """E of the environment that there is, by unit normals alone: (n, 3)."""
+    def surrounding(self, normals: Array, points: Array | None = None) -> Array:
+        """E of the environment that there is, (n, 3): by unit normals alone, or occluded at points (n, 3) too."""
         assert self.table is not None
-        return np.asarray(self.intensity * lookup(self.table, normals @ self.to_probe))
+        entering = self.intensity * lookup(self.table, normals @ self.to_probe)
+        if points is not None and self.visible is not None:
+            entering *= self.visible(points, normals)
+        return np.asarray(entering)
 
 
 @dataclass(frozen=True, eq=False)
