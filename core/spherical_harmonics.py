@@ -19,7 +19,12 @@ _BLOCK_TEXELS = 1 << 18  # 6 MB of float64 RGB at a time, whatever the size of t
 
 def order_of(sh: Array) -> int:
     """The order L of a coefficient vector whose first axis has (L + 1)^2 entries."""
-    return round(float(np.sqrt(len(sh)))) - 1
+    return order_of_length(len(sh))
+
+
+def order_of_length(length: int) -> int:
+    """The order L of (L + 1)^2 coefficients."""
+    return round(float(np.sqrt(length))) - 1
 
 
 def project_latlong(radiance: npt.NDArray[np.floating], order: int) -> Array:

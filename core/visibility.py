@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core import fresnel
-from core.spherical_harmonics import basis
+from core.spherical_harmonics import basis, order_of_length
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
@@ -29,8 +29,8 @@ Bytes = npt.NDArray[np.uint8]
 ETA = 1.5  # that shares are for
 ORDER = 10  # on the dragon and the Buddha, Uffizi: 5.0 % rms at 4, 1.6 at 8, 1.4 at 10, 1.3 at 16
 LEAST_ORDER = 4
-TRANSFER_BYTES = 200 << 20  # of both vectors of all points: a mesh too large for them gets a lower order
-LOBE_ORDER = 6  # of visibility itself: a lobe of shininess 80 is as wide
+LOBE_ORDER = 8  # of visibility itself: lobes of shininess 80 are right to 2 % rms below a ball, 300 to 5 %
+MOST_BYTES = 256 << 20  # of all vectors of all points: a mesh too large for them gets a lower order
 PATTERNS = 64  # turns of the set of directions, so that neighbours do not share its errors: bands become faint noise
 ROWS = 1024  # points handled at a time
 DARK = 1e-6  # of the mean radiance: below it nothing is to be shared
@@ -65,9 +65,9 @@ class Visibility:
     ----------
     whole, visible : (n, (L + 1)^2) float32
         U and T.
-    lobe : (n, (LOBE_ORDER + 1)^2) float32
-        V itself, as coefficients; no light below the horizon.
-    horizon : (n, (LOBE_ORDER + 1)^2) float32
+    lobe : (n, (K + 1)^2) float32
+        V itself, 0 below the horizon, to a lower order.
+    horizon : (n, (K + 1)^2) float32
         The same where nothing is in the way.
     """
 
@@ -87,10 +87,9 @@ class Visibility:
     def lobe_shares(self, directions: npt.ArrayLike, shininess: float) -> Float32:
         """Visible share of a Phong lobe max(0, w.r)^shininess about unit directions r (n, 3): (n,) in [0, 1].
 
-        Below the horizon nothing counts, on either side of the ratio. Lobes sharper than the harmonics resolve (a
-        shininess of about 40) see as much as that one.
+        Below the horizon nothing counts, on either side of the ratio.
         """
-        order = LOBE_ORDER
+        order = order_of_length(self.lobe.shape[1])
         weights = np.repeat(phong_zonal(shininess, order), 2 * np.arange(order + 1) + 1)
         values = (basis(directions, order) * weights).astype(np.float32)
         visible, whole = (np.einsum("nk,nk->n", values, v) for v in (self.lobe, self.horizon))
@@ -149,8 +148,11 @@ def blocks(n: int) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
 
 
 def order_for(n: int) -> int:
-    """Order of the transfer vectors of n points that keeps within TRANSFER_BYTES."""
-    return max(LEAST_ORDER, min(ORDER, int(np.sqrt(TRANSFER_BYTES / (8 * max(n, 1)))) - 1))
+    """Order of the transfer vectors of n points that keeps all that is known of them within MOST_BYTES."""
+    for order in range(ORDER, LEAST_ORDER, -1):
+        if 8 * n * ((order + 1) ** 2 + (min(order, LOBE_ORDER) + 1) ** 2) <= MOST_BYTES:
+            return order
+    return LEAST_ORDER
 
 
 def transfer(sight: Sight, order: int | None = None) -> Visibility:
@@ -159,13 +161,13 @@ def transfer(sight: Sight, order: int | None = None) -> Visibility:
     order = order_for(n) if order is None else order
     kernel = _kernel_table()
     whole, visible = (np.empty((n, (order + 1) ** 2), np.float32) for _ in range(2))
-    lobe, horizon = (np.empty((n, (LOBE_ORDER + 1) ** 2), np.float32) for _ in range(2))
+    lobe, horizon = (np.empty((n, (min(order, LOBE_ORDER) + 1) ** 2), np.float32) for _ in range(2))
     at, directions, harmonics = -1, np.empty(0, np.float32), np.empty(0, np.float32)
     for pattern, points in blocks(n):
         if pattern != at:
             at, exact = pattern, pattern_directions(count, pattern)
             directions = exact.T.astype(np.float32)
-            harmonics = (basis(exact, max(order, LOBE_ORDER)) * (4.0 * np.pi / count)).astype(np.float32)
+            harmonics = (basis(exact, order) * (4.0 * np.pi / count)).astype(np.float32)
         cosines = sight.normals[points] @ directions
         sees = np.unpackbits(sight.bits[points], axis=1)
         weights = kernel[np.maximum(cosines * np.float32(len(kernel) - 2) + np.float32(1.5), 0.0).astype(np.int32)]

@@ -34,6 +34,16 @@ def data_dir() -> Path:
     return path
 
 
+@pytest.fixture(scope="session", autouse=True)
+def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache of the tests' own: what they bake serves all of them, and not the user."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        patch.setattr("viewer.visibility_cache.folder", lambda: folder / "milkglass" / "visibility")
+        yield folder
+
+
 @pytest.fixture(scope="session")
 def context() -> moderngl.Context:
     """The process's one OpenGL context; continuous integration must have one."""

@@ -50,7 +50,7 @@ class Occlusion:
     no_body: moderngl.Buffer
 
     def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-        """Shares at any points (n, 3) of the surface with normals (n, 3): of the nearest vertices that face that way."""
+        """Shares at points (n, 3) of the surface with normals (n, 3): of the nearest vertices that face that way."""
         weights, nearest = self._neighbours(points, normals)
         return np.asarray(np.einsum("nk,nkc->nc", weights, self.shares[nearest]))
 

@@ -1,0 +1,59 @@
+"""An environment that the object is in the way of, by rays: a float64 reference that shares nothing with the bake."""
+
+import numpy as np
+import numpy.typing as npt
+
+from core import fresnel
+from core.mesh import Mesh, face_cross
+from core.probe_maps import resample_latlong
+from core.rays import RayMesh
+
+Array = npt.NDArray[np.float64]
+
+
+class Places:
+    """Random points of a mesh's surface, as many on equal areas."""
+
+    def __init__(self, mesh: Mesh, count: int, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        cross = face_cross(mesh.vertices, mesh.faces)
+        sizes = np.linalg.norm(cross, axis=1)
+        self.faces = rng.choice(len(sizes), count, p=sizes / sizes.sum())
+        root, second = np.sqrt(rng.random(count)), rng.random(count)
+        self.weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
+        corners = mesh.faces[self.faces]
+        self.points = np.einsum("nk,nkc->nc", self.weights, mesh.vertices[corners].astype(np.float64))
+        normals = np.einsum("nk,nkc->nc", self.weights, mesh.normals[corners].astype(np.float64))
+        self.normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        self.face_normals = cross[self.faces] / sizes[self.faces, None]
+
+
+def irradiance(
+    mesh: Mesh, places: Places, probe: npt.NDArray[np.floating], eta: float, rotations=(0.0,), height: int = 60
+) -> Array:
+    """E (rotations, n, 3): a jittered ray a texel of the probe, averaged to `height` rows; turns are whole texels."""
+    rng, width = np.random.default_rng(11), 2 * height
+    averaged = resample_latlong(probe, height).astype(np.float64)
+    shifts = [round(rotation / 360.0 * width) for rotation in rotations]
+    light = np.stack([np.roll(averaged, -shift, axis=1).reshape(-1, 3) for shift in shifts])
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    column, row = (grid.ravel() for grid in np.meshgrid(np.arange(width), np.arange(height)))
+    d_omega = (edges[row] - edges[row + 1]) * (2.0 * np.pi / width)
+    rays, result = RayMesh(mesh.vertices, mesh.faces), np.empty((len(shifts), len(places.points), 3))
+    for i, (point, normal, plane) in enumerate(zip(places.points, places.normals, places.face_normals, strict=True)):
+        y = edges[row] + (edges[row + 1] - edges[row]) * rng.random(len(row))
+        phi = 2.0 * np.pi * ((column + rng.random(len(row))) / width - 0.5)
+        ways = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=1)
+        cosine = ways @ normal
+        above = np.flatnonzero(cosine > 0.0)
+        ways = ways[above] - 2.0 * np.minimum(ways[above] @ plane, 0.0)[:, None] * plane
+        origin = point + 1e-4 * mesh.radius * plane
+        face, _ = rays.first(np.broadcast_to(origin, ways.shape), ways)
+        weight = cosine[above] * fresnel.transmittance(eta, cosine[above]) * d_omega[above] * (face < 0)
+        result[:, i] = np.einsum("k,rkc->rc", weight, light[:, above])
+    return result
+
+
+def rms(actual: npt.ArrayLike, expected: Array) -> float:
+    """Rms error over the rms of what is expected."""
+    return float(np.sqrt(np.square(np.asarray(actual) - expected).mean() / np.square(expected).mean()))
