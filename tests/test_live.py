@@ -73,7 +73,7 @@ def test_the_environment_runs_its_own_stages_and_what_follows(driver, tmp_path):
     scene = driver.session.scene
     moved = {"environment light", "irradiance of light 2", "flux", "deposit"} | VOLUME
     for assignments, expected in (
-        (["environment.rotation_deg=40"], moved),
+        (["environment.rotation_deg=40"], moved | {"occlusion"}),
         (["environment.intensity=3"], moved),
         (["display.background=environment"], {"background", "tone map"}),
         (["display.background=environment", "display.background_blur_deg=20"], {"background", "tone map"}),

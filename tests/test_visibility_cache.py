@@ -8,12 +8,15 @@ import pytest
 from core.refine import refined
 from core.visibility_bake import bake
 from tests.shapes import ball, cube
+from tests.solids import ball as part
+from tests.solids import mesh_of
 from viewer import visibility, visibility_cache
 from viewer.visibility import bake_visibility
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(visibility, "LONGEST_EDGE", 1.0)
     monkeypatch.setattr(visibility_cache, "folder", lambda: tmp_path / "visibility")
     return tmp_path / "visibility"
 
@@ -66,7 +69,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(casts, folder):
 
 
 def test_what_was_not_used_for_longest_goes(folder, monkeypatch):
-    meshes = [ball(radius, subdivisions=1) for radius in (1.0, 2.0, 3.0)]
+    meshes = [mesh_of(part(radius, subdivisions=1)) for radius in (1.0, 2.0, 3.0)]
     baked = [(mesh, bake(mesh)) for mesh in meshes]
     for age, (mesh, sight) in zip((300, 200), baked[:2], strict=True):
         visibility_cache.write(mesh, sight)

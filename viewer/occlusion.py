@@ -113,12 +113,12 @@ class OcclusionStages:
             [baked, buffers],
             lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
         )
-        values = run("occlusion values", [baked], lambda: context.buffer(reserve=16 * n, dynamic=True))
         no_body = run("no bodies", [baked], lambda: context.buffer(np.zeros(n, np.float32)))
 
         def share() -> Occlusion:
             shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
-            values.write(np.concatenate([shares, np.ones((n, 1), np.float32)], axis=1))
+            # A buffer of its own each time: the last one is drawn from until the light inside has followed.
+            values = context.buffer(np.concatenate([shares, np.ones((n, 1), np.float32)], axis=1))
             return Occlusion(baked, shares, of_mesh, values, no_body)
 
         return run("occlusion", [baked, of_mesh, probe, rotation_deg], share)

@@ -13,7 +13,9 @@ from core.visibility_bake import bake
 from viewer import visibility_cache
 from viewer.settings import EnvironmentSettings
 
-LONGEST_EDGE = 0.02  # of the longest side, between places where visibility is known
+# Of the longest side, between places where visibility is known: a slab with a ball and a block on it has 1.2 % rms at
+# 0.02 (27,000 vertices), 1.7 % at 0.03 (15,000), 5.5 % at 0.1.
+LONGEST_EDGE = 0.03
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ def read(mesh: Mesh) -> Sight | None:
     """Return what is known of a mesh, None where nothing is or the file is damaged."""
     path = _path(mesh)
     try:
-        with np.load(path, allow_pickle=False) as content:
+        # Opened here: of a damaged file numpy would leave it open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             bits = content["bits"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
