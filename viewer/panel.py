@@ -153,6 +153,7 @@ class Panel:
             return
         controls.setting("environment.rotation_deg", "Rotation")
         controls.setting("environment.intensity", "Intensity")
+        controls.setting("environment.occluded", "Occluded")
         controls.setting("display.background_blur_deg", "Backdrop blur")
         shown = session.scene.display.background == "environment"
         clicked, shown = imgui.checkbox("show behind the object", shown)
