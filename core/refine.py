@@ -65,6 +65,16 @@ class Refined:
         return corners, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
+def interpolated(
+    corners: Ints, weights: npt.NDArray[np.float32], values: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """Values of the vertices (m, k) at n places, (n, k), by what `Refined.locate` says of them."""
+    result = weights[:, :1] * values.take(corners[:, 0], axis=0)
+    for i in (1, 2):
+        result += weights[:, i : i + 1] * values.take(corners[:, i], axis=0)
+    return result
+
+
 def refined(mesh: Mesh, longest: float) -> Refined:
     """Halve edges until none is longer than `longest` (mm, > 0), or as near to it as MOST_FACES allow."""
     # A piece of longest edge s has an area of about s^2 / 4.

@@ -21,6 +21,7 @@ from viewer import (
     bench_chain,
     bench_error,
     bench_error_report,
+    bench_occlusion,
     bench_report,
     bench_rivals,
     bench_speed,
@@ -29,6 +30,7 @@ from viewer import (
     bench_window,
     bench_yardsticks,
 )
+from viewer.assets import Assets
 from viewer.bench_error import MATERIALS
 from viewer.bench_lights import LIGHTS
 from viewer.bench_schemes import DEFAULT, EWALD, FIXED, LAYERED, PAPER, Scheme
@@ -165,6 +167,9 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
         rows = bench_speed.frame_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.frame_repeats)
         frames += _watched(rows, len(bench_speed.CHANGES), f"frames, {scheme}")
     if frames:
+        mesh, _ = Assets().mesh(scene.model)
+        turned = bench_occlusion.occlusion_rows(mesh, plan.repeats)
+        frames += _watched(turned, bench_occlusion.COUNT, "occluded environment")
         bench_report.report_frames(report, frames)
     if plan.processes:
         with tempfile.TemporaryDirectory() as folder:

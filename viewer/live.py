@@ -217,9 +217,8 @@ class Live:
     def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
         key, camera = lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera)
-        unchanged = False
+        unchanged = self._lit_for is not None and key == self._lit_for[0]
         if self._lit is not None and self._lit_for is not None:
-            unchanged = key == self._lit_for[0]
             if unchanged and detail.draft and angle(camera, self._lit_for[1]) < DRAFT_TURN_DEG:
                 return self._lit
             if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:

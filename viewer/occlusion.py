@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from core.environment import Probe
 from core.mesh import Mesh
+from core.refine import interpolated
 from core.samples import SurfaceSamples
 from core.spherical_harmonics import rotated
 from core.stages import Stages
@@ -102,8 +103,7 @@ class OcclusionStages:
         corners, weights = self._run(
             "occluded samples", [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
         )
-        shares = sum(weights[:, i, None] * occlusion.shares[corners[:, i]] for i in range(3))
-        return np.asarray(irradiance * shares, np.float32)
+        return irradiance * interpolated(corners, weights, occlusion.shares)
 
     def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
         context, run, fine = self._context, self._run, baked.refined

@@ -1,0 +1,49 @@
+"""Speed of the occluded environment: rays once a mesh, and a turn of the probe, of which only products are left."""
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from core.environment import Probe
+from core.mesh import Mesh
+from core.refine import interpolated, refined
+from core.samples import surface_samples
+from core.spherical_harmonics import rotated
+from core.visibility import transfer
+from core.visibility_bake import bake
+from viewer.bench_lights import sky_pixels
+from viewer.bench_speed import FrameRow, Timing
+from viewer.visibility import LONGEST_EDGE
+
+SAMPLES = 200_000
+TURN = 7.0  # degrees from one repeat to the next
+COUNT = 2  # rows
+
+
+def occlusion_rows(mesh: Mesh, repeats: int) -> Iterator[FrameRow]:
+    """Time the bake, once, and turns of a probe: shares of all vertices and of about SAMPLES surface samples."""
+    start = time.perf_counter()
+    fine = refined(mesh, LONGEST_EDGE * float(np.ptp(mesh.bounds, axis=0).max()))
+    cast = time.perf_counter()
+    sight = bake(fine.mesh)
+    project = time.perf_counter()
+    visibility = transfer(sight)
+    end = time.perf_counter()
+    setting = f"occluded environment, {len(fine.mesh.vertices):,} vertices"
+    stages = {"refined mesh": cast - start, "visibility: rays": project - cast, "visibility: harmonics": end - project}
+    yield FrameRow(setting, "mesh", Timing((1e3 * (end - start),)), {name: 1e3 * s for name, s in stages.items()})
+
+    samples = surface_samples(mesh, 1.35 * float(np.sqrt(mesh.area / SAMPLES)))
+    corners, weights = fine.locate(samples.points, samples.faces)
+    probe, times, of_vertices = Probe.from_pixels(sky_pixels()), [], []
+    for i in range(1, repeats + 1):
+        start = time.perf_counter()
+        shares = visibility.shares(rotated(probe.sh, TURN * i))
+        middle = time.perf_counter()
+        interpolated(corners, weights, shares)
+        times.append(1e3 * (time.perf_counter() - start))
+        of_vertices.append(1e3 * (middle - start))
+    parts = {"shares of vertices": float(np.median(of_vertices))}
+    parts[f"shares of {len(samples):,} samples"] = float(np.median(times)) - parts["shares of vertices"]
+    yield FrameRow(setting, "probe turned", Timing(tuple(times)), parts)
