@@ -27,7 +27,7 @@ Float32 = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 
 ETA = 1.5  # that shares are for
-ORDER = 10  # on the dragon and the Buddha, Uffizi: 5.0 % rms at 4, 1.6 at 8, 1.4 at 10, 1.3 at 16
+ORDER = 10  # on the dragon, Uffizi: 5.2 % rms at 4, 1.8 at 8, 1.5 at 10, 1.4 at 16
 LEAST_ORDER = 4
 LOBE_ORDER = 8  # of visibility itself: lobes of shininess 80 are right to 2 % rms below a ball, 300 to 5 %
 MOST_BYTES = 256 << 20  # of all vectors of all points: a mesh too large for them gets a lower order
