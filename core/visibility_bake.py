@@ -13,10 +13,10 @@ from core.mesh import Mesh, face_cross
 from core.rays import RayMesh
 from core.visibility import Bytes, Float32, Sight, blocks, direction_set, pattern_directions
 
-# Directions over the sphere, half of them above a horizon, of a mesh of up to MOST_RAYS in all. On the dragon, Uffizi:
-# 256 leave 2.8 % rms, 512 2.0 %, 1024 1.5 %, 4096 1.3 %.
-DIRECTIONS, LEAST_DIRECTIONS = 1024, 256
-MOST_RAYS = 1 << 26
+# Directions over the sphere, half of them above a horizon; more where few points make that cheap, fewer than the usual
+# number where very many would make it long. On the dragon, Uffizi: 256 leave 2.8 % rms, 512 2.0, 1024 1.5, 4096 1.3.
+DIRECTIONS, LEAST_DIRECTIONS, MOST_DIRECTIONS = 1024, 256, 4096
+FEW_RAYS, MOST_RAYS = 1 << 24, 1 << 26
 RAYS_AT_A_TIME = 1 << 17  # of one thread: 0.04 s, after which it may be cancelled
 # Radii that rays start above the surface, 0.06 mm at 100 mm. A scan's triangles may be folded over, and a vertex below
 # such a fold would be a dark spot on it; where it sees the backs of faces yet, it looks from higher still.
@@ -35,10 +35,12 @@ class Cancelled(Exception):  # noqa: N818  (not an error)
 
 def directions_for(n: int) -> int:
     """How many directions n points get, a multiple of 8."""
-    affordable = DIRECTIONS
-    while affordable > LEAST_DIRECTIONS and n * affordable // 2 > MOST_RAYS:
-        affordable //= 2
-    return affordable
+    count = DIRECTIONS
+    while count < MOST_DIRECTIONS and n * count <= FEW_RAYS:  # the doubled number's half
+        count *= 2
+    while count > LEAST_DIRECTIONS and n * count // 2 > MOST_RAYS:
+        count //= 2
+    return count
 
 
 def bake(mesh: Mesh, progress: Progress = lambda _: None, cancelled: threading.Event | None = None) -> Sight:

@@ -143,8 +143,8 @@ def test_the_same_mesh_gives_the_same_bits():
     assert np.array_equal(bake(mesh).bits, bake(mesh).bits)
 
 
-def test_large_meshes_get_fewer_rays_and_bands():
-    assert [directions_for(n) for n in (100, 50_000, 200_000, 10**6)] == [1024, 1024, 512, 256]
+def test_small_meshes_get_more_rays_and_large_ones_fewer():
+    assert [directions_for(n) for n in (100, 12_000, 50_000, 200_000, 10**6)] == [4096, 2048, 1024, 512, 256]
     sight = Sight(np.tile(np.float32([0, 1, 0]), (3, 1)), np.zeros((3, 32), np.uint8))
     assert transfer(sight, 4).whole.shape == (3, 25)
 
