@@ -38,6 +38,7 @@ def value_of(scene: Scene, name: str) -> Any:
 
 def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
     environment = replace(scene.environment, path=probe)
+    pair = replace(scene.model, path=write_pair(probe.with_name("pair.ply")))
     lamp = PointLight((-90.0, 70.0, 120.0), (2e5, 1e5, 3e5))
     return {
         "plain": scene,
@@ -47,7 +48,8 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         ),
         "ewald": replace(scene, transport=TransportSettings(method="ewald", layers=4)),
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
-        "pair": replace(scene, model=replace(scene.model, path=write_pair(probe.with_name("pair.ply")))),
+        "pair": replace(scene, model=pair),
+        "pair in probe": replace(scene, model=pair, environment=environment),
         "point": replace(scene, lights=(lamp, DEFAULT_LIGHTS[1])),
     }  # fmt: skip
 

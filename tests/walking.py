@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2300)  # every section open and nothing scrolled
+SIZE = (900, 2340)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -127,6 +127,7 @@ CONTROLS = [
         camera__zoom=0.7, camera__orthographic=0.05,
     ),
     *sliders("probe", environment__rotation_deg=0.8, environment__intensity=0.9, display__background_blur_deg=0.5),
+    *sliders("pair in probe", environment__occluded=0.05),
     *sliders("ewald", transport__error_target=0.9),
     Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
     *(
