@@ -244,7 +244,8 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
-        controls.setting("model.bodies", "Bodies")
+        apart = live.finished is not None and live.finished.lit.bodies is not None
+        controls.setting("model.bodies", "Bodies", automatic="separate" if apart else "joined")
         if live.finished is not None and live.finished.lit.bodies is not None:
             count = live.finished.lit.bodies.count
             controls.note(
