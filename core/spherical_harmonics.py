@@ -58,7 +58,7 @@ def project_latlong(radiance: npt.NDArray[np.floating], order: int) -> Array:
     theta = np.pi * (np.arange(height)[:, None] + 0.5 * (nodes + 1.0)) / height
     d_omega = (0.5 * np.pi / height) * weights * np.sin(theta)  # per radian of phi
     sh = np.zeros(((order + 1) ** 2, 3))
-    for degree, legendre in enumerate(_legendre_by_m(theta.ravel(), order)):
+    for degree, legendre in enumerate(legendre_by_m(theta.ravel(), order)):
         # (L - m + 1, h): integral of N P_lm sin(theta) dtheta over each row
         over_row = (legendre.reshape(-1, height, points) * d_omega).sum(axis=2)
         ell = np.arange(degree, order + 1)
@@ -71,7 +71,7 @@ def evaluate_grid(sh: Array, theta: Array, phi: Array) -> Array:
     """The expansion on every pair of theta (h,) and phi (w,): (h, w, 3) float64."""
     order = order_of(sh)
     rows = np.empty((len(theta), 2 * order + 1, 3))
-    for degree, legendre in enumerate(_legendre_by_m(theta, order)):
+    for degree, legendre in enumerate(legendre_by_m(theta, order)):
         ell = np.arange(degree, order + 1)
         for sign in {degree, -degree}:
             rows[:, order + sign] = legendre.T @ sh[ell * (ell + 1) + sign]
@@ -82,7 +82,7 @@ def evaluate_basis(theta: float, phi: float, order: int) -> Array:
     """Y_lm in one direction: ((order + 1)^2,) float64."""
     basis = np.empty((order + 1) ** 2)
     around = _azimuthal(np.array([phi]), order)[0]
-    for degree, legendre in enumerate(_legendre_by_m(np.array([theta]), order)):
+    for degree, legendre in enumerate(legendre_by_m(np.array([theta]), order)):
         ell = np.arange(degree, order + 1)
         for sign in {degree, -degree}:
             basis[ell * (ell + 1) + sign] = legendre[:, 0] * around[order + sign]
@@ -124,7 +124,7 @@ def _azimuthal(phi: Array, order: int) -> Array:
     return np.concatenate([sines[:, ::-1], np.ones((len(phi), 1)), cosines], axis=1)
 
 
-def _legendre_by_m(theta: Array, order: int) -> Iterator[Array]:
+def legendre_by_m(theta: Array, order: int) -> Iterator[Array]:
     """N_lm P_lm(cos theta) for m = 0..L in turn, each (L - m + 1, n) with l = m..L along axis 0.
 
     The recurrence in l of the normalised functions is stable upwards (Holmes and Featherstone 2002); one m at

@@ -1,0 +1,100 @@
+"""Highlights of a light probe: its radiance prefiltered with the lobe of Phong 1975, cos^n about the mirrored eye ray.
+
+A wide lobe is a convolution in spherical harmonics, exact for as many bands as it has; one too narrow for MAX_ORDER of
+them is so small that a Gaussian of the same width on the lat-long map does (Kautz et al. 2000 prefilter alike).
+This module DOES NOT know the surface: its horizon, Fresnel's reflectance and occlusion are the shader's.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from core.environment import Probe
+from core.probe_blur import blurred
+from core.probe_maps import Array, Radiance, resample_latlong
+from core.spherical_harmonics import convolve_zonal, legendre_by_m, order_of, project_latlong
+
+MAX_ORDER = 128
+_BANDS = 3.6  # times sqrt(n): beyond, a lobe's coefficients are below 1.5e-3 of the first
+_ORDERS = (16, 32, 64, MAX_ORDER)  # tables of few sizes are kept, not one for each shininess
+_TEXELS = 2.5  # of the map, over a Gaussian's standard deviation
+
+
+class LobeFilter:
+    """Prefilters one probe, for one shininess after another.
+
+    Parameters
+    ----------
+    probe : Probe
+        Of which `latlong` counts.
+    """
+
+    def __init__(self, probe: Probe) -> None:
+        self._latlong = probe.latlong
+        self._sh = project_latlong(probe.latlong, MAX_ORDER)
+
+    def filtered(self, shininess: float) -> Radiance:
+        """Mean radiance in the lobe about each direction r: (n + 1) / 2 pi int L(w) max(0, r.w)^n dw.
+
+        Parameters
+        ----------
+        shininess : float
+            Phong's exponent n, >= 1.
+
+        Returns
+        -------
+        (h, 2h, 3) float32
+            Rows run from pole to pole, as those of `core.environment.irradiance_table`; read by `lookup`.
+        """
+        wanted = _BANDS * np.sqrt(shininess)
+        if wanted > MAX_ORDER:
+            return _narrow(self._latlong, shininess)
+        order = min(order for order in _ORDERS if order >= wanted)
+        sh = convolve_zonal(self._sh, lobe_zonal(shininess, order))
+        return np.maximum(_synthesis(sh.astype(np.float32)), 0.0)
+
+
+def lobe_zonal(shininess: float, order: int) -> Array:
+    """Zonal coefficients of the normalised lobe, (n + 1) int_0^1 mu^n P_l(mu) dmu, l = 0..order: (order + 1,)."""
+    coefficients = np.ones(order + 1)
+    coefficients[1:2] = (shininess + 1.0) / (shininess + 2.0)
+    for ell in range(2, order + 1):  # from Legendre's equation, integrated by parts
+        coefficients[ell] = coefficients[ell - 2] * (shininess + 2.0 - ell) / (shininess + 1.0 + ell)
+    return coefficients
+
+
+def _synthesis(sh: npt.NDArray[np.float32]) -> Radiance:
+    """The expansion on a grid fine enough for it, rows from pole to pole: (2 L, 4 L, 3)."""
+    order = order_of(sh)
+    height, width = 2 * order, 4 * order
+    spectrum = np.zeros((height, width // 2 + 1, 3), np.complex64)
+    for m, legendre in enumerate(_legendre_tables(order)):
+        ell = np.arange(m, order + 1)
+        cosines, sines = (sh[ell * (ell + 1) + sign] for sign in (m, -m))
+        # B_m is sqrt(2) cos(m phi) or sqrt(2) sin(m phi), and 1 for m = 0; phi starts half a texel after -pi.
+        factor = (1.0 if m == 0 else np.sqrt(0.5)) * np.exp(1j * m * np.pi * (1.0 / width - 1.0))
+        rows = legendre.T @ np.concatenate([cosines, sines * (m > 0)], axis=1)
+        spectrum[:, m] = np.complex64(factor * width) * (rows[:, :3] - 1j * rows[:, 3:])
+    return np.fft.irfft(spectrum, n=width, axis=1).astype(np.float32)
+
+
+@lru_cache(maxsize=len(_ORDERS))
+def _legendre_tables(order: int) -> tuple[npt.NDArray[np.float32], ...]:
+    """N_lm P_lm on the rows of `_synthesis`: for m = 0..L (L - m + 1, 2 L); 8 MB for MAX_ORDER."""
+    theta = np.pi * np.arange(2 * order) / (2 * order - 1)
+    return tuple(table.astype(np.float32) for table in legendre_by_m(theta, order))
+
+
+def _narrow(latlong: Radiance, shininess: float) -> Radiance:
+    """The map blurred by the Gaussian with the lobe's integral, sigma^2 = 1 / (n + 1), rows from pole to pole."""
+    sigma = 1.0 / np.sqrt(shininess + 1.0)
+    height = min(len(latlong), round(_TEXELS * np.pi / sigma))
+    texel = np.pi / height
+    # Averages of old texels, then of two rows each: both have blurred already.
+    left = max(sigma**2 - texel**2 * (1.0 / 12.0 + 0.25), 0.0)
+    rows = blurred(resample_latlong(latlong, height), float(np.degrees(np.sqrt(left))))
+    result = np.empty((height + 1, *rows.shape[1:]), np.float32)
+    result[1:-1] = 0.5 * (rows[1:] + rows[:-1])
+    result[0], result[-1] = rows[0].mean(axis=0), rows[-1].mean(axis=0)
+    return result
