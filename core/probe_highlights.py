@@ -5,7 +5,7 @@ them is so small that a Gaussian of the same width on the lat-long map does (Kau
 This module DOES NOT know the surface: its horizon, Fresnel's reflectance and occlusion are the shader's.
 """
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,11 @@ class LobeFilter:
 
     def __init__(self, probe: Probe) -> None:
         self._latlong = probe.latlong
-        self._sh = project_latlong(probe.latlong, MAX_ORDER)
+
+    @cached_property
+    def sh(self) -> Array:
+        """Of the probe, MAX_ORDER: ((L + 1)^2, 3) float64, radiance x sr; takes 0.2 s, once."""
+        return project_latlong(self._latlong, MAX_ORDER)
 
     def filtered(self, shininess: float) -> Radiance:
         """Mean radiance in the lobe about each direction r: (n + 1) / 2 pi int L(w) max(0, r.w)^n dw.
@@ -51,8 +55,8 @@ class LobeFilter:
         if wanted > MAX_ORDER:
             return _narrow(self._latlong, shininess)
         order = min(order for order in _ORDERS if order >= wanted)
-        sh = convolve_zonal(self._sh, lobe_zonal(shininess, order))
-        return np.maximum(_synthesis(sh.astype(np.float32)), 0.0)
+        sh = convolve_zonal(self.sh, lobe_zonal(shininess, order))
+        return np.maximum(_synthesis(sh), 0.0)
 
 
 def lobe_zonal(shininess: float, order: int) -> Array:
@@ -64,14 +68,14 @@ def lobe_zonal(shininess: float, order: int) -> Array:
     return coefficients
 
 
-def _synthesis(sh: npt.NDArray[np.float32]) -> Radiance:
+def _synthesis(sh: Array) -> Radiance:
     """The expansion on a grid fine enough for it, rows from pole to pole: (2 L, 4 L, 3)."""
     order = order_of(sh)
     height, width = 2 * order, 4 * order
     spectrum = np.zeros((height, width // 2 + 1, 3), np.complex64)
     for m, legendre in enumerate(_legendre_tables(order)):
         ell = np.arange(m, order + 1)
-        cosines, sines = (sh[ell * (ell + 1) + sign] for sign in (m, -m))
+        cosines, sines = (sh[ell * (ell + 1) + sign].astype(np.float32) for sign in (m, -m))
         # B_m is sqrt(2) cos(m phi) or sqrt(2) sin(m phi), and 1 for m = 0; phi starts half a texel after -pi.
         factor = (1.0 if m == 0 else np.sqrt(0.5)) * np.exp(1j * m * np.pi * (1.0 / width - 1.0))
         rows = legendre.T @ np.concatenate([cosines, sines * (m > 0)], axis=1)

@@ -181,8 +181,7 @@ class Live:
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
         if not self.assets.has_mesh(scene.model):
             return False
-        probe = scene.environment.path
-        if probe is not None and not self.assets.has_probe(probe):
+        if not self.assets.has_surround(scene.environment):
             return False
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate and not self.assets.has_bodies(mesh):
@@ -201,8 +200,9 @@ class Live:
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate:
             self.assets.bodies(mesh)
-        if scene.environment.path is not None:
-            self.assets.probe(scene.environment.path)
+        if scene.environment.source is not None:
+            lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
+            _ = lobes.sh if scene.specular.strength > 0.0 else None  # made here, not by the thread that draws
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 
