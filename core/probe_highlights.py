@@ -5,7 +5,7 @@ them is so small that a Gaussian of the same width on the lat-long map does (Kau
 This module DOES NOT know the surface: its horizon, Fresnel's reflectance and occlusion are the shader's.
 """
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,12 @@ from core.probe_blur import blurred
 from core.probe_maps import Array, Radiance, resample_latlong
 from core.spherical_harmonics import convolve_zonal, legendre_by_m, order_of, project_latlong
 
-MAX_ORDER = 128
-_BANDS = 3.6  # times sqrt(n): beyond, a lobe's coefficients are below 1.5e-3 of the first
-_ORDERS = (16, 32, 64, MAX_ORDER)  # tables of few sizes are kept, not one for each shininess
+MAX_ORDER = 192  # lobes up to n = 3000
+_BANDS = 3.5  # times sqrt(n): beyond, a lobe's coefficients are below 2.2e-3 of the first
+_ORDERS = (16, 32, 64, 128, MAX_ORDER)  # tables of few sizes are kept, not one for each shininess
+_ROWS = 3  # of the table, over the highest band, so that a linear filter does
+_MAX_ROWS = 2 * MAX_ORDER
+_HEIGHT = 512  # of the map that is projected: texels of a third of the narrowest of these lobes
 _TEXELS = 2.5  # of the map, over a Gaussian's standard deviation
 
 
@@ -32,11 +35,12 @@ class LobeFilter:
 
     def __init__(self, probe: Probe) -> None:
         self._latlong = probe.latlong
+        self._sh = probe.latlong[:0, 0].astype(np.float64)  # of as many bands as were needed
 
-    @cached_property
-    def sh(self) -> Array:
-        """Of the probe, MAX_ORDER: ((L + 1)^2, 3) float64, radiance x sr; takes 0.2 s, once."""
-        return project_latlong(self._latlong, MAX_ORDER)
+    def prepare(self, shininess: float) -> None:
+        """Do what takes long, once: 0.02 s for a shininess of 80, 0.4 s for one of 2000."""
+        if (order := _order(shininess)) is not None:
+            self._harmonics(order)
 
     def filtered(self, shininess: float) -> Radiance:
         """Mean radiance in the lobe about each direction r: (n + 1) / 2 pi int L(w) max(0, r.w)^n dw.
@@ -51,12 +55,27 @@ class LobeFilter:
         (h, 2h, 3) float32
             Rows run from pole to pole, as those of `core.environment.irradiance_table`; read by `lookup`.
         """
-        wanted = _BANDS * np.sqrt(shininess)
-        if wanted > MAX_ORDER:
+        order = _order(shininess)
+        if order is None:
             return _narrow(self._latlong, shininess)
-        order = min(order for order in _ORDERS if order >= wanted)
-        sh = convolve_zonal(self.sh, lobe_zonal(shininess, order))
+        sh = convolve_zonal(self._harmonics(order), lobe_zonal(shininess, order))
         return np.maximum(_synthesis(sh), 0.0)
+
+    def _harmonics(self, order: int) -> Array:
+        """Coefficients of the probe, ((order + 1)^2, 3)."""
+        count = (order + 1) ** 2
+        if len(self._sh) < count:
+            latlong = self._latlong
+            if len(latlong) > _HEIGHT:
+                latlong = resample_latlong(latlong, _HEIGHT)
+            self._sh = project_latlong(latlong, order)
+        return self._sh[:count]
+
+
+def _order(shininess: float) -> int | None:
+    """Highest band for a lobe, None where it is too narrow for harmonics."""
+    wanted = _BANDS * np.sqrt(shininess)
+    return min((order for order in _ORDERS if order >= wanted), default=None)
 
 
 def lobe_zonal(shininess: float, order: int) -> Array:
@@ -69,9 +88,10 @@ def lobe_zonal(shininess: float, order: int) -> Array:
 
 
 def _synthesis(sh: Array) -> Radiance:
-    """The expansion on a grid fine enough for it, rows from pole to pole: (2 L, 4 L, 3)."""
+    """The expansion on a grid fine enough for it, rows from pole to pole: (h, 2 h, 3)."""
     order = order_of(sh)
-    height, width = 2 * order, 4 * order
+    height = min(_ROWS * order, _MAX_ROWS)
+    width = 2 * height
     spectrum = np.zeros((height, width // 2 + 1, 3), np.complex64)
     for m, legendre in enumerate(_legendre_tables(order)):
         ell = np.arange(m, order + 1)
@@ -85,8 +105,9 @@ def _synthesis(sh: Array) -> Radiance:
 
 @lru_cache(maxsize=len(_ORDERS))
 def _legendre_tables(order: int) -> tuple[npt.NDArray[np.float32], ...]:
-    """N_lm P_lm on the rows of `_synthesis`: for m = 0..L (L - m + 1, 2 L); 8 MB for MAX_ORDER."""
-    theta = np.pi * np.arange(2 * order) / (2 * order - 1)
+    """N_lm P_lm on the rows of `_synthesis`: for m = 0..L (L - m + 1, h); 28 MB for MAX_ORDER."""
+    height = min(_ROWS * order, _MAX_ROWS)
+    theta = np.pi * np.arange(height) / (height - 1)
     return tuple(table.astype(np.float32) for table in legendre_by_m(theta, order))
 
 

@@ -23,7 +23,7 @@ MAX_SOURCES = 8  # each costs a shadow map and, with transport `diffusion`, an e
 BRIGHT = 16.0  # times the mean luminance: Uffizi's sky ends at 15.6, the windows of Galileo's Tomb begin there
 LEAST_SHARE = 0.02  # of the probe's light: what a source must gain to be worth a shadow
 MAX_ANGLE_DEG = 25.0  # diameter; larger ones cast no shadow that a smooth environment could not
-MERGED_ANGLE_DEG = 10.0  # diameter up to which neighbours, such as panes of one window, become one source
+FILLED = 0.4  # of a disc that neighbours, such as panes of one window, must cover to become one source
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _CANDIDATES = 64  # regions that are looked at, the strongest
 _RING = 1.5, 3.0  # the surround reaches to 1.5 times the source's radius, and 3 degrees more
@@ -67,7 +67,7 @@ def extract(probe: Probe) -> tuple[tuple[ProbeSource, ...], Probe]:
     bright = luminance * (4.0 * np.pi) > BRIGHT * total
     if not bright.any():
         return (), probe
-    clusters = _clusters(bright.reshape(probe.latlong.shape[:2]), luminance * d_omega, directions, total)
+    clusters = _clusters(bright.reshape(probe.latlong.shape[:2]), luminance * d_omega, directions, d_omega)
     rest = probe.latlong.reshape(-1, 3).astype(np.float64)
     found = []
     for texels in clusters:
@@ -100,26 +100,33 @@ def disc_sh(source: ProbeSource, order: int) -> Array:
     return np.outer(zonal[band] * basis, source.irradiance)
 
 
-def _clusters(bright: Bool, flux: Array, directions: Array, total: float) -> list[npt.NDArray[np.intp]]:
+def _clusters(bright: Bool, flux: Array, directions: Array, d_omega: Array) -> list[npt.NDArray[np.intp]]:
     """Texels of each candidate, indices into the map row by row: connected regions, neighbours merged."""
     regions = _regions(bright)
     count = int(regions.max())
-    share = sum_labels(flux.reshape(bright.shape), regions, np.arange(1, count + 1)) / total
+    share = sum_labels(flux.reshape(bright.shape), regions, np.arange(1, count + 1)) / flux.sum()
     strongest = np.argsort(-share)[:_CANDIDATES]
     strongest = strongest[share[strongest] >= 0.05 * LEAST_SHARE]
     clusters = [np.flatnonzero(regions == region + 1) for region in strongest]
-    vectors = [flux[texels] @ directions[texels] for texels in clusters]
-    sums = [float(flux[texels].sum()) for texels in clusters]
+    # Of each: vector, flux, solid angle, all of which add up.
+    sums = [np.array([*(flux[t] @ directions[t]), flux[t].sum(), d_omega[t].sum()]) for t in clusters]
     i = 0
-    while i < len(clusters):  # into each, the strongest first, whatever stays within a small disc with it
+    while i < len(clusters):  # into each, the strongest first, whatever fills a disc with it
         for j in range(i + 1, len(clusters)):
-            if _diameter_deg(vectors[i] + vectors[j], sums[i] + sums[j]) <= MERGED_ANGLE_DEG:
+            if _is_disc(sums[i] + sums[j]):
                 clusters[i] = np.concatenate([clusters[i], clusters.pop(j)])
-                vectors[i], sums[i] = vectors[i] + vectors.pop(j), sums[i] + sums.pop(j)
+                sums[i] = sums[i] + sums.pop(j)
                 break
         else:
             i += 1
     return clusters
+
+
+def _is_disc(total: Array) -> bool:
+    """Whether regions of a common vector (3), flux and solid angle make one source."""
+    angle = _diameter_deg(total[:3], float(total[3]))
+    whole = 2.0 * np.pi * (1.0 - np.cos(0.5 * np.radians(angle)))
+    return bool(angle <= MAX_ANGLE_DEG and total[4] >= FILLED * whole)
 
 
 def _regions(bright: Bool) -> npt.NDArray[np.intp]:

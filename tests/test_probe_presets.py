@@ -39,7 +39,7 @@ def test_a_preset_is_made_in_a_moment_and_its_strong_parts_are_lamps(name):
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_is_the_same_light_at_any_resolution(name):
     coarse, fine = (irradiance_table(Probe.from_pixels(preset(name, height)).sh, 1.5) for height in (128, 512))
-    assert coarse == pytest.approx(fine, abs=0.01 * fine.max())
+    assert coarse == pytest.approx(fine, abs=float(0.01 * fine.max()))
 
 
 def test_the_backlight_comes_from_behind():

@@ -202,7 +202,8 @@ class Live:
             self.assets.bodies(mesh)
         if scene.environment.source is not None:
             lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
-            _ = lobes.sh if scene.specular.strength > 0.0 else None  # made here, not by the thread that draws
+            if scene.specular.strength > 0.0:
+                lobes.prepare(scene.specular.shininess)
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 
