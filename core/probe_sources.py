@@ -16,7 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from core.environment import SH_ORDER, Probe
-from core.probe_maps import Array, direction_to_latlong, solid_angles
+from core.probe_maps import Array, Radiance, direction_to_latlong, latlong_to_direction, texel_solid_angles
 from core.spherical_harmonics import evaluate_basis, zonal_coefficients
 
 MAX_SOURCES = 8  # each costs a shadow map and, with transport `diffusion`, an entering light
@@ -29,6 +29,7 @@ _CANDIDATES = 64  # regions that are looked at, the strongest
 _RING = 1.5, 3.0  # the surround reaches to 1.5 times the source's radius, and 3 degrees more
 
 Bool = npt.NDArray[np.bool_]
+Texels = npt.NDArray[np.intp]  # indices into a map, row by row
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,19 @@ def extract(probe: Probe) -> tuple[tuple[ProbeSource, ...], Probe]:
         The probe without them, the probe itself if there are none. In `latlong` the holes are filled with the level
         around; `sh` is the probe's less the discs'.
     """
-    directions, d_omega = solid_angles(probe.latlong)
-    luminance = probe.latlong.reshape(-1, 3) @ LUMINANCE
-    total = float(luminance @ d_omega)
+    luminance = probe.latlong @ LUMINANCE.astype(np.float32)
+    rows = texel_solid_angles(probe.latlong)
+    total = float(rows @ luminance.sum(axis=1, dtype=np.float64))
     bright = luminance * (4.0 * np.pi) > BRIGHT * total
     if not bright.any():
         return (), probe
-    clusters = _clusters(bright.reshape(probe.latlong.shape[:2]), luminance * d_omega, directions, d_omega)
-    rest = probe.latlong.reshape(-1, 3).astype(np.float64)
+    rest = probe.latlong.copy().reshape(-1, 3)
     found = []
-    for texels in clusters:
-        surround = _surround(directions, texels, ~bright, rest)
-        excess = np.maximum(rest[texels] - surround, 0.0) * d_omega[texels][:, None]  # flux of each texel, RGB
-        source, share = _disc(directions[texels], excess, total)
+    for texels in _clusters(bright, luminance, rows):
+        towards, d_omega = _places(texels, bright.shape, rows)
+        surround = _surround(towards, ~bright, probe.latlong)
+        excess = np.maximum(rest[texels] - surround, 0.0) * d_omega[:, None]  # flux of each texel, RGB
+        source, share = _disc(towards, excess, total)
         if share >= LEAST_SHARE and source.angle_deg <= MAX_ANGLE_DEG:
             found.append((share, source, texels, surround))
     found = sorted(found, key=lambda entry: -entry[0])[:MAX_SOURCES]
@@ -83,7 +84,7 @@ def extract(probe: Probe) -> tuple[tuple[ProbeSource, ...], Probe]:
         rest[texels] = np.minimum(rest[texels], surround)
     sources = tuple(entry[1] for entry in found)
     sh = probe.sh - np.sum([disc_sh(source, SH_ORDER) for source in sources], axis=0)
-    return sources, Probe(rest.reshape(probe.latlong.shape).astype(np.float32), sh)
+    return sources, Probe(rest.reshape(probe.latlong.shape), sh)
 
 
 def disc_sh(source: ProbeSource, order: int) -> Array:
@@ -100,16 +101,20 @@ def disc_sh(source: ProbeSource, order: int) -> Array:
     return np.outer(zonal[band] * basis, source.irradiance)
 
 
-def _clusters(bright: Bool, flux: Array, directions: Array, d_omega: Array) -> list[npt.NDArray[np.intp]]:
-    """Texels of each candidate, indices into the map row by row: connected regions, neighbours merged."""
+def _clusters(bright: Bool, luminance: Radiance, rows: Array) -> list[Texels]:
+    """Texels of each candidate: connected regions, neighbours merged."""
     regions = _regions(bright)
-    count = int(regions.max())
-    share = sum_labels(flux.reshape(bright.shape), regions, np.arange(1, count + 1)) / flux.sum()
+    flux = luminance * rows[:, None]
+    share = sum_labels(flux, regions, np.arange(1, int(regions.max()) + 1)) / flux.sum()
     strongest = np.argsort(-share)[:_CANDIDATES]
     strongest = strongest[share[strongest] >= 0.05 * LEAST_SHARE]
     clusters = [np.flatnonzero(regions == region + 1) for region in strongest]
     # Of each: vector, flux, solid angle, all of which add up.
-    sums = [np.array([*(flux[t] @ directions[t]), flux[t].sum(), d_omega[t].sum()]) for t in clusters]
+    sums = []
+    for texels in clusters:
+        towards, d_omega = _places(texels, bright.shape, rows)
+        own = flux.ravel()[texels].astype(np.float64)
+        sums.append(np.array([*(own @ towards), own.sum(), d_omega.sum()]))
     i = 0
     while i < len(clusters):  # into each, the strongest first, whatever fills a disc with it
         for j in range(i + 1, len(clusters)):
@@ -146,14 +151,26 @@ def _regions(bright: Bool) -> npt.NDArray[np.intp]:
     return np.asarray(merged[labels], np.intp)  # label 0 comes first and has no edge: it stays 0
 
 
-def _surround(directions: Array, texels: npt.NDArray[np.intp], dark: Bool, radiance: Array) -> Array:
-    """Median radiance (3,) around some texels."""
-    centre = directions[texels].mean(axis=0)
+def _places(texels: Texels, shape: tuple[int, int], rows: Array) -> tuple[Array, Array]:
+    """Directions (n, 3) and solid angles (n,) of texels."""
+    row, column = np.divmod(texels, shape[1])
+    uv = np.stack([(column + 0.5) / shape[1], (row + 0.5) / shape[0]], axis=-1)
+    return latlong_to_direction(uv), rows[row]
+
+
+def _surround(towards: Array, dark: Bool, latlong: Radiance) -> Radiance:
+    """Median radiance (3,) around texels in some directions (n, 3)."""
+    centre = towards.mean(axis=0)
     centre /= max(float(np.linalg.norm(centre)), 1e-12)
-    radius = float(np.arccos(np.clip((directions[texels] @ centre).min(), -1.0, 1.0)))
+    radius = float(np.arccos(np.clip((towards @ centre).min(), -1.0, 1.0)))
     reach = min(_RING[0] * radius + np.radians(_RING[1]), np.pi)
-    near = (directions @ centre > np.cos(reach)) & dark
-    return np.asarray(np.median(radiance[near], axis=0)) if near.any() else np.zeros(3)
+    height, width = dark.shape
+    theta = np.pi * (np.arange(height) + 0.5) / height
+    phi = 2.0 * np.pi * ((np.arange(width) + 0.5) / width - 0.5)
+    cosine = np.outer(np.sin(theta), centre[0] * np.sin(phi) - centre[2] * np.cos(phi))
+    cosine += (centre[1] * np.cos(theta))[:, None]
+    near = (cosine > np.cos(reach)) & dark
+    return np.asarray(np.median(latlong[near], axis=0) if near.any() else np.zeros(3), np.float32)
 
 
 def _disc(directions: Array, flux: Array, total: float) -> tuple[ProbeSource, float]:
