@@ -38,10 +38,10 @@ def _studio(directions: Array, d_omega: Array) -> Array:
     """A key light from the left, a broad weak fill from the right, a rim light from behind, in a dark room."""
     panel = partial(_panel, directions, d_omega)
     return (
-        _gradient(directions, (0.015, 0.015, 0.016), (0.05, 0.05, 0.055))
-        + panel(-48.0, 38.0, (20.0, 20.0), 2.6, (1.0, 0.95, 0.88))
-        + panel(65.0, 12.0, (60.0, 75.0), 0.35, COOL, fade_deg=15.0)
-        + panel(152.0, 28.0, (9.0, 20.0), 4.2, WHITE)
+        _gradient(directions, (0.008, 0.008, 0.009), (0.03, 0.03, 0.033))
+        + panel(-62.0, 36.0, (19.0, 19.0), 2.4, (1.0, 0.93, 0.84))
+        + panel(70.0, 10.0, (50.0, 70.0), 0.22, COOL, fade_deg=15.0)
+        + panel(148.0, 30.0, (9.0, 20.0), 5.5, WHITE)
     )
 
 
@@ -49,10 +49,10 @@ def _backlight(directions: Array, d_omega: Array) -> Array:
     """A low warm sun in mist behind the object, a cool rim light opposite, almost nothing in front."""
     panel = partial(_panel, directions, d_omega)
     return (
-        _gradient(directions, (0.012, 0.013, 0.016), (0.03, 0.035, 0.045))
-        + panel(163.0, 24.0, (9.0, 9.0), 7.0, WARM)
-        + panel(163.0, 24.0, (70.0, 50.0), 0.5, WARM, fade_deg=25.0)
-        + panel(-128.0, 30.0, (10.0, 24.0), 1.8, COOL)
+        _gradient(directions, (0.008, 0.009, 0.012), (0.02, 0.024, 0.034))
+        + panel(163.0, 24.0, (9.0, 9.0), 7.5, WARM)
+        + panel(163.0, 24.0, (70.0, 50.0), 0.4, WARM, fade_deg=25.0)
+        + panel(-125.0, 28.0, (10.0, 24.0), 2.2, COOL)
     )
 
 
@@ -72,7 +72,7 @@ def _overcast(directions: Array, d_omega: Array) -> Array:
     sine = directions[..., 1]
     sky = np.maximum(1.0 + 2.0 * sine, 1.0) / 3.0
     horizontal = np.pi * 7.0 / 9.0  # irradiance of that sky on the ground, over L_z
-    ground = 0.2 * horizontal / np.pi
+    ground = 0.1 * horizontal / np.pi
     above = _smoothstep(np.degrees(np.arcsin(sine)), 2.0)
     colour = np.array([0.93, 0.97, 1.0]) * (above * sky)[..., None]
     return np.asarray(1.2 * (colour + np.array([1.0, 0.95, 0.88]) * ((1.0 - above) * ground)[..., None]))
