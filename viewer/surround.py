@@ -1,5 +1,8 @@
 """Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
 
+from dataclasses import replace
+from typing import Any
+
 import moderngl
 import numpy as np
 
@@ -10,6 +13,7 @@ from core.probe_sources import ProbeSource
 from core.stages import Stages
 from viewer.assets import Assets, PartedProbe
 from viewer.buffers import MeshBuffers
+from viewer.declaration import settings_of
 from viewer.gl import latlong_texture
 from viewer.irradiance_pass import LightSource, lamp, surround, world_to_probe
 from viewer.settings import DirectionalLight, EnvironmentSettings
@@ -54,10 +58,10 @@ class Surround:
         strong, rest = parts
         found = []
         for i, light in enumerate(probe_lamps(environment, strong), start=1):
-            # A shadow knows the direction alone: another intensity of the environment casts it no second time.
+            # A shadow knows no brightness: another intensity of the environment casts it no second time.
             shadow = run(
                 f"shadow of probe source {i}",
-                [mesh, light.direction, bodies],
+                [mesh, replace(light, irradiance=(1.0, 1.0, 1.0)), bodies],
                 lambda light=light: self._shadows.render(buffers, mesh, light, bodies),  # type: ignore[misc]
             )
             found.append(
@@ -92,7 +96,8 @@ def probe_lamps(environment: EnvironmentSettings, sources: tuple[ProbeSource, ..
     for source in sources:
         x, y, z = (np.array(source.direction) @ to_probe.T).tolist()
         red, green, blue = (min(environment.intensity * channel, MAX_IRRADIANCE) for channel in source.irradiance)
-        lights.append(DirectionalLight((x, y, z), (red, green, blue)))
+        size: dict[str, Any] = {"angle_deg": source.angle_deg} if "angle_deg" in settings_of(DirectionalLight) else {}
+        lights.append(DirectionalLight((x, y, z), (red, green, blue), **size))
     return tuple(lights)
 
 
