@@ -4,8 +4,9 @@ The pipeline, one module a stage::
 
     mesh          arrays of a triangle mesh in world space and its flaws; normals beside it
     samples       points on the whole surface, each with normal and area dA
-    environment   diffuse irradiance of a light probe, Fresnel transmittance included
-    visibility    or occluded: what every vertex sees of a probe; visibility_bake: by rays; refine: more vertices
+    environment   diffuse irradiance of a light probe, Fresnel transmittance included; probe_sources: its strong small
+                  sources, taken out as lamps; probe_highlights: the rest under Phong's lobe; probe_presets: built in
+    visibility    what every vertex sees of it; visibility_bake: by rays; refine: more vertices
     layers        flux of the samples spread over parallel layers, (3) (4)
     spectra       kernels between layers and their spectra, (5); ewald: the kernels of the split
     convolution   every pair of layers convolved by FFT, (6)

@@ -147,14 +147,19 @@ def _angular_nearest(pixels: Pixels, directions: Array) -> Array:
     return np.asarray(pixels[row, column], np.float64)
 
 
+def texel_solid_angles(latlong: Pixels) -> Array:
+    """Solid angle of a texel of each row of a lat-long map, sr: (h,)."""
+    height, width = latlong.shape[:2]
+    return np.asarray(-np.diff(np.cos(np.pi * np.arange(height + 1) / height)) * (2.0 * np.pi / width))
+
+
 def solid_angles(pixels: Pixels) -> tuple[Array, Array]:
     """Directions (k, 3) and solid angles (k,), sr, of all pixels row by row; 0 outside an angular disc."""
     rows, columns = pixels.shape[:2]
     i, j = np.arange(rows) + 0.5, np.arange(columns) + 0.5
     if detect_projection(pixels) == "latlong":
         uv = np.stack(np.meshgrid(j / columns, i / rows), axis=-1).reshape(-1, 2)
-        bands = -np.diff(np.cos(np.pi * np.arange(rows + 1) / rows)) * (2.0 * np.pi / columns)
-        return latlong_to_direction(uv), np.repeat(bands, columns)
+        return latlong_to_direction(uv), np.repeat(texel_solid_angles(pixels), columns)
     uv = np.stack(np.meshgrid(2.0 * j / columns - 1.0, 1.0 - 2.0 * i / rows), axis=-1).reshape(-1, 2)
     radius = np.hypot(uv[:, 0], uv[:, 1])
     # dw = sin(theta) dtheta dphi with theta = pi r, du dv = r dr dphi: dw = pi^2 sinc(r) du dv

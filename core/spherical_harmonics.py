@@ -63,7 +63,7 @@ def project_latlong(radiance: npt.NDArray[np.floating], order: int) -> Array:
     theta = np.pi * (np.arange(height)[:, None] + 0.5 * (nodes + 1.0)) / height
     d_omega = (0.5 * np.pi / height) * weights * np.sin(theta)  # per radian of phi
     sh = np.zeros(((order + 1) ** 2, 3))
-    for degree, legendre in enumerate(_legendre_by_m(theta.ravel(), order)):
+    for degree, legendre in enumerate(legendre_by_m(theta.ravel(), order)):
         # (L - m + 1, h): integral of N P_lm sin(theta) dtheta over each row
         over_row = (legendre.reshape(-1, height, points) * d_omega).sum(axis=2)
         ell = np.arange(degree, order + 1)
@@ -76,7 +76,7 @@ def evaluate_grid(sh: Array, theta: Array, phi: Array) -> Array:
     """The expansion on every pair of theta (h,) and phi (w,): (h, w, 3) float64."""
     order = order_of(sh)
     rows = np.empty((len(theta), 2 * order + 1, 3))
-    for degree, legendre in enumerate(_legendre_by_m(theta, order)):
+    for degree, legendre in enumerate(legendre_by_m(theta, order)):
         ell = np.arange(degree, order + 1)
         for sign in {degree, -degree}:
             rows[:, order + sign] = legendre.T @ sh[ell * (ell + 1) + sign]
@@ -88,7 +88,7 @@ def basis(directions: npt.ArrayLike, order: int) -> Array:
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     values = np.empty((len(x), (order + 1) ** 2))
     azimuthal = _azimuthal(np.arctan2(x, -z), order)
-    for degree, legendre in enumerate(_legendre_by_m(np.arctan2(np.hypot(x, z), y), order)):
+    for degree, legendre in enumerate(legendre_by_m(np.arctan2(np.hypot(x, z), y), order)):
         ell = np.arange(degree, order + 1)
         for sign in {degree, -degree}:
             values[:, ell * (ell + 1) + sign] = legendre.T * azimuthal[:, order + sign, None]
@@ -103,6 +103,17 @@ def rotated(sh: Array, rotation_deg: float) -> Array:
     # It is looked up at phi + a: each pair of sine and cosine turns by m a, whichever sign m has.
     angle = m[:, None] * np.radians(rotation_deg)
     return np.asarray(np.cos(angle) * sh + np.sin(angle) * sh[centre - m])
+
+
+def evaluate_basis(theta: float, phi: float, order: int) -> Array:
+    """Y_lm in one direction: ((order + 1)^2,) float64."""
+    basis = np.empty((order + 1) ** 2)
+    around = _azimuthal(np.array([phi]), order)[0]
+    for degree, legendre in enumerate(legendre_by_m(np.array([theta]), order)):
+        ell = np.arange(degree, order + 1)
+        for sign in {degree, -degree}:
+            basis[ell * (ell + 1) + sign] = legendre[:, 0] * around[order + sign]
+    return basis
 
 
 def convolve_zonal(sh: Array, zonal: Array) -> Array:
@@ -140,7 +151,7 @@ def _azimuthal(phi: Array, order: int) -> Array:
     return np.concatenate([sines[:, ::-1], np.ones((len(phi), 1)), cosines], axis=1)
 
 
-def _legendre_by_m(theta: Array, order: int) -> Iterator[Array]:
+def legendre_by_m(theta: Array, order: int) -> Iterator[Array]:
     """N_lm P_lm(cos theta) for m = 0..L in turn, each (L - m + 1, n) with l = m..L along axis 0.
 
     The recurrence in l of the normalised functions is stable upwards (Holmes and Featherstone 2002); one m at

@@ -44,9 +44,5 @@ vec3 entering(Arrival arrival, vec3 normal) {
 }
 
 vec3 environment_irradiance(vec3 normal) {
-    // Rows of the table run from pole to pole, so that a floor's normal needs no extrapolation.
-    vec2 uv = latlong_uv(u_environment_rotation * normal);
-    float rows = float(textureSize(t_environment, 0).y);
-    uv.y = (uv.y * (rows - 1.0) + 0.5) / rows;
-    return u_light_colour * textureLod(t_environment, uv, 0.0).rgb;
+    return u_light_colour * latlong_table(t_environment, u_environment_rotation * normal);
 }

@@ -3,18 +3,18 @@
 // light by light. The local part is the term of core/transport.py, factor(0) E here + factor(thickness) E on the other
 // side; or, with transport `diffusion`, what light adds to the right side of core/diffusion_pixels.py: here in
 // o_local.rgb, and on the other side of a sheet in the three alphas.
-// Highlight: Phong 1975, strength * irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray.
+// Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an
+// environment, its radiance under the same lobe, prefiltered (core/probe_highlights.py).
 #include "irradiance.glsl"
 #include "sheet.glsl"
 #include "entry.glsl"
+#include "highlights.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
 uniform sampler2D t_visible;   // rgb: visible share of the environment's light; a: of the highlight's lobe
 uniform bool u_occluded;       // whether t_visible is there
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
-uniform float u_strength;
-uniform float u_shininess;
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_specular;
@@ -26,6 +26,7 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
+    vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     vec3 irradiance, specular = vec3(0.0);
     Behind behind = NOTHING_BEHIND;
     float cosine = 1.0;
@@ -33,15 +34,13 @@ void main() {
         irradiance = environment_irradiance(normal);
         if (u_occluded) irradiance *= texelFetch(t_visible, pixel, 0).rgb;
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
+        float visibility = u_occluded ? texelFetch(t_visible, pixel, 0).a : 1.0;
+        specular = visibility * environment_highlight(normal, to_eye);
     } else {
         Arrival arrival = arrive(position.xyz, normal);
         irradiance = entering(arrival, normal);
         cosine = max(dot(normal, arrival.to_light), 0.0);
-        vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
-        float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
-        // The lobe of a light below the horizon would shine through the surface.
-        if (dot(normal, arrival.to_light) > 0.0 && lobe > 0.0)
-            specular = u_strength * pow(lobe, u_shininess) * arrival.irradiance;
+        specular = lamp_highlight(arrival, normal, to_eye);
         if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
             behind = light_behind(position.xyz, normal, normal_and_body.a);
     }

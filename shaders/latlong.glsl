@@ -7,3 +7,11 @@ vec2 latlong_uv(vec3 d) {
     float phi = abs(d.x) + abs(d.z) > 0.0 ? atan(d.x, -d.z) : 0.0;
     return vec2(phi / (2.0 * PI) + 0.5, acos(clamp(d.y, -1.0, 1.0)) / PI);
 }
+
+// Value of a table over directions whose rows run from pole to pole, so that a floor's normal needs no extrapolation.
+vec3 latlong_table(sampler2D table, vec3 d) {
+    vec2 uv = latlong_uv(d);
+    float rows = float(textureSize(table, 0).y);
+    uv.y = (uv.y * (rows - 1.0) + 0.5) / rows;
+    return textureLod(table, uv, 0.0).rgb;
+}

@@ -94,6 +94,7 @@ BAD_LINES = [
     ("view --light directional:0,0,0", "--light directional:0,0,0: direction must not be the zero vector"),
     ("view --light directional:0,1,0:1,1,-1", "--light directional:0,1,0:1,1,-1: irradiance must be 3 numbers"),
     ("view --light directional:0,nan,0", "--light directional:0,nan,0: direction must be 3 numbers"),
+    ("view --environment stduio", '--environment stduio is neither a file nor builtin; did you mean "studio"?'),
     ("view --environment-rotation inf", "--environment-rotation must be a number from -360 to 360, not inf."),
     ("view --environment-intensity -1", "--environment-intensity must be a number from 0 to 1e6, not -1.0."),
     ("view --image-size 1024", "--image-size must be 2 whole numbers from 16 to 16384, not [1024]."),

@@ -218,4 +218,4 @@ def test_an_environment_lights_the_pixels(renderer_of, tmp_path):
     table = environment.irradiance_table(Probe.from_pixels(pixels).sh, scene.material.resolve().eta)
     expected = 0.5 * environment.lookup(table, frame.normal[seen] @ world_to_probe(70.0))
     assert np.all(relative_rms(frame.irradiance[seen], expected) < 2e-3)
-    assert np.all(frame.specular == 0.0)
+    assert frame.specular[seen].min() > 0.0

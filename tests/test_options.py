@@ -48,6 +48,18 @@ def test_scene_file_then_set_then_flags(tmp_path, monkeypatch):
     assert scene.model.path == Path("m.ply").absolute()
 
 
+def test_an_environment_is_builtin_by_its_bare_name_and_a_file_otherwise(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("studio").write_text("")
+    assert options(environment="studio").environment.builtin == "studio"
+    for name in ("./studio", "studio.hdr", "overcast/studio"):
+        assert options(environment=name).environment.path == Path(name).absolute()
+    Path("attic").write_text("")  # a file whose name has no suffix is still one
+    assert options(environment="attic").environment.path == Path("attic").absolute()
+    given = options(set=["environment.builtin=window"], environment="a.hdr").environment
+    assert (given.path, given.builtin) == (Path("a.hdr").absolute(), None)
+
+
 @pytest.mark.parametrize(
     ("text", "light"),
     [

@@ -60,7 +60,10 @@ def differ(one: np.ndarray, other: np.ndarray) -> bool:
 
 @pytest.fixture
 def walker(context, tmp_path):
-    write_exr(tmp_path / "probe.exr", {c: np.random.default_rng(4).random((16, 32), np.float32) for c in "RGB"})
+    planes = {c: np.random.default_rng(4).random((16, 32), np.float32) for c in "RGB"}
+    for plane in planes.values():
+        plane[4, 20] = 200.0  # a source to extract
+    write_exr(tmp_path / "probe.exr", planes)
     trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "other.ply")
     walker = Walker(small_scene(write_knot(tmp_path / "knot.ply")))
     walker.app.preferences.folder = str(tmp_path)

@@ -210,6 +210,8 @@ BAD_FILES = [
     ("[display]\nimage_size = [15, 16]", "display.image_size must be 2 whole numbers from 16 to 16384, not [15, 16]"),
     ("[display]\nbackground = '#12345'", 'display.background must be one of "black"'),
     ("[display]\nbackground = 'environment'", 'display.background is "environment" but there is none'),
+    ("[environment]\npath = 'a.hdr'\nbuiltin = 'studio'", "environment.path and environment.builtin are both given"),
+    ("[environment]\nbuiltin = 'attic'", 'environment.builtin must be one of "studio", "backlight"'),
     ("[environment]\nintensity = -1", "environment.intensity must be a number from 0 to 1e6, not -1"),
     ("[camera\n", "not a TOML file (Expected"),
     (f"[display]\nkey = 0x{'f' * 5000}", "display.key must be a number from 0.0001 to 100, not a number of thous"),

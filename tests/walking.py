@@ -126,8 +126,11 @@ CONTROLS = [
         camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
         camera__zoom=0.7, camera__orthographic=0.05,
     ),
-    *sliders("probe", environment__rotation_deg=0.8, environment__intensity=0.9, display__background_blur_deg=0.5),
     *sliders("pair in probe", environment__occluded=0.05),
+    *sliders(
+        "probe", environment__rotation_deg=0.8, environment__intensity=0.9, environment__extract=0.05,
+        display__background_blur_deg=0.5,
+    ),
     *sliders("ewald", transport__error_target=0.9),
     Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
     *(
@@ -153,6 +156,10 @@ CONTROLS = [
         "environment.path", "environment.remove", slide("environment.remove", 0.5), "probe", has_reset=False,
         also=frozenset({"display"}),
     ),
+    Control(
+        "environment.builtin", "environment.builtin", choose("environment.builtin", "window"),
+    ),
+    Control("specular.model", "specular.model", choose("specular.model", "normalized")),
     Control("directional.direction", "lights.0.sphere", drag("lights.0.sphere", (25.0, 10.0))),
     Control("directional.direction", "lights.0.azimuth", slide("lights.0.azimuth", 0.8)),
     Control("directional.direction", "lights.0.elevation", slide("lights.0.elevation", 0.3)),

@@ -19,15 +19,19 @@ from core.bodies import Bodies, find_bodies
 from core.boundary import is_closed, row_sums
 from core.environment import Probe
 from core.mesh import Mesh
+from core.probe_highlights import LobeFilter
+from core.probe_presets import preset
+from core.probe_sources import ProbeSource, extract
 from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
 from viewer.quality import Quality, choose_quality, survey_spacing
-from viewer.settings import ModelSettings, TransportSettings
+from viewer.settings import EnvironmentSettings, ModelSettings, TransportSettings
 from viewer.visibility import BakedVisibility, bake_visibility
 
 LoadedMesh = tuple[Mesh, str | None]
+PartedProbe = tuple[tuple[ProbeSource, ...], Probe]
 
 
 class Assets:
@@ -50,9 +54,27 @@ class Assets:
         """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
         return self._get("mesh", shape_of(settings), lambda: _load(settings))  # type: ignore[no-any-return]
 
-    def probe(self, path: Path) -> Probe:
-        """Return a light probe; errors as `viewer.images.read_radiance`."""
-        return self._get("probe", path, lambda: Probe.from_pixels(read_radiance(path)))  # type: ignore[no-any-return]
+    def probe(self, source: Path | str) -> Probe:
+        """Return a light probe of a file, or a builtin one by its name; errors as `viewer.images.read_radiance`."""
+
+        def load() -> Probe:
+            return Probe.from_pixels(preset(source) if isinstance(source, str) else read_radiance(source))
+
+        return self._get("probe", source, load)  # type: ignore[no-any-return]
+
+    def parted(self, probe: Probe) -> PartedProbe:
+        """Return a probe's strong small sources and the rest, see `core.probe_sources.extract`."""
+        return self._get("parted probe", id(probe), lambda: (probe, extract(probe)))[1]  # type: ignore[no-any-return]
+
+    def surround(self, environment: EnvironmentSettings) -> PartedProbe:
+        """Return the sources of an environment's probe that shine as lamps, and the probe of the rest."""
+        assert environment.source is not None
+        probe = self.probe(environment.source)
+        return self.parted(probe) if environment.extract else ((), probe)
+
+    def lobes(self, probe: Probe) -> LobeFilter:
+        """Return what prefilters a probe for highlights."""
+        return self._get("lobes", id(probe), lambda: (probe, LobeFilter(probe)))[1]  # type: ignore[no-any-return]
 
     def samples(self, mesh: Mesh, spacing: float, accept_finer: bool = False) -> SurfaceSamples:
         """Return surface samples of a mesh, see `core.samples.surface_samples`; perhaps finer ones that are there."""
@@ -132,9 +154,17 @@ class Assets:
         """Whether `mesh` would return at once."""
         return self._has("mesh", shape_of(settings))
 
-    def has_probe(self, path: Path) -> bool:
+    def has_probe(self, source: Path | str) -> bool:
         """Whether `probe` would return at once."""
-        return self._has("probe", path)
+        return self._has("probe", source)
+
+    def has_surround(self, environment: EnvironmentSettings) -> bool:
+        """Whether there is no environment, or `surround` would return at once."""
+        if environment.source is None:
+            return True
+        if not self.has_probe(environment.source):
+            return False
+        return not environment.extract or self._has("parted probe", id(self.probe(environment.source)))
 
     def has_bodies(self, mesh: Mesh) -> bool:
         """Whether `bodies` would return at once."""

@@ -9,7 +9,7 @@ from viewer.settings import CameraSettings
 
 def files(scene: Scene) -> tuple[object, ...]:
     """Everything that has to be read or sampled before a scene can be lit."""
-    return scene.model, scene.environment.path, scene.transport
+    return scene.model, scene.environment.source, scene.transport
 
 
 def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:

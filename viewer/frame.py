@@ -19,7 +19,7 @@ from core.samples import SurfaceSamples
 from core.separate_diffusion import AnySolution
 from core.stages import Stages
 from viewer import memory
-from viewer.assets import Assets
+from viewer.assets import Assets, PartedProbe
 from viewer.camera import pixel_offsets
 from viewer.gather import Gather
 from viewer.gl import check_image_size, headless_context, leave_framebuffer
@@ -197,6 +197,10 @@ class Renderer:
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Return the light probe of an environment that has one."""
         return self._lighting.probe(environment)
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of an environment's probe that shine as lamps, and the rest; None where no light is."""
+        return self._lighting.parted(environment)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""

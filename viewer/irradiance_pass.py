@@ -129,10 +129,14 @@ class PixelIrradiancePass:
         sources: Sequence[LightSource],
         gather: Gather,
         specular: SpecularSettings,
+        highlights: moderngl.Texture,
         camera: Camera,
         out: "PixelLight",
     ) -> None:
-        """Sum E, the Phong highlights and the local exitance of all lights at every pixel."""
+        """Sum E, the Phong highlights and the local exitance of all lights at every pixel.
+
+        `highlights` is the environment prefiltered with the lobe, any texture without one.
+        """
         out.framebuffer.use()
         out.framebuffer.clear()
         self._context.enable_only(moderngl.BLEND)
@@ -148,11 +152,23 @@ class PixelIrradiancePass:
                     "t_visible": gbuffer.visible or gbuffer.normal,
                     "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                     "u_eye": tuple(camera.eye),
-                    "u_strength": specular.strength,
-                    "u_shininess": specular.shininess,
+                    **_highlight_uniforms(specular),
+                    "t_highlights": highlights,
                 }
             )
             self._triangle.render(vertices=3)
+
+
+def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
+    """Values for highlights.glsl."""
+    integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
+    normalized = specular.model == "normalized"
+    return {
+        "u_shininess": specular.shininess,
+        "u_lamp_strength": specular.strength / integral if normalized else specular.strength,
+        "u_surround_strength": specular.strength if normalized else specular.strength * integral,
+        "u_fresnel": normalized,
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,28 +12,30 @@ from core.bodies import Bodies
 from core.diffusion import DiffusionTransport, Solution
 from core.dipole import dipoles
 from core.entry import EnteringLight
-from core.environment import Probe, irradiance_table
+from core.environment import Probe
 from core.layers import LayerGrid
 from core.medium import Medium, media
 from core.mesh import Mesh
+from core.probe_highlights import LobeFilter
 from core.samples import SurfaceSamples
 from core.separate_diffusion import AnySolution
 from core.spectra import Profiles
 from core.stages import Stages
 from core.transport import Transport
-from viewer.assets import Assets, shape_of
+from viewer.assets import Assets, PartedProbe, shape_of
 from viewer.bodies import Separated, Separation, convolvers, separate_by_default
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.camera import Camera, place_camera
 from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
-from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp, surround
+from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp
 from viewer.layers_pass import LayersPass
-from viewer.occlusion import Occlusion, OcclusionStages
+from viewer.occlusion import OcclusionStages
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
 from viewer.shadows_pass import ShadowsPass
+from viewer.surround import Surround, casts_shadows
 
 Float32 = npt.NDArray[np.float32]
 Progress = Callable[[str], None]
@@ -75,6 +77,8 @@ class LitScene:
     lights : light by light, where transport is `diffusion`
     media : of the material
     samples : SurfaceSamples
+    lobes : LobeFilter, optional
+        Of the environment less the sources that shine as lamps: what highlights mirror.
     bodies : Bodies, optional
         Where they are to be separate.
     separated : Separated, optional
@@ -94,6 +98,7 @@ class LitScene:
     lights: tuple[EnteringLight, ...]
     media: tuple[Medium, ...]
     samples: SurfaceSamples
+    lobes: LobeFilter | None = None
     bodies: Bodies | None = None
     separated: Separated | None = None
 
@@ -109,6 +114,7 @@ class Lighting:
         self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
         self._shadows = ShadowsPass(context)
         self._irradiance = SampleIrradiancePass(context)
+        self._surround = Surround(context, stages, assets, self._shadows)
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
@@ -153,8 +159,10 @@ class Lighting:
             marks = None if quality.method == "layered" else separated.marks.buffer
 
         say("casting shadows")
-        occlusion = self._occlusions.of(scene.environment, self.probe, model.mesh, model.buffers, say)
-        sources = (*self._lamps(scene, model, marks), *self._surround(scene.environment, material.eta, occlusion))
+        on_model = model.mesh, model.buffers
+        occlusion = self._occlusions.of(scene.environment, self._surround.rest, *on_model, say)
+        around, lobes = self._surround.sources(scene.environment, material.eta, *on_model, marks, occlusion)
+        sources = (*self._lamps(scene, model, marks), *around)
 
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
@@ -162,7 +170,7 @@ class Lighting:
         lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
-        return LitScene(model, camera, sources, material.eta, quality, *placed, bodies, separated)
+        return LitScene(model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated)
 
     def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload the result of transport."""
@@ -196,9 +204,11 @@ class Lighting:
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
-        path = environment.path
-        assert path is not None
-        return self._run("probe", [path], lambda: self._assets.probe(path))
+        return self._surround.probe(environment)
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of its probe that shine as lamps, and the rest; None where no light comes from."""
+        return self._surround.parted(environment)
 
     def release(self) -> None:
         """Let go of solvers and assets, but for the probes."""
@@ -231,23 +241,6 @@ class Lighting:
             self._run(f"shadow of light {i}", [model, light, bodies], lambda light=light: cast(light))  # type: ignore[misc]
             for i, light in enumerate(scene.effective_lights(), start=1)
         ]
-
-    def _surround(self, environment: EnvironmentSettings, eta: float, occlusion: Occlusion | None) -> list[LightSource]:
-        """Return the environment's light, if there is one."""
-        if environment.path is None:
-            return []
-        probe = self.probe(environment)
-        table = self._run(
-            "environment table",
-            [probe, eta],
-            lambda: latlong_texture(self._context, irradiance_table(probe.sh, eta)),
-        )
-        source = self._run(
-            "environment light",
-            [table, environment, occlusion],
-            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none, occlusion),
-        )
-        return [source]
 
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """E of each light at every sample, (n, 3) float32."""
@@ -288,10 +281,6 @@ def _total(irradiances: list[Float32], n: int) -> Float32:
 
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
-    return assets.quality(
-        scene.transport,
-        dipoles(scene.material.resolve()),
-        mesh,
-        sharp_light=bool(scene.effective_lights()),
-        separate=scene.separate,
-    )
+    sharp = bool(scene.effective_lights()) or casts_shadows(scene.environment, assets)
+    profiles = dipoles(scene.material.resolve())
+    return assets.quality(scene.transport, profiles, mesh, sharp_light=sharp, separate=scene.separate)

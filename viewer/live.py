@@ -183,8 +183,9 @@ class Live:
         return replace(waiting, display=replace(self._ready.display, image_size=size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        probe = scene.environment.path
-        if not self.assets.has_mesh(scene.model) or (probe is not None and not self.assets.has_probe(probe)):
+        if not self.assets.has_mesh(scene.model):
+            return False
+        if not self.assets.has_surround(scene.environment):
             return False
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate and not self.assets.has_bodies(mesh):
@@ -203,8 +204,10 @@ class Live:
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate:
             self.assets.bodies(mesh)
-        if scene.environment.path is not None:
-            self.assets.probe(scene.environment.path)
+        if scene.environment.source is not None:
+            lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
+            if scene.specular.strength > 0.0:
+                lobes.prepare(scene.specular.shininess)
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 

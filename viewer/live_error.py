@@ -17,10 +17,10 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.environment import Probe
 from core.errors import InputError
 from core.mesh import Mesh
 from core.stages import Stages
+from viewer.assets import PartedProbe
 from viewer.camera import place_camera
 from viewer.dependence import lighting_key
 from viewer.finished import Finished
@@ -220,17 +220,19 @@ class LiveError:
         try:
             surface = surface_of(self._context, scene, finished)
             environment = scene.environment
-            probe = None if environment.path is None else live.renderer.probe(environment)
+            around = live.renderer.parted(environment)
         except Exception as error:
             self._fail(asked, error)
             return
         if self._worker is None:
             self._worker = ThreadPoolExecutor(1, thread_name_prefix="error")
         self._job = job = _Job(asked, self._wake)
-        job.future = self._worker.submit(lambda: self._measure(job, scene, surface, finished.lit, probe))
+        job.future = self._worker.submit(lambda: self._measure(job, scene, surface, finished.lit, around))
         job.future.add_done_callback(lambda _: self._wake())
 
-    def _measure(self, job: _Job, scene: Scene, surface: Surface, lit: LitScene, probe: Probe | None) -> Measured:
+    def _measure(
+        self, job: _Job, scene: Scene, surface: Surface, lit: LitScene, around: PartedProbe | None
+    ) -> Measured:
         """Run in the worker: nothing here touches OpenGL."""
         from viewer.report import lights_of
         from viewer.visible_error import measure, visible_points
@@ -238,7 +240,7 @@ class LiveError:
         job.report(0.0)
         start, (alpha, position, exitance) = time.perf_counter(), surface
         seen = visible_points(alpha, position, exitance, job.of.points)
-        light, material = lights_of(scene, probe, lit), scene.material.resolve()
+        light, material = lights_of(scene, around, lit), scene.material.resolve()
         mesh = lit.model.mesh
         error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh), lit.bodies)
         size, covered = (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha))
@@ -284,7 +286,8 @@ def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> S
     width, height = scene.display.image_size
     scale = min(1.0, LARGEST / max(width, height))
     size = (max(1, round(scale * width)), max(1, round(scale * height)))
-    smaller = replace(scene, display=replace(scene.display, image_size=size))
+    display = replace(scene.display, image_size=size)
+    smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
     camera = place_camera(scene.camera, finished.lit.model.mesh.radius, size)
     try:
         return Shading(context, Stages()).surface(smaller, replace(finished.lit, camera=camera), finished.gather)

@@ -62,7 +62,7 @@ def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
     lights = scene.all_lights()
     if lights:
         scene = replace(scene, lights=tuple(_turned(light, turn) for light in lights))
-    if scene.environment.path is not None:
+    if scene.environment.given:
         rotation = wrapped(scene.environment.rotation_deg + step * dx)
         scene = replace(scene, environment=replace(scene.environment, rotation_deg=rotation))
     return scene

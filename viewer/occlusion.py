@@ -80,12 +80,15 @@ class OcclusionStages:
     def of(
         self,
         environment: EnvironmentSettings,
-        probe: Callable[[EnvironmentSettings], Probe],
+        rest: Callable[[EnvironmentSettings], Probe],
         mesh: Mesh,
         buffers: MeshBuffers,
         say: Callable[[str], None],
     ) -> Occlusion | None:
-        """What keeps the environment's light from the surface of a mesh, if that is wanted and known."""
+        """What keeps the environment's light from the surface of a mesh, if that is wanted and known.
+
+        `rest` gives the probe without what shines as lamps, which have shadow maps.
+        """
         if not needs_visibility(environment) or not (self._assets.bakes or self._assets.has_visibility(mesh)):
             return None
 
@@ -93,7 +96,7 @@ class OcclusionStages:
             say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
 
         baked = self._run("visibility", [mesh], lambda: self._assets.visibility(mesh, report))
-        return self._occlusion(baked, buffers, probe(environment), environment.rotation_deg)
+        return self._occlusion(baked, buffers, rest(environment), environment.rotation_deg)
 
     def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
         """Unoccluded E at the surface samples, (n, 3), times what reaches them."""

@@ -11,6 +11,7 @@ from core.errors import InputError
 from viewer.declaration import Setting, nearest, settings_of
 from viewer.scene import Change, Scene, apply_set, changed
 from viewer.settings import LIGHT_KINDS, TABLES, DirectionalLight, Light, PointLight
+from viewer.settings_surround import BUILTIN_PROBES
 
 
 class Flag(NamedTuple):
@@ -83,9 +84,9 @@ def scene_from_options(values: Mapping[str, Any]) -> Scene:
     # Two steps, so that --material wins over coefficients given by --set instead of meeting them.
     scene = apply_set(scene, values["set"] or [])
     changes = [
-        Change(flag.table, flag.key, _parsed(flag, values[flag.parameter]), flag.option)
-        for flag in FLAGS
-        if values[flag.parameter] is not None
+        _environment(value) if flag.option == "--environment" else Change(flag.table, flag.key, value, flag.option)
+        for flag, value in ((flag, _parsed(flag, values[flag.parameter])) for flag in FLAGS)
+        if value is not None
     ]
     if values["model"] is not None:
         if Path(values["model"]).suffix.lower() == ".toml":
@@ -111,8 +112,19 @@ def parse_light(text: str) -> Light:
     return DirectionalLight(*given) if kind == DirectionalLight.KIND else PointLight(*given)
 
 
+def _environment(name: str) -> Change:
+    """Return the change to a builtin environment or a file; a file called "studio" is ./studio."""
+    if name in BUILTIN_PROBES:
+        return Change("environment", "builtin", name, "--environment")
+    if name.isalpha() and not Path(name).exists():
+        raise InputError(f"--environment {name} is neither a file nor builtin; {nearest(name, BUILTIN_PROBES)}")
+    return Change("environment", "path", name, "--environment")
+
+
 def _parsed(flag: Flag, value: Any) -> Any:
     """Return an option's text as its setting wants it; what is no number stays for the setting to refuse."""
+    if value is None:
+        return None
     if flag.setting.length is not None:
         fix = "write WIDTHxHEIGHT such as 1024x768"
         return _numbers(value.lower(), "x", f"{flag.option} {value}", fix, int)
@@ -156,10 +168,11 @@ def _parameters() -> list[inspect.Parameter]:
 def _declaration(flag: Flag) -> tuple[type, Any]:
     declared = flag.setting
     is_vector = declared.length is not None
+    builtin = f" ({'|'.join(BUILTIN_PROBES)}, or a file)" if flag.option == "--environment" else ""
     option = typer.Option(
         flag.option,
         metavar="WxH" if is_vector else _METAVARS.get(declared.kind),
-        help=declared.help(),
+        help=declared.help() + builtin,
         rich_help_panel=flag.panel,
     )
     return (bool if declared.kind == "boolean" else str), option

@@ -7,6 +7,7 @@ from viewer.gui import Gui, icons, imgui
 from viewer.live import Live
 from viewer.live_error import LiveError
 from viewer.panel_controls import RESET_HINT, Box, Controls
+from viewer.panel_environment import EnvironmentPanel
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
@@ -42,6 +43,7 @@ class Panel:
         self._session = session
         self._material = MaterialPanel(session, self.controls)
         self._lights = LightsPanel(session, self.controls)
+        self._environment = EnvironmentPanel(session, self.controls, self.requests)
         self._error = ErrorPanel(session, self.controls)
         self._was_measuring = False
 
@@ -62,8 +64,8 @@ class Panel:
         for label, is_open, draw in (
             ("Material", True, self._material.draw),
             ("Lights", True, self._lights.draw),
-            ("Environment", False, self._environment),
-            ("Highlights", False, self._highlights),
+            ("Environment", False, self._environment.draw),
+            ("Highlights", False, self._environment.highlights),
             ("Tone mapping", False, self._tone_mapping),
             ("Light transport", True, lambda: draw_transport(self.controls, live)),
             ("Error", False, lambda: self._error.draw(error, live)),
@@ -141,41 +143,6 @@ class Panel:
                 lambda: setattr(view, "layer", 0), view.layer != 0,
             )  # fmt: skip
 
-    def _environment(self) -> None:
-        session, controls = self._session, self.controls
-        path = session.scene.environment.path
-        controls.begin_row("Probe")
-        if imgui.button(f"{'choose a file' if path is None else path.name}##environment.path", (-1.0, 0.0)):
-            self.requests.append("open_probe")
-        controls.end_row("environment.path", "Probe", "Light from all around: an .hdr or .exr file. Or drop one here.")
-        if path is None:
-            controls.note("no environment: drop an .hdr or .exr file on the window")
-            return
-        controls.setting("environment.rotation_deg", "Rotation")
-        controls.setting("environment.intensity", "Intensity")
-        controls.setting("environment.occluded", "Occluded")
-        controls.setting("display.background_blur_deg", "Backdrop blur")
-        shown = session.scene.display.background == "environment"
-        clicked, shown = imgui.checkbox("show behind the object", shown)
-        controls.mark("environment.shown")
-        if clicked:
-            session.edit("display", background="environment" if shown else "black")
-        if imgui.button(f"{icons.ICON_FA_TRASH}  Remove the probe"):
-            self._remove_probe()
-        controls.mark("environment.remove")
-
-    def _remove_probe(self) -> None:
-        scene = self._session.scene
-        display = scene.display
-        if display.background == "environment":
-            display = replace(display, background="black")
-        environment = replace(scene.environment, path=None)
-        self._session.put(replace(scene, environment=environment, display=display))
-
-    def _highlights(self) -> None:
-        self.controls.setting("specular.strength", "Strength")
-        self.controls.setting("specular.shininess", "Shininess")
-
     def _tone_mapping(self) -> None:
         session, controls, view = self._session, self.controls, self._session.view
         controls.setting("display.key", "Key (exposure)")
@@ -214,7 +181,7 @@ class Panel:
         controls.begin_row("Background", True)
         imgui.set_next_item_width(imgui.get_content_region_avail().x - 2.4 * imgui.get_frame_height())
         kinds = ["black", "transparent", "environment", "colour"]
-        if session.scene.environment.path is None:
+        if not session.scene.environment.given:
             kinds.remove("environment")
         shown = "colour" if current.startswith("#") else current
         if imgui.begin_combo("##background", shown):

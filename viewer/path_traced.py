@@ -77,7 +77,7 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
     check_output(path, (".exr",))
     if any(os.path.realpath(output) == os.path.realpath(path) for output in outputs):
         raise InputError(f"--path-traced {path} would write over --output; choose another name")
-    if scene.environment.path is not None or not scene.effective_lights():
+    if scene.environment.given or not scene.effective_lights():
         raise InputError("--path-traced knows directional lights only; give the scene one, and no environment")
     if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
         raise InputError("--path-traced knows directional lights only; remove the point lights")

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from core.environment import Probe
 from core.errors import InputError
+from viewer.assets import PartedProbe
 from viewer.deviation import Deviation
 from viewer.error_map import error_map
 from viewer.frame import Renderer
@@ -26,6 +26,7 @@ from viewer.lighting import LitScene
 from viewer.picture import read_frame
 from viewer.report_transport import transport_content
 from viewer.scene import Scene
+from viewer.surround import probe_lamps
 from viewer.visible_error import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 
 SUFFIX = ".json"
@@ -132,16 +133,18 @@ def error_report(
 
 def illumination_of(renderer: Renderer, scene: Scene, lit: LitScene | None = None) -> Illumination:
     """Gather a scene's lights for `viewer.visible_error.measure`; reads the probe, if any, or has it already."""
-    return lights_of(scene, None if scene.environment.path is None else renderer.probe(scene.environment), lit)
+    return lights_of(scene, renderer.parted(scene.environment), lit)
 
 
-def lights_of(scene: Scene, probe: Probe | None, lit: LitScene | None = None) -> Illumination:
-    """Gather a scene's lights, with its probe, occluded as in `lit`; uses no OpenGL."""
+def lights_of(scene: Scene, around: PartedProbe | None, lit: LitScene | None = None) -> Illumination:
+    """Gather a scene's lights, with those of its probe and the rest of it, occluded as in `lit`; uses no OpenGL."""
     occlusions = [] if lit is None else [source.occlusion for source in lit.sources if source.occlusion is not None]
     visible = occlusions[0].at if occlusions else None
     environment = scene.environment
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
-    return Illumination.of(scene.effective_lights(), eta, probe, to_probe, environment.intensity, visible)
+    strong, rest = ((), None) if around is None else around
+    lights = (*scene.effective_lights(), *probe_lamps(environment, strong))
+    return Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
 
 
 def _content(

@@ -68,7 +68,7 @@ def transport_content(
 
 def obstacle(scene: Scene, lit: LitScene) -> str | None:
     """Why photons cannot tell of a scene, in a few words; None if they can."""
-    if scene.environment.path is not None:
+    if scene.environment.given:
         return "photons come from directional lights only, and the scene has an environment"
     if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
         return "photons come from directional lights only, and the scene has a point light"

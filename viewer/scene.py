@@ -47,6 +47,7 @@ __all__ = [
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
 _RIVALS = {
     "model": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
+    "environment": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
     "material": (({"name"}, {"sigma_s_prime", "sigma_a", "eta"}), ({"sigma_s_prime", "sigma_a"}, {"name"})),
 }
 
@@ -77,8 +78,10 @@ class Scene:
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
                 raise InputError("lights must be a tuple of DirectionalLight and PointLight, or None")
             object.__setattr__(self, "lights", tuple(lights))
-        if self.display.background == "environment" and self.environment.path is None:
-            raise InputError('display.background is "environment" but there is none; set environment.path too')
+        if self.display.background == "environment" and not self.environment.given:
+            raise InputError(
+                'display.background is "environment" but there is none; set environment.path or environment.builtin too'
+            )
 
     def effective_lights(self) -> tuple[Light, ...]:
         """Return the lights that shine: those given, else the default pair where there is no environment."""
@@ -94,7 +97,7 @@ class Scene:
         """Return the lights given, off or on, else the default pair where there is no environment."""
         if self.lights is not None:
             return self.lights
-        return DEFAULT_LIGHTS if self.environment.path is None else ()
+        return () if self.environment.given else DEFAULT_LIGHTS
 
     @classmethod
     def load(cls, path: str | Path) -> "Scene":

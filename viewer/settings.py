@@ -11,6 +11,8 @@ from typing import ClassVar
 from core import materials
 from core.errors import InputError
 from viewer.declaration import check_fields, setting
+from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
+from viewer.settings_surround import SpecularSettings as SpecularSettings
 
 # A setting reads as a paragraph: its value and range, then its reason.
 # fmt: off
@@ -141,23 +143,6 @@ class MaterialSettings:
 
 
 @dataclass(frozen=True)
-class SpecularSettings:
-    """Phong highlights, added after the subsurface light."""
-
-    TABLE: ClassVar[str] = "specular"
-
-    strength: float = setting(
-        "number", 0.3, low=0, high=100, why="brightness of highlights; 0 turns them off"
-    )
-    shininess: float = setting(
-        "number", 80.0, low=1, high=1e5, why="Phong exponent: higher is a smaller highlight"
-    )
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.TABLE)
-
-
-@dataclass(frozen=True)
 class DirectionalLight:
     """A distant light."""
 
@@ -207,25 +192,6 @@ DEFAULT_LIGHTS: tuple[Light, ...] = (
     DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
     DirectionalLight((0.95, 0.45, 0.1), (1.9, 1.85, 1.8)),
 )
-
-
-@dataclass(frozen=True)
-class EnvironmentSettings:
-    """Light from all around; path None means none."""
-
-    TABLE: ClassVar[str] = "environment"
-
-    path: Path | None = setting("path", None, optional=True, why="light probe, .hdr or .exr")
-    rotation_deg: float = setting(
-        "number", 0.0, unit="deg", low=-360, high=360, why="turn of the probe about the up axis"
-    )
-    intensity: float = setting(
-        "number", 1.0, low=0, high=1e6, why="factor on the probe's radiance"
-    )
-    occluded: bool = setting("boolean", True, why="whether the object is in the way of the light that reaches it")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.TABLE)
 
 
 @dataclass(frozen=True)

@@ -167,8 +167,20 @@ class Shading:
         )
         if i == 0:
             targets.framebuffer.clear()
-        self._irradiance.run(gbuffer, lit.sources, gather, scene.specular, camera, light)
+        highlights = self._highlights(scene, lit)
+        self._irradiance.run(gbuffer, lit.sources, gather, scene.specular, highlights, camera, light)
         self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
+
+    def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
+        """Return the environment as highlights of this shininess mirror it, any texture where none is seen."""
+        lobes, specular = lit.lobes, scene.specular
+        if lobes is None or specular.strength == 0.0:
+            return self._no_probe
+        return self._run(
+            "environment highlights",
+            [lobes, specular.shininess],
+            lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
+        )
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment

@@ -134,8 +134,7 @@ class ViewArea:
         scene = self._session.scene
         key = (
             scene.model, scene.camera, scene.material.resolve(), scene.specular, scene.effective_lights(),
-            scene.environment.path, scene.environment.rotation_deg, scene.environment.intensity, scene.transport,
-            self.size, self._session.view.show,
+            scene.environment, scene.transport, self.size, self._session.view.show,
         )  # fmt: skip
         if key != self._key:
             first = self._key is None

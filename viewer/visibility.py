@@ -40,4 +40,4 @@ def bake_visibility(
 
 def needs_visibility(environment: EnvironmentSettings) -> bool:
     """Whether there is light that something may be in the way of."""
-    return environment.path is not None and environment.occluded and environment.intensity > 0.0
+    return environment.given and environment.occluded and environment.intensity > 0.0

@@ -1,0 +1,35 @@
+// Highlights of one light at a pixel: the lobe max(0, r.l)^n of Phong 1975 about the mirrored eye ray r.
+// u_fresnel is false for the paper's plain lobe, which is as bright whatever the exponent; a lobe of integral 1 is
+// weighted with the reflectance F_r = 1 - F_t towards the eye, so that with strength 1 what is not mirrored enters.
+// Needs irradiance.glsl.
+
+uniform float u_shininess;          // n
+uniform float u_lamp_strength;      // factor on irradiance * cos^n
+uniform float u_surround_strength;  // factor on the lobe's mean radiance
+uniform bool u_fresnel;
+uniform sampler2D t_highlights;     // mean radiance of an environment in the lobe about every direction
+
+float mirrored(vec3 normal, vec3 to_eye) {
+    // abs: interpolated normals may turn from the eye at a silhouette
+    return u_fresnel ? 1.0 - fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) : 1.0;
+}
+
+vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
+    float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
+    // The lobe of a light below the horizon would shine through the surface.
+    if (dot(normal, arrival.to_light) <= 0.0 || lobe <= 0.0) return vec3(0.0);
+    return u_lamp_strength * mirrored(normal, to_eye) * pow(lobe, u_shininess) * arrival.irradiance;
+}
+
+// Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees, over
+// the same from -90 degrees; nearly the normal distribution, by its tanh approximation (Page 1977). Within 0.014 for n >= 1.
+float above_horizon(float sine) {
+    float x = asin(clamp(sine, -1.0, 1.0)) * sqrt(u_shininess + 0.5);
+    return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));
+}
+
+vec3 environment_highlight(vec3 normal, vec3 to_eye) {
+    vec3 mirror = reflect(-to_eye, normal);
+    float weight = u_surround_strength * mirrored(normal, to_eye) * above_horizon(dot(mirror, normal));
+    return weight * u_light_colour * latlong_table(t_highlights, u_environment_rotation * mirror);
+}

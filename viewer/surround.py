@@ -1,0 +1,113 @@
+"""Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
+
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from core.environment import Probe, irradiance_table
+from core.mesh import Mesh
+from core.probe_highlights import LobeFilter
+from core.probe_sources import ProbeSource
+from core.stages import Stages
+from viewer.assets import Assets, PartedProbe
+from viewer.buffers import MeshBuffers
+from viewer.declaration import settings_of
+from viewer.gl import latlong_texture
+from viewer.irradiance_pass import LightSource, lamp, surround, world_to_probe
+from viewer.occlusion import Occlusion
+from viewer.settings import DirectionalLight, EnvironmentSettings
+from viewer.shadows_pass import ShadowsPass
+
+MAX_IRRADIANCE = 1e9  # that a light may have
+
+
+class Surround:
+    """Makes the sources of light of an environment, in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, shadows: ShadowsPass) -> None:
+        self._context, self._run = context, stages.run
+        self._assets, self._shadows = assets, shadows
+        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Read the light probe of an environment that has one."""
+        source = environment.source
+        assert source is not None
+        return self._run("probe", [source], lambda: self._assets.probe(source))
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of its probe that shine as lamps, and the probe of the rest; None where no light is."""
+        if not shines(environment):
+            return None
+        key = [self.probe(environment), environment.extract]
+        return self._run("probe sources", key, lambda: self._assets.surround(environment))
+
+    def rest(self, environment: EnvironmentSettings) -> Probe:
+        """Return the probe of an environment that shines, without what shines as lamps."""
+        parts = self.parted(environment)
+        assert parts is not None
+        return parts[1]
+
+    def sources(
+        self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None, occlusion: Occlusion | None,
+    ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
+        """Return an environment's sources of light, lamps with shadow maps first, and highlights of what is no lamp.
+
+        `bodies` as of `viewer.shadows_pass.ShadowsPass.render`; `occlusion` of the rest.
+        """
+        if not shines(environment):
+            return [], None
+        run, parts = self._run, self.parted(environment)
+        assert parts is not None
+        strong, rest = parts
+        found = []
+        for i, light in enumerate(probe_lamps(environment, strong), start=1):
+            # A shadow knows no brightness: another intensity of the environment casts it no second time.
+            shadow = run(
+                f"shadow of probe source {i}",
+                [mesh, replace(light, irradiance=(1.0, 1.0, 1.0)), bodies],
+                lambda light=light: self._shadows.render(buffers, mesh, light, bodies),  # type: ignore[misc]
+            )
+            found.append(
+                run(
+                    f"probe source {i}",
+                    [shadow, light],
+                    lambda light=light, shadow=shadow: lamp(light, shadow, self._no_probe),  # type: ignore[misc]
+                )
+            )
+        table = run(
+            "environment table",
+            [rest, eta],
+            lambda: latlong_texture(self._context, irradiance_table(rest.sh, eta)),
+        )
+        around = run(
+            "environment light",
+            [table, environment, occlusion],
+            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none, occlusion),
+        )
+        return [*found, around], run("highlight lobes", [rest], lambda: self._assets.lobes(rest))
+
+
+def shines(environment: EnvironmentSettings) -> bool:
+    """Whether light comes from an environment."""
+    return environment.given and environment.intensity > 0.0
+
+
+def probe_lamps(environment: EnvironmentSettings, sources: tuple[ProbeSource, ...]) -> tuple[DirectionalLight, ...]:
+    """Return the lights that sources of a probe are in the world, turned and scaled as the environment is."""
+    to_probe = world_to_probe(environment.rotation_deg)
+    lights = []
+    for source in sources:
+        x, y, z = (np.array(source.direction) @ to_probe.T).tolist()
+        red, green, blue = (min(environment.intensity * channel, MAX_IRRADIANCE) for channel in source.irradiance)
+        size: dict[str, Any] = {"angle_deg": source.angle_deg} if "angle_deg" in settings_of(DirectionalLight) else {}
+        lights.append(DirectionalLight((x, y, z), (red, green, blue), **size))
+    return tuple(lights)
+
+
+def casts_shadows(environment: EnvironmentSettings, assets: Assets) -> bool:
+    """Whether an environment has sources that shine as lamps; reads its probe, or has it already."""
+    return shines(environment) and bool(assets.surround(environment)[0])
