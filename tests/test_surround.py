@@ -36,7 +36,7 @@ def probe_of(*spots):
 
 @pytest.mark.parametrize("shape", ["knot", "plate"])
 def test_strong_sources_cast_shadows_and_the_rest_shines_all_around(renderer_of, shapes, tmp_path, shape):
-    around = environment(tmp_path, *SPOTS, rotation_deg=50.0, intensity=2.0)
+    around = environment(tmp_path, *SPOTS, rotation_deg=50.0, intensity=2.0, occluded=False)
     scene = lit_by(around)
     frame = renderer_of(shape).render(scene, samples=1)
     seen, eta = inside(frame), scene.material.resolve().eta
@@ -51,7 +51,7 @@ def test_strong_sources_cast_shadows_and_the_rest_shines_all_around(renderer_of,
 
 
 def test_without_extraction_nothing_casts_a_shadow(renderer_of, tmp_path):
-    scene = lit_by(environment(tmp_path, *SPOTS, extract=False))
+    scene = lit_by(environment(tmp_path, *SPOTS, extract=False, occluded=False))
     frame = renderer_of("knot").render(scene, samples=1)
     seen = inside(frame)
     table = env.irradiance_table(probe_of(*SPOTS).sh, scene.material.resolve().eta)

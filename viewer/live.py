@@ -183,9 +183,7 @@ class Live:
         return replace(waiting, display=replace(self._ready.display, image_size=size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        if not self.assets.has_mesh(scene.model):
-            return False
-        if not self.assets.has_surround(scene.environment):
+        if not (self.assets.has_mesh(scene.model) and self.assets.has_surround(scene.environment)):
             return False
         mesh, _ = self.assets.mesh(scene.model)
         if scene.separate and not self.assets.has_bodies(mesh):
