@@ -178,9 +178,8 @@ class Live:
             return None
         if self._ready is scene:
             return scene
-        size = scene.display.image_size
         waiting = replace(self._ready, camera=scene.camera)
-        return replace(waiting, display=replace(self._ready.display, image_size=size))
+        return replace(waiting, display=replace(self._ready.display, image_size=scene.display.image_size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
         if not (self.assets.has_mesh(scene.model) and self.assets.has_surround(scene.environment)):
