@@ -10,7 +10,6 @@ import numpy.typing as npt
 from core.atlas import Atlas
 from core.bodies import Bodies
 from core.diffusion import DiffusionTransport, Solution
-from core.dipole import dipoles
 from core.entry import EnteringLight
 from core.environment import Probe, irradiance_table
 from core.layers import LayerGrid
@@ -126,7 +125,7 @@ class Lighting:
             bodies = separate_by_default(bodies, settings.method)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
-        profiles = dipoles(material)
+        profiles = scene.material.profiles()
         if settings.method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
@@ -283,7 +282,7 @@ def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
     return assets.quality(
         scene.transport,
-        dipoles(scene.material.resolve()),
+        scene.material.profiles(),
         mesh,
         sharp_light=bool(scene.effective_lights()),
         separate=scene.separate,

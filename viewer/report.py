@@ -121,7 +121,15 @@ def error_report(
     start = time.perf_counter()
     seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
     illumination = illumination_of(renderer, scene)
-    error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress, bodies=lit.bodies)
+    error = measure(
+        seen,
+        lit.model.mesh,
+        illumination,
+        scene.material.resolve(),
+        progress,
+        bodies=lit.bodies,
+        profiles=lit.profiles,
+    )
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
     if photons:
