@@ -14,7 +14,6 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 NEAREST = 1e-9  # d: the profile diverges at 0, and stays finite here
-MEDIAN = 1.5476  # d, radius of half of the flux
 
 
 @dataclass(frozen=True)
@@ -44,13 +43,13 @@ class Burley:
 
     @property
     def mean_free_path(self) -> float:
-        """A quarter of d, mm: the profile is 1 / rho at its centre."""
-        return 0.25 * self.width
+        """Length d of the steeper exponential, mm."""
+        return self.width
 
     @property
     def detail(self) -> float:
-        """The `mean_free_path`."""
-        return self.mean_free_path
+        """Below d, mm, for the profile is 1 / rho at its centre: what errors of pictures ask for."""
+        return 0.6 * self.width
 
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2; finite at 0, where it diverges."""

@@ -48,8 +48,10 @@ class Gaussians:
 
     @property
     def detail(self) -> float:
-        """The `mean_free_path`."""
-        return self.mean_free_path
+        """Between the narrowest and the mean deviation, mm: what errors of pictures ask for."""
+        flux = sum(self.weights)
+        mean = sum(w * np.sqrt(v) for w, v in self._pairs) / flux if flux > 0.0 else 1.0
+        return float(np.sqrt(self.mean_free_path * mean))
 
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2."""

@@ -40,14 +40,14 @@ class PhotonBeam:
     ----------
     alpha_prime : float
         Reduced albedo a' in [0, 1]; 0 makes every value 0.
-    length : float
+    mean_free_path : float
         1/s_t', mm, > 0.
     eta : float
         Relative index of refraction, >= 1.
     """
 
     alpha_prime: float
-    length: float
+    mean_free_path: float
     eta: float
 
     @property
@@ -56,23 +56,20 @@ class PhotonBeam:
         return self.alpha_prime == 0.0
 
     @property
-    def mean_free_path(self) -> float:
-        """Below 1/s_t': the profile is steep at its centre, mm."""
-        return 0.5 * self.length
-
-    @property
     def detail(self) -> float:
-        """As of the dipoles, mm, at most the `mean_free_path`."""
+        """As of the dipoles, mm."""
         sigma_tr = np.sqrt(3.0 * (1.0 - self.alpha_prime) / (2.0 - self.alpha_prime))  # in mean free paths
         return float(self.mean_free_path / (1.0 + 2.0 * sigma_tr))
 
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2; finite at 0, where it diverges."""
-        return self._table.value(np.asarray(rho, np.float64) / self.length) * (self._scale / self.length**2)
+        return self._table.value(np.asarray(rho, np.float64) / self.mean_free_path) * (
+            self._scale / self.mean_free_path**2
+        )
 
     def total(self, e: npt.ArrayLike) -> Array:
         """T(e) = 2 pi int_0^inf R_d(sqrt(r^2 + e^2)) r dr."""
-        return self._table.beyond(np.asarray(e, np.float64) / self.length) * self._scale
+        return self._table.beyond(np.asarray(e, np.float64) / self.mean_free_path) * self._scale
 
     def total_within(self, r: npt.ArrayLike, e: npt.ArrayLike = 0.0) -> Array:
         """2 pi int_0^r R_d(sqrt(r'^2 + e^2)) r' dr'; r in mm, may be inf."""
@@ -81,7 +78,7 @@ class PhotonBeam:
 
     def spectrum(self, k: npt.ArrayLike, e: float = 0.0) -> Array:
         """2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequency k > 0 (mm^-1), numerical."""
-        return hankel(self.radial, k, e, self.length)
+        return hankel(self.radial, k, e, self.mean_free_path)
 
     @property
     def _table(self) -> RadialTable:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from core.errors import InputError
-from core.radial_table import hankel, median_radius
+from core.radial_table import flux_radius, hankel
 
 Array = npt.NDArray[np.float64]
 
@@ -94,7 +94,7 @@ class _Curve:
         if self._log is not None:
             self._beyond = self._integral(r)
         self.shortest = float(min([*lengths, self._decay]))
-        half = median_radius(lambda x: float(self.beyond(np.array(x))), self._last or self._decay)
+        half = flux_radius(lambda x: self.beyond(np.array(x)), 0.5, self._last or self._decay)
         self.detail = min(self.shortest, half / 3.0)
 
     def _integral(self, r: Array) -> CubicHermiteSpline:

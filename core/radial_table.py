@@ -66,14 +66,14 @@ class RadialTable:
         return u, np.clip(u, self._u[0], self._u[-1])
 
 
-def median_radius(beyond: Callable[[float], float], scale: float) -> float:
-    """Radius that half of the flux stays within, by bisection, for a function B and a length of its order."""
-    half, low, high = 0.5 * beyond(0.0), 0.0, scale
-    while beyond(high) > half:
+def flux_radius(total: Callable[[float], npt.ArrayLike], share: float, scale: float) -> float:
+    """Radius that a share in (0, 1) of the flux stays within, by bisection, for a B and a length of its order."""
+    rest, low, high = (1.0 - share) * float(np.asarray(total(0.0))), 0.0, scale
+    while float(np.asarray(total(high))) > rest:
         high *= 2.0
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if beyond(middle) > half else (low, middle)
+        low, high = (middle, high) if float(np.asarray(total(middle))) > rest else (low, middle)
     return high
 
 

@@ -20,7 +20,7 @@ from core.errors import InputError
 from core.materials import Material
 from core.mesh import Mesh
 from core.reference import Occluder, direct_exitance
-from core.reference_sources import Sources, graded_sources
+from core.reference_sources import Sources, graded_sources, resolved_length
 from core.spectra import Profiles
 from viewer.deviation import Deviation
 from viewer.settings import DirectionalLight, Light
@@ -199,7 +199,7 @@ def measure(
         Of the material; the standard dipole's if not given.
     """
     profiles, say = profiles or dipoles(material), progress or (lambda _: None)
-    bright = [p.mean_free_path for p in profiles if not p.is_black]
+    bright = [resolved_length(p) for p in profiles if not p.is_black]
     occluder, count = occluder or Occluder(mesh), len(seen.positions)
     reference, n_sources = np.zeros((count, 3)), 0
     before = 0  # points of the bodies that are done
