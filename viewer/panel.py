@@ -10,7 +10,8 @@ from viewer.panel_controls import RESET_HINT, Box, Controls
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
-from viewer.panel_transport import draw_transport
+from viewer.panel_profile import NO_PROFILE
+from viewer.panel_transport import draw_transport, solves
 from viewer.session import SHOWN, Session
 from viewer.settings import BUILTINS, ModelSettings
 
@@ -40,7 +41,7 @@ class Panel:
         self.controls = Controls(session, gui)
         self.requests: list[str] = []
         self._session = session
-        self._material = MaterialPanel(session, self.controls)
+        self._material = MaterialPanel(session, self.controls, self.requests)
         self._lights = LightsPanel(session, self.controls)
         self._error = ErrorPanel(session, self.controls)
         self._was_measuring = False
@@ -59,6 +60,7 @@ class Panel:
         self._toolbar(recent)
         imgui.begin_child("rows")
         self._shown(live)
+        self._material.no_profile = NO_PROFILE if solves(live) else None
         for label, is_open, draw in (
             ("Material", True, self._material.draw),
             ("Lights", True, self._lights.draw),
