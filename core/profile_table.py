@@ -23,7 +23,7 @@ HEADER = ("radius_mm", "r", "g", "b")
 MAX_RADIUS, MAX_VALUE = 1e6, 1e12  # mm, mm^-2
 MAX_ROWS = 10_000
 MOST = 1.001  # total: rounding, not energy
-PIECES = 16  # of a row, over which the integral is interpolated: 1e-7
+PIECES = 32  # of a row, over which the integral is interpolated: 1e-7 where R_d falls by a factor of 40
 
 
 @dataclass(frozen=True)
