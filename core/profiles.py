@@ -17,12 +17,9 @@ from core.gaussians import skin
 from core.materials import Material
 from core.photon_beam import PhotonBeam
 from core.photon_beam import reflectance as beam_reflectance
+from core.profile_names import BEAM, BETTER, BURLEY, DIPOLE, TABLE
 from core.spectra import Profile
 
-DIPOLE, BETTER, BEAM, BURLEY, GAUSSIANS, TABLE = (
-    "dipole", "better_dipole", "photon_beam", "burley", "gaussians", "table",
-)  # fmt: skip
-PROFILES = (DIPOLE, BETTER, BEAM, BURLEY, GAUSSIANS, TABLE)
 CHANNELS = ("red", "green", "blue")
 
 Three = tuple[Profile, Profile, Profile]
@@ -35,7 +32,7 @@ def profiles(material: Material, name: str = DIPOLE, table: Three | None = None)
     ----------
     material : Material
         Of a `table` it changes nothing, and of `gaussians` the reflectance alone.
-    name : one of `PROFILES`
+    name : one of `core.profile_names.PROFILES`
     table : from `core.profile_table.parse_table`
         Where `name` is `table`.
     """

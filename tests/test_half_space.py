@@ -7,7 +7,8 @@ from core.errors import InputError
 from core.half_space import HalfSpace
 from core.materials import Material
 from core.photon_walk import walk
-from core.profiles import BEAM, BETTER, BURLEY, DIPOLE, profiles
+from core.profile_names import BEAM, BETTER, BURLEY, DIPOLE
+from core.profiles import profiles
 
 EDGES = np.concatenate([[0.0], np.geomspace(0.01, 40.0, 40)])
 ALBEDOS = (0.9, 0.97, 0.99)

@@ -15,8 +15,9 @@ from core.fresnel import internal_moments, transmittance
 from core.gaussians import SKIN, skin
 from core.materials import Material
 from core.photon_beam import PhotonBeam, multiple_scattering, reflectance, single_scattering
+from core.profile_names import PROFILES
 from core.profile_table import TableProfile
-from core.profiles import PROFILES, profiles
+from core.profiles import profiles
 from core.radial_table import hankel
 from core.spectra import texel_means
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.errors import InputError
-from core.profiles import TABLE
+from core.profile_names import TABLE
 from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
 from viewer.images import PROBE_SUFFIXES, write_png

@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from core import materials
 from core.errors import InputError
-from core.profiles import DIPOLE, PROFILES, TABLE, material_of_colour, profiles
-from core.spectra import Profiles
+from core.profile_names import DIPOLE, PROFILES, TABLE
 from viewer.declaration import check_fields, setting
-from viewer.profile_files import read_profile_table
+
+if TYPE_CHECKING:
+    from core.spectra import Profiles
 
 # A setting reads as a paragraph: its value and range, then its reason.
 # fmt: off
@@ -92,12 +93,14 @@ class MaterialSettings:
             return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
         assert self.diffuse_reflectance is not None  # __post_init__
         assert self.mean_free_path_mm is not None
+        from core.profiles import material_of_colour  # numerics that what only reads settings need not load
+
         try:
             return material_of_colour(self.diffuse_reflectance, self.mean_free_path_mm, eta, self.profile)
         except InputError as error:
             raise InputError(f"material.diffuse_reflectance, {error}") from None
 
-    def profiles(self) -> Profiles:
+    def profiles(self) -> "Profiles":
         """Return the R, G and B profiles of the material.
 
         Raises
@@ -105,6 +108,10 @@ class MaterialSettings:
         InputError
             As `viewer.profile_files.read_profile_table`.
         """
-        uses_table = self.profile == TABLE and self.profile_table is not None
-        table = read_profile_table(self.profile_table) if uses_table and self.profile_table is not None else None
-        return profiles(self.resolve(), self.profile, table)
+        from core.profiles import profiles
+        from viewer.profile_files import read_profile_table
+
+        if self.profile != TABLE:
+            return profiles(self.resolve(), self.profile)
+        assert self.profile_table is not None  # __post_init__
+        return profiles(self.resolve(), self.profile, read_profile_table(self.profile_table))

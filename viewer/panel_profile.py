@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.errors import InputError
-from core.profiles import DIPOLE, TABLE, reflectance
+from core.profile_names import DIPOLE, TABLE
+from core.profiles import reflectance
 from viewer.declaration import settings_of
 from viewer.gui import imgui
 from viewer.material_settings import MaterialSettings
