@@ -23,6 +23,7 @@ from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
+from viewer.profile_files import ProfileTable, read_profile_table
 from viewer.quality import Quality, choose_quality, survey_spacing
 from viewer.settings import ModelSettings, TransportSettings
 
@@ -51,6 +52,10 @@ class Assets:
     def probe(self, path: Path) -> Probe:
         """Return a light probe; errors as `viewer.images.read_radiance`."""
         return self._get("probe", path, lambda: Probe.from_pixels(read_radiance(path)))  # type: ignore[no-any-return]
+
+    def profile_table(self, path: Path) -> ProfileTable:
+        """Return the profiles of a file; errors as `viewer.profile_files.read_profile_table`."""
+        return self._get("profile table", path, lambda: read_profile_table(path))  # type: ignore[no-any-return]
 
     def samples(self, mesh: Mesh, spacing: float, accept_finer: bool = False) -> SurfaceSamples:
         """Return surface samples of a mesh, see `core.samples.surface_samples`; perhaps finer ones that are there."""
@@ -119,6 +124,10 @@ class Assets:
     def has_probe(self, path: Path) -> bool:
         """Whether `probe` would return at once."""
         return self._has("probe", path)
+
+    def has_profile_table(self, path: Path | None) -> bool:
+        """Whether `profile_table` would return at once, or there is none to read."""
+        return path is None or self._has("profile table", path)
 
     def has_bodies(self, mesh: Mesh) -> bool:
         """Whether `bodies` would return at once."""

@@ -125,7 +125,7 @@ class Lighting:
             bodies = separate_by_default(bodies, settings.method)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
-        profiles = scene.material.profiles()
+        profiles = scene.material.profiles(self._assets.profile_table)
         if settings.method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
@@ -282,7 +282,7 @@ def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
     return assets.quality(
         scene.transport,
-        scene.material.profiles(),
+        scene.material.profiles(assets.profile_table),
         mesh,
         sharp_light=bool(scene.effective_lights()),
         separate=scene.separate,

@@ -179,7 +179,7 @@ class Live:
         return replace(waiting, display=replace(self._ready.display, image_size=size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        if not self.assets.has_mesh(scene.model):
+        if not self.assets.has_mesh(scene.model) or not self.assets.has_profile_table(scene.material.table_in_use):
             return False
         probe = scene.environment.path
         if probe is not None and not self.assets.has_probe(probe):
@@ -203,6 +203,7 @@ class Live:
             self.assets.bodies(mesh)
         if scene.environment.path is not None:
             self.assets.probe(scene.environment.path)
+        scene.material.profiles(self.assets.profile_table)
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 

@@ -10,7 +10,10 @@ from core.profile_names import DIPOLE, PROFILES, TABLE
 from viewer.declaration import check_fields, setting
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from core.spectra import Profiles
+    from viewer.profile_files import ProfileTable
 
 # A setting reads as a paragraph: its value and range, then its reason.
 # fmt: off
@@ -100,18 +103,22 @@ class MaterialSettings:
         except InputError as error:
             raise InputError(f"material.diffuse_reflectance, {error}") from None
 
-    def profiles(self) -> "Profiles":
+    @property
+    def table_in_use(self) -> Path | None:
+        """The file that the profile is read from, if it is."""
+        return self.profile_table if self.profile == TABLE else None
+
+    def profiles(self, read: "Callable[[Path], ProfileTable] | None" = None) -> "Profiles":
         """Return the R, G and B profiles of the material.
 
-        Raises
-        ------
-        InputError
-            As `viewer.profile_files.read_profile_table`.
+        Parameters
+        ----------
+        read : callable, optional
+            Takes the place of `viewer.profile_files.read_profile_table`, whose errors this may raise.
         """
         from core.profiles import profiles
         from viewer.profile_files import read_profile_table
 
-        if self.profile != TABLE:
-            return profiles(self.resolve(), self.profile)
-        assert self.profile_table is not None  # __post_init__
-        return profiles(self.resolve(), self.profile, read_profile_table(self.profile_table))
+        path = self.table_in_use
+        table = None if path is None else (read or read_profile_table)(path)
+        return profiles(self.resolve(), self.profile, table)

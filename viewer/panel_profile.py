@@ -58,8 +58,7 @@ class ProfilePanel:
     def way(self) -> bool:
         """Draw what the material is given by; True where that is a colour and a mean free path."""
         session, controls = self._session, self._controls
-        by_colour = session.scene.material.diffuse_reflectance is not None
-        shown = COLOUR if by_colour else COEFFICIENTS
+        shown = COEFFICIENTS if session.scene.material.diffuse_reflectance is None else COLOUR
         controls.begin_row("Given by")
         if imgui.begin_combo("##material.way", shown):
             for choice in (COEFFICIENTS, COLOUR):
@@ -69,7 +68,7 @@ class ProfilePanel:
                     session.edit("material", **given_by(session.scene.material, choice))
             imgui.end_combo()
         controls.end_row("material.way", "Given by", WAYS_TIP)
-        return by_colour
+        return session.scene.material.diffuse_reflectance is not None  # which a click has changed just now
 
     def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
         """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""

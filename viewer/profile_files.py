@@ -8,10 +8,10 @@ from core.profile_table import TableProfile, parse_table
 
 MAX_BYTES = 10_000_000
 
-Three = tuple[TableProfile, TableProfile, TableProfile]
+ProfileTable = tuple[TableProfile, TableProfile, TableProfile]
 
 
-def read_profile_table(path: Path) -> Three:
+def read_profile_table(path: Path) -> ProfileTable:
     """Read a file, or return what it held if it has not changed since.
 
     Raises
@@ -29,7 +29,7 @@ def read_profile_table(path: Path) -> Three:
 
 
 @functools.lru_cache(maxsize=8)
-def _read(path: Path, changed: int, size: int) -> Three:
+def _read(path: Path, changed: int, size: int) -> ProfileTable:
     if size > MAX_BYTES:
         raise InputError(f"{path}: {size / 1e6:.0f} MB are too large for a profile")
     return parse_table(path.read_bytes().decode("utf-8"), path.name)

@@ -173,6 +173,7 @@ def _content(
             "sigma_s_prime": list(material.sigma_s_prime),
             "sigma_a": list(material.sigma_a),
             "eta": material.eta,
+            "profile": None if quality.method == "diffusion" else scene.material.profile,
         },
         "transport": {
             "method": quality.method,
