@@ -66,7 +66,7 @@ def test_a_wrong_file_leaves_everything_as_it_was(driver, tmp_path):
     path.write_text(TABLE + "3,0.02,0,0\n")
     driver.drop(path)
     assert driver.session.scene == before
-    assert "skin.csv, line 4: R rises" in driver.session.messages[-1].text
+    assert "skin.csv, line 4: R rises" in driver.app.messages[-1]
 
 
 def test_diffusion_greys_the_choice_with_the_reason(driver):
