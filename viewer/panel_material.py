@@ -151,14 +151,10 @@ class MaterialPanel:
         """Mean free path and reflectance, which say more than the coefficients."""
         settings = self._session.scene.material
         material = settings.resolve()
+        leaving = reflectance(material) if self.no_profile else profile_reflectance(settings)
         rows = (
             ("mean free path", material.mean_free_path, "mm", "1 / σt′: how far light goes before it scatters."),
-            (
-                "reflectance",
-                profile_reflectance(settings),
-                "",
-                "Share of white light that leaves again: the colour.",
-            ),
+            ("reflectance", leaving, "", "Share of white light that leaves again, R_d: the colour."),
         )
         flags = imgui.TableFlags_.sizing_stretch_prop.value
         if not imgui.begin_table("##derived", 5, flags):

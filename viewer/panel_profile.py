@@ -10,7 +10,7 @@ from core.profiles import reflectance
 from viewer.declaration import settings_of
 from viewer.gui import imgui
 from viewer.material_settings import MaterialSettings
-from viewer.panel_controls import TYPE_HINT, Controls, explained
+from viewer.panel_controls import Controls, explained
 from viewer.session import Session
 from viewer.sliders import significant
 
@@ -22,6 +22,7 @@ WAYS_TIP = (
 )
 LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
 LONGEST = 1e6  # mm: of a channel without matter
+TYPE = "Ctrl+click to type a number."
 MUCH = 0.02  # share of the flux in the tail of a table that is told
 
 
@@ -92,7 +93,7 @@ class ProfilePanel:
         controls.begin_row(label)
         low, high = ends or (0.0, 1.0)
         new = controls.sliders.number(name, values[i], low, high, text, logarithmic=ends is not None, colour=tint)
-        controls.end_row(name, label, f"{explained(settings_of(material)[key], None)}\n{TYPE_HINT}")
+        controls.end_row(name, label, f"{explained(settings_of(material)[key], None)}\n{TYPE}")
         if new is not None:
             changed = [*values]
             changed[i] = new
