@@ -245,7 +245,7 @@ class Panel:
             self.requests.append("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
         controls.setting("model.up", "Up axis")
-        controls.setting("model.bodies", "Bodies")
+        controls.setting("model.bodies", "Bodies", "separate" if session.scene.separate else "joined")
         if live.finished is not None and live.finished.lit.bodies is not None:
             count = live.finished.lit.bodies.count
             controls.note(
