@@ -135,9 +135,9 @@ CONTROLS = [
         for channel in "RGB"
     ),
     *(
-        Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", 0.9), "colour", False)
-        for key in ("diffuse_reflectance", "mean_free_path_mm")
-        for channel in "RGB"
+        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", 0.9), "colour", False)
+        for k in ("diffuse_reflectance", "mean_free_path_mm")
+        for c in "RGB"
     ),
     Control("material.profile", "material.profile", choose("material.profile", "photon_beam")),
     Control(
