@@ -44,7 +44,7 @@ class ErrorLaw:
         """Error to expect in a channel, for a spacing of the nodes, mm, and the roughness there."""
         if profile.is_black:
             return 0.0
-        x, tau = spacing / profile.detail, 1.0 - profile.detail / profile.mean_free_path
+        x, tau = spacing / profile.detail, max(0.0, 1.0 - profile.detail / profile.mean_free_path)
         law = max(min(a * x**p * max(kappa, SMOOTHEST) ** q * tau**r, b) for a, p, q, r, b in self.terms)
         added = TENT_ERROR if assignment == TENT else 0.0
         return float(min(1.0, np.sqrt(law * law + LEAST_ERROR**2 + added**2)))

@@ -94,15 +94,7 @@ def _diffusion(absorbed: float) -> float:
     return absorbed / float(k) ** 2
 
 
-@functools.cache
 def boundary_factor(eta: float) -> float:
-    """A = (1 + R2) / (1 - R1), R1 = 2 int F_r mu dmu, R2 = 3 int F_r mu^2 dmu over [0, 1], F_r from inside."""
-    critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))  # cosine below which all is reflected
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
-    mu = critical + (1.0 - critical) * t * t  # F_r rises like a square root towards the critical angle
-    weights = weights * 2.0 * t * (1.0 - critical)
-    reflected = fresnel.reflectance(1.0 / eta, mu)
-    r1 = critical**2 + float(np.sum(weights * 2.0 * mu * reflected))
-    r2 = critical**3 + float(np.sum(weights * 3.0 * mu * mu * reflected))
+    """A = (1 + R2) / (1 - R1), with the exact moments of `core.fresnel.internal_moments`."""
+    r1, r2 = fresnel.internal_moments(eta)
     return (1.0 + r2) / (1.0 - r1)

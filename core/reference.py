@@ -27,6 +27,7 @@ def direct_exitance(
     flux: npt.ArrayLike,
     profiles: Sequence[Profile],
     progress: Callable[[float], None] | None = None,
+    areas: npt.ArrayLike | None = None,
 ) -> Array:
     """Equation (1): M(x) = sum over the sources of R_d(|x - y|) Phi(y).
 
@@ -41,6 +42,9 @@ def direct_exitance(
     profiles : R, G and B
     progress : callable, optional
         Called with the finished share, in [0, 1]; what it raises ends the work.
+    areas : (m,) array, optional
+        dA, mm^2. A point that lies in a piece is then as far from it as the mean of 1 / rho over a disc of that area
+        says, which profiles that diverge at 0 need and others do not notice.
 
     Returns
     -------
@@ -48,6 +52,9 @@ def direct_exitance(
     """
     points, flux = np.asarray(points, np.float64), np.asarray(flux, np.float64)
     lit = flux.any(axis=1)
+    # The mean of 1 / rho over a disc of radius a, from its centre, is 1 / (a / 2).
+    nearest = np.zeros(len(flux)) if areas is None else 0.5 * np.sqrt(np.asarray(areas, np.float64) / np.pi)
+    nearest = nearest[lit]
     sources, flux = (np.ascontiguousarray(a[lit].T) for a in (np.asarray(sources, np.float64), flux))  # (3, m)
     out = np.zeros((len(points), 3))
     step = max(1, _BLOCK // max(1, sources.shape[1]))
@@ -56,6 +63,8 @@ def direct_exitance(
         for first in range(0, sources.shape[1], _BLOCK):
             part = slice(first, first + _BLOCK)
             rho = np.sqrt(sum((block[:, [axis]] - sources[axis, part]) ** 2 for axis in range(3)))
+            if areas is not None:
+                np.maximum(rho, nearest[part], out=rho)
             for channel, profile in enumerate(profiles):
                 if not profile.is_black:  # not a product of BLAS: its threads cost more than such a sum
                     out[start : start + step, channel] += np.einsum("ij,j->i", profile.radial(rho), flux[channel, part])

@@ -15,7 +15,8 @@ def options(**given):
 
 def test_every_flag_changes_its_key():
     given = {
-        "size_mm": "12.5", "up": "-z", "material": "skim milk", "transport": "layered", "layers": "3",
+        "size_mm": "12.5", "up": "-z", "material": "skim milk", "profile": "burley", "transport": "layered",
+        "layers": "3",
         "resolution": "64", "environment": "p.hdr", "environment_rotation": "-45", "environment_intensity": "2",
         "camera_azimuth": "-30", "camera_elevation": "5", "camera_view_angle": "50", "camera_zoom": "2",
         "orthographic": True, "image_size": "640X480", "background": "environment",
@@ -24,7 +25,8 @@ def test_every_flag_changes_its_key():
     scene = options(**given)
     values = {flag.parameter: getattr(getattr(scene, flag.table), flag.key) for flag in FLAGS}
     assert values == {
-        "size_mm": 12.5, "up": "-z", "material": "Skimmilk", "transport": "layered", "layers": 3,
+        "size_mm": 12.5, "up": "-z", "material": "Skimmilk", "profile": "burley", "transport": "layered",
+        "layers": 3,
         "resolution": 64, "environment": Path("p.hdr").absolute(), "environment_rotation": -45.0,
         "environment_intensity": 2.0, "camera_azimuth": -30.0, "camera_elevation": 5.0,
         "camera_view_angle": 50.0, "camera_zoom": 2.0, "orthographic": True, "image_size": (640, 480),

@@ -14,9 +14,10 @@ from tests.driving import small_scene, write_knot, write_pair
 from tests.walking import CONTROLS, Control, Walker, choose, open_file, search
 from viewer.images import write_exr
 from viewer.panel_controls import default_of
+from viewer.panel_profile import COEFFICIENTS, COLOUR, given_by
 from viewer.scene import Scene
 from viewer.session import SHOWN
-from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, PointLight, TransportSettings
+from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, MaterialSettings, PointLight, TransportSettings
 
 SECTIONS = ("Environment", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {"camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)"}
@@ -50,6 +51,10 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
         "pair": replace(scene, model=pair),
         "pair in probe": replace(scene, model=pair, environment=environment),
+        "colour": replace(scene, material=MaterialSettings(**given_by(scene.material, COLOUR))),
+        "table": replace(
+            scene, material=replace(scene.material, profile="table", profile_table=probe.with_name("table.csv"))
+        ),
         "point": replace(scene, lights=(lamp, DEFAULT_LIGHTS[1])),
     }  # fmt: skip
 
@@ -64,6 +69,8 @@ def walker(context, tmp_path):
     for plane in planes.values():
         plane[4, 20] = 200.0  # a source to extract
     write_exr(tmp_path / "probe.exr", planes)
+    for name, value in (("table", 0.05), ("other", 0.01)):
+        (tmp_path / f"{name}.csv").write_text(f"0,{value},0.02,0.01\n1,0.005,0.004,0.001\n4,0.001,0.001,0\n")
     trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "other.ply")
     walker = Walker(small_scene(write_knot(tmp_path / "knot.ply")))
     walker.app.preferences.folder = str(tmp_path)
@@ -143,6 +150,19 @@ def try_what_is_shown(walker: Walker) -> None:
     assert walker.picture().shape[0] == walker.app._gui.pixels[1]
     walker.click("fixed_size")
     assert not differ(walker.picture(), start)
+
+
+def try_way(walker: Walker) -> None:
+    """What the material is given by, which is the same material and picture."""
+    start = walker.picture()
+    choose("material.way", COLOUR)(walker)
+    assert walker.session.scene.material.diffuse_reflectance is not None
+    assert np.abs(walker.picture().astype(int) - start).max() <= 1
+    choose("material.way", COEFFICIENTS)(walker)
+    assert walker.session.scene.material.sigma_a is not None
+    assert np.abs(walker.picture().astype(int) - start).max() <= 1
+    walker.session.undo()
+    walker.session.undo()
 
 
 def try_lights(walker: Walker) -> None:
@@ -246,6 +266,6 @@ def test_every_control_changes_what_it_says(walker):
                 try_setting(walker, control)
     walker.session.put(scene)
     walker.settle()
-    for walk in (try_what_is_shown, try_lights, try_toolbar, try_error, try_sections):
+    for walk in (try_what_is_shown, try_way, try_lights, try_toolbar, try_error, try_sections):
         walk(walker)
     assert {kind_of(box) for box in walker.seen} - {kind_of(box) for box in walker.used} == set()

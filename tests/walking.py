@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2340)  # every section open and nothing scrolled
+SIZE = (900, 2500)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -66,7 +66,7 @@ def pick_colour(box: str) -> Use:
         left, _, _, bottom = walker.app.panel.controls.boxes[box]
         walker.click(box)
         x = min(left + 60.0, SIZE[0] - 220.0)  # the picker keeps inside the window
-        for place in ((x, bottom + 70.0), (30.0, 2000.0)):  # then beside it, which closes it
+        for place in ((x, bottom + 70.0), (30.0, 2200.0)):  # then beside it, which closes it
             walker.press(place)
 
     return use
@@ -137,6 +137,16 @@ CONTROLS = [
         Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", share))
         for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))
         for channel in "RGB"
+    ),
+    *(
+        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", 0.9), "colour", False)
+        for k in ("diffuse_reflectance", "mean_free_path_mm")
+        for c in "RGB"
+    ),
+    Control("material.profile", "material.profile", choose("material.profile", "photon_beam")),
+    Control(
+        "material.profile_table", "material.profile_table", open_file("material.profile_table", "other.csv"), "table",
+        has_reset=False,
     ),
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
     Control("model.up", "model.up", choose("model.up", "z")),

@@ -8,18 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from core.errors import InputError
+from core.profile_names import TABLE
 from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
 from viewer.images import PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
 from viewer.picture import read_image
 from viewer.preferences import Preferences
+from viewer.profile_files import read_profile_table
 from viewer.scene import Change
 from viewer.session import Session
 from viewer.settings import CameraSettings
 from viewer.view import ViewArea
 
 SCENE_SUFFIXES = (".toml",)
+PROFILE_SUFFIXES = (".csv",)
 SIDES = {
     "view_front": (0.0, 0.0),
     "view_back": (180.0, 0.0),
@@ -77,7 +80,7 @@ class Actions:
             getattr(self._session, name)()
 
     def open(self, path: Path) -> None:
-        """Open a model, a light probe or a scene; a bad one leaves everything as it was."""
+        """Open a model, a light probe, a profile or a scene; a bad one leaves everything as it was."""
         suffix = path.suffix.lower()
         if not path.is_file():
             self._session.fail(f"{path} is not a file; it may have been moved or deleted")
@@ -87,10 +90,12 @@ class Actions:
             opened = self._session.open(path)
         elif suffix in PROBE_SUFFIXES:
             opened = self._light_by(path)
+        elif suffix in PROFILE_SUFFIXES:
+            opened = self._scatter_by(path)
         elif suffix in supported_suffixes():
             opened = self._session.edit("model", path=str(path))
         else:
-            known = "a mesh, a light probe (.hdr, .exr) or a scene (.toml)"
+            known = "a mesh, a light probe (.hdr, .exr), a profile (.csv) or a scene (.toml)"
             self._session.fail(f"{path.name} is none of {known} that can be opened here")
             return
         if opened:
@@ -130,14 +135,17 @@ class Actions:
     # files
 
     def _open_file(self) -> None:
-        suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *SCENE_SUFFIXES)
-        self._ask(Request("Open a model, a light probe or a scene", suffixes, self.open))
+        suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *PROFILE_SUFFIXES, *SCENE_SUFFIXES)
+        self._ask(Request("Open a model, a light probe, a profile or a scene", suffixes, self.open))
 
     def _open_model(self) -> None:
         self._ask(Request("Open a model", supported_suffixes(), self.open))
 
     def _open_probe(self) -> None:
         self._ask(Request("Light with a probe", PROBE_SUFFIXES, self.open))
+
+    def _open_profile(self) -> None:
+        self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))
 
     def _save(self) -> None:
         if self._session.path is None:
@@ -166,6 +174,14 @@ class Actions:
         if self._session.scene.display.background == "black":
             changes.append(Change("display", "background", "environment", "display.background"))
         return self._session.change(changes)
+
+    def _scatter_by(self, path: Path) -> bool:
+        try:
+            read_profile_table(path)
+        except InputError as error:
+            self._session.fail(error)
+            return False
+        return self._session.edit("material", profile=TABLE, profile_table=str(path))
 
     def _screenshot(self) -> None:
         self.capture = self._free_name()

@@ -26,6 +26,7 @@ from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
+from viewer.profile_files import ProfileTable, read_profile_table
 from viewer.quality import Quality, choose_quality, survey_spacing
 from viewer.settings import EnvironmentSettings, ModelSettings, TransportSettings
 from viewer.visibility import BakedVisibility, bake_visibility
@@ -75,6 +76,10 @@ class Assets:
     def lobes(self, probe: Probe) -> LobeFilter:
         """Return what prefilters a probe for highlights."""
         return self._get("lobes", id(probe), lambda: (probe, LobeFilter(probe)))[1]  # type: ignore[no-any-return]
+
+    def profile_table(self, path: Path) -> ProfileTable:
+        """Return the profiles of a file; errors as `viewer.profile_files.read_profile_table`."""
+        return self._get("profile table", path, lambda: read_profile_table(path))  # type: ignore[no-any-return]
 
     def samples(self, mesh: Mesh, spacing: float, accept_finer: bool = False) -> SurfaceSamples:
         """Return surface samples of a mesh, see `core.samples.surface_samples`; perhaps finer ones that are there."""
@@ -165,6 +170,10 @@ class Assets:
         if not self.has_probe(environment.source):
             return False
         return not environment.extract or self._has("parted probe", id(self.probe(environment.source)))
+
+    def has_profile_table(self, path: Path | None) -> bool:
+        """Whether `profile_table` would return at once, or there is none to read."""
+        return path is None or self._has("profile table", path)
 
     def has_bodies(self, mesh: Mesh) -> bool:
         """Whether `bodies` would return at once."""

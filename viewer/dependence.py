@@ -9,13 +9,14 @@ from viewer.settings import CameraSettings
 
 def files(scene: Scene) -> tuple[object, ...]:
     """Everything that has to be read or sampled before a scene can be lit."""
-    return scene.model, scene.environment.source, scene.transport
+    return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport
 
 
 def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
     """Everything that light and transport depend on, but for where the camera stands; `occluded`: as far as known."""
-    environment = scene.environment
-    return scene.model, scene.material.resolve(), scene.effective_lights(), environment, scene.transport, occluded
+    environment, material = scene.environment, scene.material
+    scatters = material.resolve(), material.profile, material.table_in_use
+    return scene.model, scatters, scene.effective_lights(), environment, scene.transport, occluded
 
 
 def turned(camera: CameraSettings) -> CameraSettings:

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from core.atlas import Atlas
 from core.bodies import Bodies
 from core.diffusion import DiffusionTransport, Solution
-from core.dipole import dipoles
 from core.entry import EnteringLight
 from core.environment import Probe
 from core.layers import LayerGrid
@@ -134,7 +133,7 @@ class Lighting:
             bodies = separate_by_default(bodies, settings.method)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
-        profiles = dipoles(material)
+        profiles = scene.material.profiles(self._assets.profile_table)
         if settings.method == "ewald":
             run("roughness", [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
@@ -282,5 +281,5 @@ def _total(irradiances: list[Float32], n: int) -> Float32:
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
     """Choose layers and resolution for a scene whose mesh is loaded."""
     sharp = bool(scene.effective_lights()) or casts_shadows(scene.environment, assets)
-    profiles = dipoles(scene.material.resolve())
+    profiles = scene.material.profiles(assets.profile_table)
     return assets.quality(scene.transport, profiles, mesh, sharp_light=sharp, separate=scene.separate)

@@ -182,19 +182,17 @@ class Live:
         return replace(waiting, display=replace(self._ready.display, image_size=scene.display.image_size))
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        if not (self.assets.has_mesh(scene.model) and self.assets.has_surround(scene.environment)):
+        assets, table = self.assets, scene.material.table_in_use
+        if not (assets.has_mesh(scene.model) and assets.has_surround(scene.environment)):
             return False
-        mesh, _ = self.assets.mesh(scene.model)
-        if scene.separate and not self.assets.has_bodies(mesh):
+        mesh, _ = assets.mesh(scene.model)
+        if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
             return False
-        if scene.transport.method == "diffusion" and not self.assets.has_row_sums(mesh, scene.separate):
+        if scene.transport.method == "diffusion" and not assets.has_row_sums(mesh, scene.separate):
             return False
-        if detail.draft:
-            return True
-        settings = self.assets.possible(scene.transport, mesh, scene.separate)
-        if settings.method == "ewald" and not self.assets.has_roughness(mesh):
-            return False
-        return self.assets.has_samples(mesh, self._sample_spacing(scene, mesh))
+        settings = assets.possible(scene.transport, mesh, scene.separate)
+        rough = settings.method != "ewald" or assets.has_roughness(mesh)
+        return detail.draft or (rough and assets.has_samples(mesh, self._sample_spacing(scene, mesh)))
 
     def _read(self, scene: Scene) -> None:
         self._failed = scene
@@ -205,6 +203,7 @@ class Live:
             lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
             if scene.specular.strength > 0.0:
                 lobes.prepare(scene.specular.shininess)
+        scene.material.profiles(self.assets.profile_table)
         self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
 

@@ -242,7 +242,8 @@ class LiveError:
         seen = visible_points(alpha, position, exitance, job.of.points)
         light, material = lights_of(scene, around, lit), scene.material.resolve()
         mesh = lit.model.mesh
-        error = measure(seen, mesh, light, material, job.report, THREADS, self._occluder_of(mesh), lit.bodies)
+        occluder = self._occluder_of(mesh)
+        error = measure(seen, mesh, light, material, job.report, THREADS, occluder, lit.bodies, lit.profiles)
         size, covered = (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha))
         return Measured(job.of, error, size, covered, lit.quality, time.perf_counter() - start)
 

@@ -37,6 +37,7 @@ FLAGS = (
     Flag("--size-mm", "model", "size_mm", "Object"),
     Flag("--up", "model", "up", "Object"),
     Flag("--material", "material", "name", "Object"),
+    Flag("--profile", "material", "profile", "Transport"),
     Flag("--transport", "transport", "method", "Transport"),
     Flag("--layers", "transport", "layers", "Transport"),
     Flag("--resolution", "transport", "resolution", "Transport"),

@@ -11,7 +11,8 @@ from viewer.panel_environment import EnvironmentPanel
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
-from viewer.panel_transport import draw_transport
+from viewer.panel_profile import NO_PROFILE
+from viewer.panel_transport import draw_transport, solves
 from viewer.session import SHOWN, Session
 from viewer.settings import BUILTINS, ModelSettings
 
@@ -41,7 +42,7 @@ class Panel:
         self.controls = Controls(session, gui)
         self.requests: list[str] = []
         self._session = session
-        self._material = MaterialPanel(session, self.controls)
+        self._material = MaterialPanel(session, self.controls, self.requests)
         self._lights = LightsPanel(session, self.controls)
         self._environment = EnvironmentPanel(session, self.controls, self.requests)
         self._error = ErrorPanel(session, self.controls)
@@ -61,6 +62,7 @@ class Panel:
         self._toolbar(recent)
         imgui.begin_child("rows")
         self._shown(live)
+        self._material.no_profile = NO_PROFILE if solves(live) else None
         for label, is_open, draw in (
             ("Material", True, self._material.draw),
             ("Lights", True, self._lights.draw),

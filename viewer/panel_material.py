@@ -11,6 +11,7 @@ from core.tonemap import srgb
 from viewer.declaration import settings_of
 from viewer.gui import icons, imgui
 from viewer.panel_controls import RESET_HINT, TYPE_HINT, Controls, explained
+from viewer.panel_profile import ProfilePanel, profile_reflectance
 from viewer.session import Session
 from viewer.settings import MaterialSettings
 from viewer.sliders import significant
@@ -21,18 +22,30 @@ LISTED = 11  # materials that the list shows at once
 
 
 class MaterialPanel:
-    """Draws the rows of the material."""
+    """Draws the rows of the material.
 
-    def __init__(self, session: Session, controls: Controls) -> None:
+    Attributes
+    ----------
+    no_profile : str, optional
+        Why the choice of a profile means nothing now.
+    """
+
+    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
         self._session = session
         self._controls = controls
+        self._profile = ProfilePanel(session, controls, requests)
         self._search = ""
+        self.no_profile: str | None = None
 
     def draw(self) -> None:
         """Draw it in the current ImGui window."""
         self._library()
-        self._coefficients("sigma_s_prime", "σs′")
-        self._coefficients("sigma_a", "σa")
+        if self._profile.way():
+            self._profile.colour(CHANNELS)
+        else:
+            self._coefficients("sigma_s_prime", "σs′")
+            self._coefficients("sigma_a", "σa")
+        self._profile.chooser(self.no_profile)
         self._eta()
         self._controls.setting("model.size_mm", "Object size")
         self._derived()
@@ -136,10 +149,12 @@ class MaterialPanel:
 
     def _derived(self) -> None:
         """Mean free path and reflectance, which say more than the coefficients."""
-        material = self._session.scene.material.resolve()
+        settings = self._session.scene.material
+        material = settings.resolve()
+        leaving = reflectance(material) if self.no_profile else profile_reflectance(settings)
         rows = (
             ("mean free path", material.mean_free_path, "mm", "1 / σt′: how far light goes before it scatters."),
-            ("reflectance", reflectance(material), "", "Share of white light that leaves again, R_d: the colour."),
+            ("reflectance", leaving, "", "Share of white light that leaves again, R_d: the colour."),
         )
         flags = imgui.TableFlags_.sizing_stretch_prop.value
         if not imgui.begin_table("##derived", 5, flags):

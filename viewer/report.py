@@ -122,7 +122,15 @@ def error_report(
     start = time.perf_counter()
     seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
     illumination = illumination_of(renderer, scene, lit)
-    error = measure(seen, lit.model.mesh, illumination, scene.material.resolve(), progress, bodies=lit.bodies)
+    error = measure(
+        seen,
+        lit.model.mesh,
+        illumination,
+        scene.material.resolve(),
+        progress,
+        bodies=lit.bodies,
+        profiles=lit.profiles,
+    )
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
     if photons:
@@ -170,6 +178,7 @@ def _content(
             "sigma_s_prime": list(material.sigma_s_prime),
             "sigma_a": list(material.sigma_a),
             "eta": material.eta,
+            "profile": None if quality.method == "diffusion" else scene.material.profile,
         },
         "transport": {
             "method": quality.method,

@@ -22,6 +22,7 @@ import tomli_w
 
 from core.errors import InputError
 from viewer.declaration import Setting, is_required, nearest, settings_of, shown
+from viewer.material_settings import WAYS
 from viewer.settings import (
     DEFAULT_LIGHTS,
     LIGHT_KINDS,
@@ -45,10 +46,15 @@ __all__ = [
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
+_NAME, _COEFFICIENTS, _COLOUR = map(set, WAYS)
 _RIVALS = {
     "model": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
     "environment": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
-    "material": (({"name"}, {"sigma_s_prime", "sigma_a", "eta"}), ({"sigma_s_prime", "sigma_a"}, {"name"})),
+    "material": (
+        (_NAME, _COEFFICIENTS | _COLOUR | {"eta"}),
+        (_COEFFICIENTS, _NAME | _COLOUR),
+        (_COLOUR, _NAME | _COEFFICIENTS),
+    ),
 }
 
 

@@ -4,13 +4,13 @@ Each class is one table of the scene file and each field one key. Changing a val
 table: ``dataclasses.replace(scene.camera, zoom=2.0)``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from core import materials
 from core.errors import InputError
 from viewer.declaration import check_fields, setting
+from viewer.material_settings import MaterialSettings as MaterialSettings  # one of the tables
 from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
 from viewer.settings_surround import SpecularSettings as SpecularSettings
 
@@ -92,54 +92,6 @@ class CameraSettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
-
-
-@dataclass(frozen=True)
-class MaterialSettings:
-    """A material of the library by name, or coefficients of one's own."""
-
-    TABLE: ClassVar[str] = "material"
-    DEFAULT_ETA: ClassVar[float] = 1.5
-
-    name: str | None = setting(
-        "text", None, optional=True, default_text="marble",
-        why="material of the library (`milkglass materials`), however spaced and capitalised"
-    )
-    sigma_s_prime: Vector | None = setting(
-        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
-    )
-    sigma_a: Vector | None = setting(
-        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
-    )
-    eta: float | None = setting(
-        "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
-        default_text="of the named material, else 1.5", why="relative index of refraction"
-    )
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.TABLE)
-        given = [key for key in ("sigma_s_prime", "sigma_a") if getattr(self, key) is not None]
-        if self.name is not None and given:
-            raise InputError(f"material.name and material.{given[0]} are both given; keep one of them")
-        if self.name is None and not given:
-            raise InputError("material has neither name nor sigma_s_prime and sigma_a; give one of them")
-        if len(given) == 1:
-            missing = "sigma_a" if given == ["sigma_s_prime"] else "sigma_s_prime"
-            raise InputError(f"material.{given[0]} is given without material.{missing}; add it")
-        if self.name is not None:
-            object.__setattr__(self, "name", materials.lookup(self.name).name)
-
-    def resolve(self) -> materials.Material:
-        """Return the material these settings describe."""
-        if self.name is not None:
-            found = materials.lookup(self.name)
-            return found if self.eta is None else replace(found, eta=self.eta)
-        assert self.sigma_s_prime is not None  # __post_init__
-        assert self.sigma_a is not None
-        eta = self.DEFAULT_ETA if self.eta is None else self.eta
-        return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ MOUSE = (
     ("Wheel", "zoom"),
     ("Right drag", "turn the lights and the probe"),
     ("Double click", "set the point that the camera orbits"),
-    ("Drop a file", "mesh: load it; .hdr, .exr: light with it; .toml: open the scene"),
+    ("Drop a file", "mesh: load it; .hdr, .exr: light with it; .csv: scatter by it; .toml: open the scene"),
     ("Ctrl + click on a slider", "type a number"),
     ("Right click on a control", "reset it"),
 )

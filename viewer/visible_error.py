@@ -20,8 +20,8 @@ from core.errors import InputError
 from core.materials import Material
 from core.mesh import Mesh
 from core.reference import Occluder, direct_exitance
-from core.reference_sources import Sources, graded_sources
-from core.spectra import Profile
+from core.reference_sources import Sources, graded_sources, resolved_length
+from core.spectra import Profiles
 from viewer.deviation import Deviation
 from viewer.settings import DirectionalLight, Light
 
@@ -184,6 +184,7 @@ def measure(
     threads: int = 0,
     occluder: Occluder | None = None,
     bodies: Bodies | None = None,
+    profiles: Profiles | None = None,
 ) -> VisibleError:
     """Sum equation (1) at visible points and compare.
 
@@ -201,9 +202,11 @@ def measure(
         Of the mesh, where it has been made before.
     bodies : Bodies, optional
         Of the mesh, where each scatters light alone: the sum at a point then runs over its own body.
+    profiles : R, G and B, optional
+        Of the material; the standard dipole's if not given.
     """
-    profiles, say = dipoles(material), progress or (lambda _: None)
-    bright = [p.mean_free_path for p in profiles if not p.is_black]
+    profiles, say = profiles or dipoles(material), progress or (lambda _: None)
+    bright = [resolved_length(p) for p in profiles if not p.is_black]
     occluder, count = occluder or Occluder(mesh), len(seen.positions)
     reference, n_sources = np.zeros((count, 3)), 0
     before = 0  # points of the bodies that are done
@@ -222,7 +225,7 @@ def measure(
                 finished(0)
                 part = sources[first : first + RAYS]
                 flux[first : first + RAYS] = illumination.irradiance(occluder, part, material.eta) * part.areas[:, None]
-            reference[batch] = _exitance(points, sources.points, flux, profiles, threads, finished)
+            reference[batch] = _exitance(points, sources, flux, profiles, threads, finished)
             n_sources = max(n_sources, len(sources))
             finished(len(batch))
         before += len(own)
@@ -241,9 +244,9 @@ def _own_surfaces(mesh: Mesh, points: Array, bodies: Bodies | None) -> Iterator[
 
 def _exitance(
     points: Array,
-    sources: Array,
+    sources: Sources,
     flux: Array,
-    profiles: tuple[Profile, ...],
+    profiles: Profiles,
     threads: int,
     finished: Callable[[int], None],
 ) -> Array:
@@ -258,7 +261,7 @@ def _exitance(
                 done[i] = round(share * len(shares[i]))
                 finished(sum(done))
 
-        return direct_exitance(shares[i], sources, flux, profiles, count)
+        return direct_exitance(shares[i], sources.points, flux, profiles, count, sources.areas)
 
     with ThreadPoolExecutor(threads) as pool:
         return np.concatenate(list(pool.map(work, range(len(shares)))))

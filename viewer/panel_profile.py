@@ -1,0 +1,133 @@
+"""The panel's rows for the diffusion profile, and for a material given by colour and mean free path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.errors import InputError
+from core.profile_names import DIPOLE, TABLE
+from core.profiles import reflectance
+from viewer.declaration import settings_of
+from viewer.gui import imgui
+from viewer.material_settings import MaterialSettings
+from viewer.panel_controls import Controls, explained
+from viewer.session import Session
+from viewer.sliders import significant
+
+NO_PROFILE = "Transport diffusion solves the object's own equation and has no profile; ewald and layered have."
+COEFFICIENTS, COLOUR = "coefficients", "colour and mean free path"
+WAYS_TIP = (
+    "Scattering and absorption coefficients; or a colour under white light and a mean free path, which the profile's "
+    "own reflectance turns into coefficients."
+)
+LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
+LONGEST = 1e6  # mm: of a channel without matter
+TYPE = "Ctrl+click to type a number."
+MUCH = 0.02  # share of the flux in the tail of a table that is told
+
+
+class ProfilePanel:
+    """Draws the rows; `requests` takes what needs a file."""
+
+    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
+        self._session, self._controls, self._requests = session, controls, requests
+
+    def chooser(self, off: str | None) -> None:
+        """Draw the choice of the profile, and a table's file; `off` says why it means nothing now."""
+        session, controls = self._session, self._controls
+        material = session.scene.material
+        declared = settings_of(material)["profile"]
+        new = controls.value(
+            "material.profile", "Profile", declared, material.profile, default=DIPOLE, off=off,
+            on_reset=lambda: session.edit("material", profile=DIPOLE),
+        )  # fmt: skip
+        if new == TABLE and material.profile_table is None:
+            self._requests.append("open_profile")
+        elif new is not None:
+            session.edit("material", profile=new)
+        if off is not None:
+            controls.note("transport diffusion has no profile")
+        if material.profile != TABLE or material.profile_table is None:
+            return
+        controls.begin_row("Table")
+        if imgui.button(f"{material.profile_table.name}##material.profile_table", (-1.0, 0.0)):
+            self._requests.append("open_profile")
+        controls.end_row("material.profile_table", "Table", explained(settings_of(material)["profile_table"], None))
+        for note in table_notes(material):
+            controls.note(note)
+
+    def way(self) -> bool:
+        """Draw what the material is given by; True where that is a colour and a mean free path."""
+        session, controls = self._session, self._controls
+        shown = COEFFICIENTS if session.scene.material.diffuse_reflectance is None else COLOUR
+        controls.begin_row("Given by")
+        if imgui.begin_combo("##material.way", shown):
+            for choice in (COEFFICIENTS, COLOUR):
+                clicked, _ = imgui.selectable(choice, choice == shown)
+                controls.mark(f"material.way={choice}")
+                if clicked and choice != shown:
+                    session.edit("material", **given_by(session.scene.material, choice))
+            imgui.end_combo()
+        controls.end_row("material.way", "Given by", WAYS_TIP)
+        return session.scene.material.diffuse_reflectance is not None  # which a click has changed just now
+
+    def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
+        """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""
+        material = self._session.scene.material
+        assert material.diffuse_reflectance is not None
+        assert material.mean_free_path_mm is not None
+        values, lengths = material.diffuse_reflectance, material.mean_free_path_mm
+        for i, channel in enumerate(channels):
+            self._slider("diffuse_reflectance", "colour", i, channel, values, f"{values[i]:.3f}")
+        for i, channel in enumerate(channels):
+            text = f"{significant(lengths[i])} mm"
+            self._slider("mean_free_path_mm", "mean free path", i, channel, lengths, text, LENGTHS)
+
+    def _slider(
+        self, key: str, label: str, i: int, channel: tuple[str, tuple[float, float, float]],
+        values: tuple[float, float, float], text: str, ends: tuple[float, float] | None = None,
+    ) -> None:  # fmt: skip
+        controls, material = self._controls, self._session.scene.material
+        letter, tint = channel
+        name, label = f"material.{key}.{letter}", f"{label} {letter}"
+        controls.begin_row(label)
+        low, high = ends or (0.0, 1.0)
+        new = controls.sliders.number(name, values[i], low, high, text, logarithmic=ends is not None, colour=tint)
+        controls.end_row(name, label, f"{explained(settings_of(material)[key], None)}\n{TYPE}")
+        if new is not None:
+            changed = [*values]
+            changed[i] = new
+            self._session.edit("material", **{key: tuple(changed)}, eta=material.resolve().eta)
+
+
+def given_by(settings: MaterialSettings, way: str) -> dict[str, object]:
+    """Return the keys that say the same material in another way, or as nearly as it can."""
+    material = settings.resolve()
+    if way == COEFFICIENTS:
+        return {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a, "eta": material.eta}
+    colour = tuple(min(1.0, reflectance(float(a), material.eta, settings.profile)) for a in material.alpha_prime)
+    lengths = tuple(np.minimum(material.mean_free_path, LONGEST).tolist())
+    return {"diffuse_reflectance": colour, "mean_free_path_mm": lengths, "eta": material.eta}
+
+
+def profile_reflectance(settings: MaterialSettings) -> tuple[float, float, float]:
+    """Diffuse reflectance T(0) of the chosen profile per channel; the dipole's where a table cannot be read."""
+    try:
+        red, green, blue = (float(profile.total(0.0)) for profile in settings.profiles())
+    except InputError:
+        material = settings.resolve()
+        red, green, blue = (reflectance(float(a), material.eta) for a in material.alpha_prime)
+    return red, green, blue
+
+
+def table_notes(settings: MaterialSettings) -> list[str]:
+    """Say how much of a table's flux lies beyond its last radius, or what is wrong with the file."""
+    try:
+        channels = settings.profiles()
+    except InputError as error:
+        return [str(error)]
+    shares = [float(getattr(profile, "tail_share", 0.0)) for profile in channels]
+    if max(shares) < MUCH:
+        return []
+    listed = ", ".join(f"{100.0 * share:.0f} %" for share in shares)
+    return [f"beyond the last radius, by an exponential tail: {listed} of the light"]
