@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2500)  # every section open and nothing scrolled
+SIZE = (900, 2700)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
