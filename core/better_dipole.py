@@ -57,8 +57,13 @@ class BetterDipole:
     @property
     def z_v(self) -> float:
         """Depth of the virtual source, mm."""
+        return self.mean_free_path + self.mirrored_by
+
+    @property
+    def mirrored_by(self) -> float:
+        """How much deeper than a source its mirror image lies, 2 z_b, mm."""
         two_c1, three_c2 = fresnel.internal_moments(self.eta)
-        return self.mean_free_path + 4.0 * (1.0 + three_c2) / (1.0 - two_c1) * self.diffusion
+        return 4.0 * (1.0 + three_c2) / (1.0 - two_c1) * self.diffusion
 
     @property
     def detail(self) -> float:
@@ -66,7 +71,7 @@ class BetterDipole:
         return self.mean_free_path / (1.0 + 2.0 * self.sigma_tr * self.mean_free_path)
 
     @property
-    def _weights(self) -> tuple[float, float]:
+    def weights(self) -> tuple[float, float]:
         """Factors of fluence (C_phi / D) and flux (C_E), with a'^2."""
         two_c1, three_c2 = fresnel.internal_moments(self.eta)
         square = self.alpha_prime**2
@@ -75,7 +80,7 @@ class BetterDipole:
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2."""
         rho2 = np.square(np.asarray(rho, np.float64))
-        phi, flux = self._weights
+        phi, flux = self.weights
         s, value = self.sigma_tr, np.zeros_like(rho2)
         for z, sign in ((self.mean_free_path, 1.0), (self.z_v, -1.0)):
             d2 = rho2 + z * z
@@ -95,7 +100,7 @@ class BetterDipole:
     def spectrum(self, k: npt.ArrayLike, e: float = 0.0) -> Array:
         """2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequency k (mm^-1); T(e) at k = 0."""
         q = np.sqrt(np.square(np.asarray(k, np.float64)) + self.sigma_tr**2)
-        phi, flux = self._weights
+        phi, flux = self.weights
         near, far = np.hypot(self.mean_free_path, e), np.hypot(self.z_v, e)
         value = phi * _difference(near, far - near, q)
         for z, distance in ((self.mean_free_path, near), (self.z_v, far)):
@@ -104,7 +109,7 @@ class BetterDipole:
 
     def _beyond(self, rho: Array) -> Array:
         """2 pi int_rho^inf R_d t dt; rho may be infinite."""
-        phi, flux = self._weights
+        phi, flux = self.weights
         finite = np.where(np.isfinite(rho), rho, 1.0)
         near, far = np.hypot(self.mean_free_path, finite), np.hypot(self.z_v, finite)
         # far - near without cancellation

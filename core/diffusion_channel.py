@@ -165,7 +165,7 @@ class Iteration:
 
     @property
     def products(self) -> int:
-        """Convolutions so far, with those of the sources and of the start."""
+        """Convolutions so far, with those of the start."""
         return self._step.products + self._start.products
 
     @property

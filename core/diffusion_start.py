@@ -42,15 +42,14 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     """
     boundary = channel.boundary
     before = None if last is None else last.channels[i]
-    if last is None or before is None or last.boundary is not boundary:
-        kept = ratio = None
-    else:
+    kept, ratio = None, 1.0
+    if last is not None and before is not None and last.boundary is boundary:
         ratio = channel.medium.boundary / before.medium.boundary  # of fluence at the same exitance
         kept = ratio * last.fluence[i]
     if coarse is None:
         return fitted(channel, [] if kept is None else [kept])
     guess = _prolonged(coarse, i, boundary, samples)
-    if kept is not None and ratio is not None and last is not None and last.coarse is not None:
+    if kept is not None and last is not None and last.coarse is not None:
         guess += kept - ratio * _prolonged(last.coarse, i, boundary, samples)
     on_coarse = coarse.channels[i]
     assert on_coarse is not None  # lit as the fine one is

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core import fresnel
+from core.better_dipole import BetterDipole
 from core.radial_table import RadialTable, hankel
 
 Array = npt.NDArray[np.float64]
@@ -58,8 +59,7 @@ class PhotonBeam:
     @property
     def detail(self) -> float:
         """As of the dipoles, mm."""
-        sigma_tr = np.sqrt(3.0 * (1.0 - self.alpha_prime) / (2.0 - self.alpha_prime))  # in mean free paths
-        return float(self.mean_free_path / (1.0 + 2.0 * sigma_tr))
+        return BetterDipole(self.alpha_prime, self.mean_free_path, self.eta).detail
 
     def radial(self, rho: npt.ArrayLike) -> Array:
         """R_d at 3-D distance rho (mm), in mm^-2; finite at 0, where it diverges."""
@@ -109,19 +109,16 @@ def reflectance(alpha_prime: float, eta: float) -> float:
 
 def multiple_scattering(x: Array, alpha_prime: float, eta: float) -> Array:
     """Diffusion from all depths at radii x (n,), lengths in mean free paths."""
-    two_c1, three_c2 = fresnel.internal_moments(eta)
-    diffusion = (2.0 - alpha_prime) / 3.0
-    sigma_tr = np.sqrt((1.0 - alpha_prime) / diffusion)
-    z = DEPTHS
-    mirrored = z + 4.0 * (1.0 + three_c2) / (1.0 - two_c1) * diffusion
+    dipole, z = BetterDipole(alpha_prime, 1.0, eta), DEPTHS
+    of_fluence, of_flux = dipole.weights
+    sigma_tr, mirrored = dipole.sigma_tr, z + dipole.mirrored_by
     r2 = np.square(x)[:, None]
     near, far = np.sqrt(r2 + z * z), np.sqrt(r2 + mirrored * mirrored)
     direct, image = np.exp(-sigma_tr * near) / near, np.exp(-sigma_tr * far) / far
-    phi = 0.25 * (1.0 - two_c1) / diffusion * (direct - image)
     flux = z * (1.0 + sigma_tr * near) * direct / near**2 + mirrored * (1.0 + sigma_tr * far) * image / far**2
-    damped = -np.expm1(-2.0 * (near + z)) * (phi + 0.5 * (1.0 - three_c2) * flux)
+    damped = -np.expm1(-2.0 * (near + z)) * (of_fluence * (direct - image) + of_flux * flux)
     weights = STEP * z * np.exp(-z)
-    return np.asarray(alpha_prime**2 / (4.0 * np.pi) * np.einsum("ij,j->i", damped, weights))
+    return np.asarray(np.einsum("ij,j->i", damped, weights) / (4.0 * np.pi))
 
 
 def single_scattering(x: Array, alpha_prime: float, eta: float) -> Array:

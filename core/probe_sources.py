@@ -16,8 +16,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from core.environment import SH_ORDER, Probe
-from core.probe_maps import Array, Radiance, direction_to_latlong, latlong_to_direction, texel_solid_angles
-from core.spherical_harmonics import evaluate_basis, zonal_coefficients
+from core.probe_maps import Array, Radiance, latlong_to_direction, texel_solid_angles
+from core.spherical_harmonics import basis, zonal_coefficients
 
 MAX_SOURCES = 8  # each costs a shadow map and, with transport `diffusion`, an entering light
 BRIGHT = 16.0  # times the mean luminance: Uffizi's sky ends at 15.6, the windows of Galileo's Tomb begin there
@@ -95,10 +95,8 @@ def disc_sh(source: ProbeSource, order: int) -> Array:
     # Of a cap of irradiance 1: its radiance is 1 / (pi sin^2 a).
     radiance = 1.0 / (np.pi * (1.0 - smallest**2))
     zonal = zonal_coefficients(mu, 0.5 * (1.0 - smallest) * weights * radiance, order)
-    u, v = direction_to_latlong(source.direction)
-    basis = evaluate_basis(np.pi * v, 2.0 * np.pi * (u - 0.5), order)
     band = np.repeat(np.arange(order + 1), 2 * np.arange(order + 1) + 1)
-    return np.outer(zonal[band] * basis, source.irradiance)
+    return np.outer(zonal[band] * basis(np.array([source.direction]), order)[0], source.irradiance)
 
 
 def _clusters(bright: Bool, luminance: Radiance, rows: Array) -> list[Texels]:

@@ -105,17 +105,6 @@ def rotated(sh: Array, rotation_deg: float) -> Array:
     return np.asarray(np.cos(angle) * sh + np.sin(angle) * sh[centre - m])
 
 
-def evaluate_basis(theta: float, phi: float, order: int) -> Array:
-    """Y_lm in one direction: ((order + 1)^2,) float64."""
-    basis = np.empty((order + 1) ** 2)
-    around = _azimuthal(np.array([phi]), order)[0]
-    for degree, legendre in enumerate(legendre_by_m(np.array([theta]), order)):
-        ell = np.arange(degree, order + 1)
-        for sign in {degree, -degree}:
-            basis[ell * (ell + 1) + sign] = legendre[:, 0] * around[order + sign]
-    return basis
-
-
 def convolve_zonal(sh: Array, zonal: Array) -> Array:
     """Multiply band l by zonal[l] (Funk-Hecke theorem), dropping bands beyond the shorter of the two.
 

@@ -90,3 +90,21 @@ def renderer_of(context: moderngl.Context, shapes: dict[str, Mesh]):
         return kept[mesh]
 
     return renderer
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file of a small knot."""
+    from tests.driving import write_knot
+
+    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
+
+
+@pytest.fixture
+def driver(context: moderngl.Context, model: Path):
+    """Return a window without a screen that shows the knot."""
+    from tests.driving import Driver, small_scene  # imports the window, which most tests do without
+
+    driver = Driver(small_scene(model))
+    yield driver
+    driver.close()

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.driving import Driver, small_scene, write_knot
+from tests.driving import Driver, small_scene
 from viewer.app import read_pixels
 from viewer.error_map import colours, scale_end
 from viewer.events import MouseMoved, Resized
@@ -14,11 +14,6 @@ from viewer.quality import Quality
 
 SIZE = (900, 700)
 POINTS = 20  # far enough apart that most dots lie alone
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
 
 
 @pytest.fixture

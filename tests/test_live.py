@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_knot
+from tests.driving import PICTURE, headless_picture, write_knot
 from viewer.images import write_exr
 from viewer.scene import apply_set
 from viewer.settings import DEFAULT_LIGHTS
@@ -43,18 +43,6 @@ DEPENDS = {
         LAYERS | LIT | {"model", "samples", "sample buffers", "shadow of light 1", "shadow of light 2"},
     ),
 }
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
-
-
-@pytest.fixture
-def driver(context, model):
-    driver = Driver(small_scene(model))
-    yield driver
-    driver.close()
 
 
 @pytest.mark.parametrize("name", DEPENDS)

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from core.diffusion import TOLERANCE
-from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_knot
+from tests.driving import PICTURE, Driver, headless_picture, small_scene
 from viewer.live import Detail
 from viewer.live_error import NOT_EQUATION_1
 from viewer.panel_transport import chosen, solved
@@ -28,11 +28,6 @@ SECTIONS = ("Error", "Model")
 
 def with_diffusion(model, resolution=24):
     return replace(small_scene(model), transport=TransportSettings(method="diffusion", resolution=resolution))
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
 
 
 @pytest.fixture

@@ -26,11 +26,6 @@ EWALD = TransportSettings("ewald", error_target=0.02)
 BLACK = MaterialSettings(sigma_s_prime=(0.0,) * 3, sigma_a=(1.0,) * 3)
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
-
-
 @pytest.fixture
 def driver(context, model):
     driver = Driver(small_scene(model))

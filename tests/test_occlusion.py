@@ -10,7 +10,7 @@ import pytest
 
 from core.environment import Probe, irradiance_zonal
 from core.visibility_bake import Cancelled, bake
-from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_knot, write_pair
+from tests.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
 from tests.occluding import irradiance, rms
 from tests.rendering import MeshRenderer, inside, scene_of
 from tests.shapes import ball
@@ -28,11 +28,6 @@ ETA = 1.5
 @pytest.fixture(scope="module")
 def sky(tmp_path_factory):
     return write_probe(tmp_path_factory.mktemp("probe") / "sky.exr", sky_pixels())
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
 
 
 def write_probe(path, pixels):

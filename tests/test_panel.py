@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.driving import Driver, small_scene, write_knot
 from viewer.declaration import settings_of
 from viewer.panel_controls import default_of, explained
 from viewer.panel_transport import chosen
@@ -14,18 +13,6 @@ from viewer.session import SHOWN
 from viewer.settings import DEFAULT_LIGHTS, DirectionalLight, PointLight
 
 SECTIONS = ("Environment", "Highlights", "Tone mapping", "Model", "Camera")
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
-
-
-@pytest.fixture
-def driver(context, model):
-    driver = Driver(small_scene(model))
-    yield driver
-    driver.close()
 
 
 def value_of(scene: Scene, name: str):

@@ -1,27 +1,13 @@
 """The panel's rows for profiles and for a material by colour."""
 
 import numpy as np
-import pytest
 
 from core import materials
 from core.profile_names import PROFILES
-from tests.driving import Driver, small_scene, write_knot
 from viewer.panel_profile import COEFFICIENTS, COLOUR, given_by, profile_reflectance, table_notes
 from viewer.settings import MaterialSettings
 
 TABLE = "0,0.1,0.08,0.05\n1,0.05,0.04,0.02\n2,0.01,0.01,0.005\n"
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
-
-
-@pytest.fixture
-def driver(context, model):
-    driver = Driver(small_scene(model))
-    yield driver
-    driver.close()
 
 
 def choose(driver, control, choice):

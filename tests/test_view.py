@@ -21,11 +21,6 @@ SIZE = (640, 360)
 CENTRE = (130.0, 180.0)
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
-
-
 @pytest.fixture
 def driver(context, model, tmp_path):
     driver = Driver(small_scene(model), SIZE, fixed_size=False)

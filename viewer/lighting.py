@@ -29,7 +29,7 @@ from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp
 from viewer.layers_pass import LayersPass
-from viewer.occlusion import OcclusionStages
+from viewer.occlusion import Occlusion, OcclusionStages
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
 from viewer.settings import EnvironmentSettings, Light, ModelSettings
@@ -100,6 +100,11 @@ class LitScene:
     lobes: LobeFilter | None = None
     bodies: Bodies | None = None
     separated: Separated | None = None
+
+    @property
+    def occlusion(self) -> Occlusion | None:
+        """What keeps the environment's light from the surface, where that is known."""
+        return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
 
 
 class Lighting:

@@ -146,8 +146,8 @@ def illumination_of(renderer: Renderer, scene: Scene, lit: LitScene | None = Non
 
 def lights_of(scene: Scene, around: PartedProbe | None, lit: LitScene | None = None) -> Illumination:
     """Gather a scene's lights, with those of its probe and the rest of it, occluded as in `lit`; uses no OpenGL."""
-    occlusions = [] if lit is None else [source.occlusion for source in lit.sources if source.occlusion is not None]
-    visible = occlusions[0].at if occlusions else None
+    occlusion = None if lit is None else lit.occlusion
+    visible = None if occlusion is None else occlusion.at
     environment = scene.environment
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
     strong, rest = ((), None) if around is None else around

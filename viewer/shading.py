@@ -151,7 +151,7 @@ class Shading:
     ) -> None:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
-        occlusion = next((source.occlusion for source in lit.sources if source.occlusion is not None), None)
+        occlusion = lit.occlusion
         occluded = occlusion is not None
         gbuffer = self._seen = run("gbuffer targets", [size, occluded], lambda: self._gbuffer.targets(size, occluded))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))

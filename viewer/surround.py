@@ -1,7 +1,6 @@
 """Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
 
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -13,7 +12,6 @@ from core.probe_sources import ProbeSource
 from core.stages import Stages
 from viewer.assets import Assets, PartedProbe
 from viewer.buffers import MeshBuffers
-from viewer.declaration import settings_of
 from viewer.gl import latlong_texture
 from viewer.irradiance_pass import LightSource, lamp, surround, world_to_probe
 from viewer.occlusion import Occlusion
@@ -103,8 +101,7 @@ def probe_lamps(environment: EnvironmentSettings, sources: tuple[ProbeSource, ..
     for source in sources:
         x, y, z = (np.array(source.direction) @ to_probe.T).tolist()
         red, green, blue = (min(environment.intensity * channel, MAX_IRRADIANCE) for channel in source.irradiance)
-        size: dict[str, Any] = {"angle_deg": source.angle_deg} if "angle_deg" in settings_of(DirectionalLight) else {}
-        lights.append(DirectionalLight((x, y, z), (red, green, blue), **size))
+        lights.append(DirectionalLight((x, y, z), (red, green, blue)))
     return tuple(lights)
 
 
