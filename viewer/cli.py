@@ -141,7 +141,7 @@ def render(
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
         _print_timings(frame.timings)
-        typer.echo(frame.quality.summary)
+        typer.echo("\n".join((frame.quality.summary, *frame.remarks)))
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -164,11 +164,21 @@ def bench(
 @app.command()
 def materials(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
+    only: Annotated[
+        str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own: where diffusion holds, ...")
+    ] = "all",
+    import_: Annotated[
+        str | None, typer.Option("--import", metavar="FILE.toml", help="Add a file's materials to your own.")
+    ] = None,
+    export: Annotated[str | None, typer.Option(metavar="FILE.toml", help="Write your own materials to a file.")] = None,
 ) -> None:
-    """List materials: coefficients, mean free path, diffuse reflectance, validity."""
+    """List materials, your own too: coefficients, mean free path, diffuse reflectance, validity."""
     from viewer import materials_table
 
-    materials_table.show(name)
+    if import_ is not None or export is not None:
+        typer.echo(materials_table.exchange(import_, export))
+    else:
+        materials_table.show(name, only)
 
 
 def has_display() -> bool:

@@ -1,0 +1,42 @@
+"""The library as one looks through it: measured materials and one's own, by name and by where diffusion holds."""
+
+from collections.abc import Callable
+
+from core import materials
+from core.errors import InputError
+from core.materials import Material
+from viewer import own_materials
+from viewer.declaration import nearest
+
+# Name on the command line -> what the panel says, and which materials it keeps.
+FILTERS: dict[str, tuple[str, Callable[[Material], bool]]] = {
+    "all": ("all", lambda _: True),
+    "valid": ("diffusion holds", materials.diffusion_holds),
+    "thin": ("optically thin", materials.is_thin),
+    "JMLH01": ("Jensen et al. 2001", lambda material: material.source == "JMLH01"),
+    "NGD06": ("Narasimhan et al. 2006", lambda material: material.source == "NGD06"),
+    "milkglass": ("chosen by us", lambda material: material.source == "milkglass"),
+    "own": ("your own", lambda material: material.source == own_materials.SOURCE),
+}
+
+
+def found(only: str = "all", search: str = "") -> list[Material]:
+    """Return the materials that a filter keeps and a search finds, one's own last.
+
+    Raises
+    ------
+    InputError
+        If there is no such filter, or the file of one's own materials is broken.
+    """
+    if only not in FILTERS:
+        raise InputError(f"unknown filter {only!r}; {nearest(only, FILTERS)}")
+    _, keeps = FILTERS[only]
+    known = (*materials.library(), *own_materials.own())
+    return [material for material in known if keeps(material) and matches(material, search)]
+
+
+def matches(material: Material, search: str) -> bool:
+    """Whether a material's name has all words of a search, however capitalised and spaced."""
+    name = material.name.casefold()
+    joined = "".join(character for character in name if character.isalnum())
+    return all(word in name or word in joined for word in search.casefold().split())
