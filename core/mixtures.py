@@ -45,7 +45,9 @@ def dilute(material: Material, water: float) -> Material:
         mixed = mix(material, WATER, water)
         return replace(mixed, name=f"{material.name}, {100.0 * water:.6g} % water")
     strength = 1.0 - water
-    return _weighted(f"{material.name}, {strength:.6g} times as strong", (material, strength), (WATER, 0.0), material.eta)
+    return _weighted(
+        f"{material.name}, {strength:.6g} times as strong", (material, strength), (WATER, 0.0), material.eta
+    )
 
 
 def _weighted(name: str, one: tuple[Material, float], other: tuple[Material, float], eta: float) -> Material:

@@ -35,7 +35,9 @@ _WEIGHT = 0.05 * np.pi * np.cosh(_V) * _SHARE * (1.0 - _SHARE)
 
 def share(material: Material) -> Array:
     """R_1 / R per channel, (3,), in [0, 1]; 0 where nothing scatters and so nothing leaves."""
-    pairs = [(reflected_once(float(a), material.eta), reflectance(float(a), material.eta)) for a in material.alpha_prime]
+    pairs = [
+        (reflected_once(float(a), material.eta), reflectance(float(a), material.eta)) for a in material.alpha_prime
+    ]
     return np.array([once / every if every > 0.0 else 0.0 for once, every in pairs])
 
 

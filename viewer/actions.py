@@ -13,6 +13,7 @@ from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
 from viewer.images import PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
+from viewer.own_materials import Materials, export_to, import_from
 from viewer.picture import read_image
 from viewer.preferences import Preferences
 from viewer.profile_files import read_profile_table
@@ -146,6 +147,22 @@ class Actions:
 
     def _open_profile(self) -> None:
         self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))
+
+    def _import_materials(self) -> None:
+        self._ask(Request("Add a file's materials to your own", SCENE_SUFFIXES, self._exchange(import_from)))
+
+    def _export_materials(self) -> None:
+        request = Request("Write your own materials", SCENE_SUFFIXES, self._exchange(export_to), "materials.toml")
+        self._ask(request)
+
+    def _exchange(self, exchange: Callable[[Path], Materials]) -> Callable[[Path], None]:
+        def done(path: Path) -> None:
+            try:
+                self._session.say(f"{path.name}: {', '.join(each.name for each in exchange(path))}")
+            except InputError as error:
+                self._session.fail(error)
+
+        return done
 
     def _save(self) -> None:
         if self._session.path is None:

@@ -1,6 +1,6 @@
 """The library as one looks through it: measured materials and one's own, by name and by where diffusion holds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from core import materials
 from core.errors import InputError
@@ -20,8 +20,8 @@ FILTERS: dict[str, tuple[str, Callable[[Material], bool]]] = {
 }
 
 
-def found(only: str = "all", search: str = "") -> list[Material]:
-    """Return the materials that a filter keeps and a search finds, one's own last.
+def found(only: str = "all", search: str = "", own: Sequence[Material] | None = None) -> list[Material]:
+    """Return the materials that a filter keeps and a search finds, one's own last; `own` takes the place of the file's.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def found(only: str = "all", search: str = "") -> list[Material]:
     if only not in FILTERS:
         raise InputError(f"unknown filter {only!r}; {nearest(only, FILTERS)}")
     _, keeps = FILTERS[only]
-    known = (*materials.library(), *own_materials.own())
+    known = (*materials.library(), *(own_materials.own() if own is None else own))
     return [material for material in known if keeps(material) and matches(material, search)]
 
 

@@ -5,7 +5,6 @@ import numpy.typing as npt
 
 from core.materials import CHANNELS, Material
 from viewer.lighting import LitScene
-from viewer.quality import longest_side
 from viewer.scene import Scene
 
 # What a grid coarser than the mean free path does to a picture, by transport.
@@ -17,9 +16,9 @@ MISSED = {
 MISSED["diffusion"] = MISSED["ewald"]
 
 
-def beyond_object(scene: Scene, lit: LitScene) -> str | None:
+def beyond_object(scene: Scene) -> str | None:
     """Say that the mean free path is longer than the object, with what the picture then misses."""
-    size, material = longest_side(lit.model.mesh), _material(scene, lit)
+    size, material = scene.model.size_mm, _material(scene, scene.transport.method)
     if material is None or not (named := _named(material, material.mean_free_path > size)):
         return None
     return (
@@ -30,7 +29,7 @@ def beyond_object(scene: Scene, lit: LitScene) -> str | None:
 
 def below_nodes(scene: Scene, lit: LitScene) -> str | None:
     """Say that the mean free path is shorter than the grid can follow, with what the picture then misses."""
-    spacing, material = max(lit.grid.texel, lit.grid.layer_distance), _material(scene, lit)
+    spacing, material = max(lit.grid.texel, lit.grid.layer_distance), _material(scene, lit.quality.method)
     if material is None or not (named := _named(material, material.mean_free_path < spacing)):
         return None
     what = "texels or layers" if lit.quality.method == "layered" else "nodes"
@@ -40,13 +39,13 @@ def below_nodes(scene: Scene, lit: LitScene) -> str | None:
     )
 
 
-def _material(scene: Scene, lit: LitScene) -> Material | None:
+def _material(scene: Scene, method: str) -> Material | None:
     """Return whose lengths the picture has; None where it is those of a table."""
-    a_table = scene.material.table_in_use is not None and lit.quality.method != "diffusion"
+    a_table = scene.material.table_in_use is not None and method != "diffusion"
     return None if a_table else scene.material.resolve()
 
 
 def _named(material: Material, chosen: npt.NDArray[np.bool_]) -> str:
     """Return the chosen channels that scatter, with their mean free paths; the others are black whatever the scale."""
     pairs = zip(CHANNELS, material.mean_free_path, chosen & (np.asarray(material.sigma_s_prime) > 0.0), strict=True)
-    return ", ".join(f"{channel} ({length:.2g} mm)" for channel, length, is_chosen in pairs if is_chosen)
+    return ", ".join(f"{channel} ({length:.3g} mm)" for channel, length, is_chosen in pairs if is_chosen)

@@ -82,7 +82,7 @@ class Shading:
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
-        too_large, too_small = beyond_object(scene, lit), below_nodes(scene, lit)
+        too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
         warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
         remarks = () if too_small is None else (too_small,)
