@@ -45,10 +45,12 @@ def statement(material: Material) -> str:
     """Say what a picture misses without single scattering, and how much that is; nothing where nothing scatters."""
     shares = share(material)
     if not shares.any():
-        return "none: nothing scatters"
+        return "nothing scatters"
     listed = ", ".join(f"{100.0 * each:.0f} %" for each in shares)
-    text = f"not drawn apart; R, G, B: {listed} of the light that leaves a half space lit along its normal"
-    return text + (", so this is hardly a picture of it" if shares.max() > MUCH else "")
+    return (
+        f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and is "
+        "drawn as if it had often"
+    )
 
 
 def reflected_once(albedo: float, eta: float) -> float:

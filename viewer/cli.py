@@ -164,21 +164,14 @@ def bench(
 @app.command()
 def materials(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
-    only: Annotated[
-        str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own: where diffusion holds, ...")
-    ] = "all",
-    import_: Annotated[
-        str | None, typer.Option("--import", metavar="FILE.toml", help="Add a file's materials to your own.")
-    ] = None,
-    export: Annotated[str | None, typer.Option(metavar="FILE.toml", help="Write your own materials to a file.")] = None,
+    only: Annotated[str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own.")] = "all",
+    add: Annotated[str | None, typer.Option("--import", metavar="FILE", help="Add a file to your own.")] = None,
+    export: Annotated[str | None, typer.Option(metavar="FILE", help="Write your own to a file.")] = None,
 ) -> None:
     """List materials, your own too: coefficients, mean free path, diffuse reflectance, validity."""
     from viewer import materials_table
 
-    if import_ is not None or export is not None:
-        typer.echo(materials_table.exchange(import_, export))
-    else:
-        materials_table.show(name, only)
+    materials_table.run(name, only, add, export)
 
 
 def has_display() -> bool:

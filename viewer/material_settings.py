@@ -59,8 +59,8 @@ class MaterialSettings:
 
     name: str | None = setting(
         "text", None, optional=True, default_text="marble",
-        why="material of the library (`milkglass materials`), however spaced and capitalised; or one of your own, whose "
-            "coefficients the scene then keeps"
+        why="material of the library (`milkglass materials`), however spaced and capitalised; or one of your own: the "
+            "scene then keeps its coefficients"
     )
     sigma_s_prime: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
@@ -164,7 +164,7 @@ class MaterialSettings:
         for each in (sigma_s_prime, sigma_a):
             if getattr(self, each) is not None:
                 raise InputError(f"material.{key} and material.{each} are both given; keep one of them")
-        taken = {key: None, sigma_s_prime: found.sigma_s_prime, sigma_a: found.sigma_a}
+        taken: dict[str, object] = {key: None, sigma_s_prime: found.sigma_s_prime, sigma_a: found.sigma_a}
         if getattr(self, eta) is None:
             taken[eta] = found.eta
         for each, value in taken.items():

@@ -23,16 +23,26 @@ UNLIMITED = 10_000
 NARROWEST = 80
 
 
+def run(name: str | None, only: str, source: str | None, target: str | None) -> None:
+    """Print a table, or exchange one's own materials with files and say so."""
+    if source is None and target is None:
+        show(name, only)
+    else:
+        Console().out(exchange(source, target), highlight=False)
+
+
 def show(name: str | None, only: str = "all") -> None:
     """Print one material channel by channel, or those of the library that a filter of `viewer.library` keeps."""
     if name is not None and only != "all":
         raise InputError(f"--only {only} chooses from the whole library; leave out {name!r}")
     console = Console()
     console = Console(width=max(console.width, NARROWEST) if console.is_terminal else UNLIMITED)
-    if name is None:
-        table: RenderableType = library_table(console.width, library.found(only))
+    if name is not None:
+        table: RenderableType = material_table(own_materials.lookup(name))
+    elif listed := library.found(only):
+        table = library_table(console.width, listed)
     else:
-        table = material_table(own_materials.lookup(name))
+        table = Text("none yet: the window keeps a material under a name, and --import takes those of a file")
     with console.capture() as captured:
         console.print(table)
     # Rich pads every line to the widest.
@@ -75,7 +85,6 @@ def material_table(material: Material) -> RenderableType:
         ("transport length 1/sigma_tr", _transport_length(material), "mm"),
         ("reduced albedo alpha'", material.alpha_prime, ""),
         ("diffuse reflectance R_d", reflectance, ""),
-        ("scattered once, of what leaves", single_scattering.share(material), ""),
     ]
     for quantity, values, unit in rows:
         channels.add_row(quantity, *(f"{value:.5g}" for value in values), unit)

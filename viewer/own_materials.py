@@ -188,7 +188,7 @@ def _material(name: str, content: Any) -> Material:
     for key in KEYS:
         if key not in content:
             raise InputError(f"{name}: {key} is missing")
-    return Material(name, *(content[key] for key in KEYS), source=SOURCE)
+    return Material(name, content["sigma_s_prime"], content["sigma_a"], content["eta"], SOURCE)
 
 
 def _content(material: Material) -> tuple[object, ...]:

@@ -1,4 +1,4 @@
-"""The library inside an open list: swatches, search, filter, and a person's own materials to keep, rename and delete."""
+"""The library inside an open list: swatches, search, filter, and own materials to keep, rename and delete."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -73,10 +73,13 @@ class LibraryList:
 
     def _list(self, found: list[Material], current: str | None, keeps: bool) -> Material | None:
         controls, row, chosen = self._controls, imgui.get_frame_height(), None
-        imgui.begin_child(f"##{self._key}.list", (0.0, row * min(LISTED, max(1, len(found)))))
+        imgui.begin_child(
+            f"##{self._key}.list", (0.0, imgui.get_frame_height_with_spacing() * min(LISTED, max(1, len(found))))
+        )
         for material in found:
-            swatch(controls, f"swatch.{material.name}", material, (row - 4.0, row - 4.0))
+            swatch(controls, f"swatch.{material.name}", material, (row, row))
             imgui.same_line()
+            imgui.align_text_to_frame_padding()
             is_own = material.source == own_materials.SOURCE
             room = imgui.get_content_region_avail().x - (2.2 * row if is_own and keeps else 0.0)
             label = f"{material.name}{'  (yours)' if is_own else ''}##{material.name}"
@@ -117,7 +120,7 @@ class LibraryList:
         """Draw the row that keeps the material under a name, and what takes own ones in and out."""
         controls, width = self._controls, 5.0 * imgui.get_font_size()
         imgui.set_next_item_width(-width - 2.4 * imgui.get_frame_height())
-        hint = "a name to keep this material by"
+        hint = "name to keep it by"
         entered, self._name = imgui.input_text_with_hint(
             "##own.name", hint, self._name, imgui.InputTextFlags_.enter_returns_true.value
         )

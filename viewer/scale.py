@@ -9,9 +9,9 @@ from viewer.scene import Scene
 
 # What a grid coarser than the mean free path does to a picture, by transport.
 MISSED = {
-    "layered": "light and shadow are blurred over that, and about a third of the light that falls between layers is lost",
-    "ewald": "a point's own light stays sharp, but what reaches it from closer than that is averaged: fine relief looks "
-    "flatter, and thin parts that light only shines through are off by several per cent",
+    "layered": "light and shadow are blurred over that, and about a third of the light that falls between layers goes",
+    "ewald": "a point's own light stays sharp, but what reaches it from closer than that is averaged: fine relief "
+    "looks flatter, and what light only shines through is off by several per cent",
 }
 MISSED["diffusion"] = MISSED["ewald"]
 
