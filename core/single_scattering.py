@@ -48,8 +48,8 @@ def statement(material: Material) -> str:
         return "nothing scatters"
     listed = ", ".join(f"{100.0 * each:.0f} %" for each in shares)
     return (
-        f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and is "
-        "drawn as if it had often"
+        f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and "
+        "is drawn as if it had often"
     )
 
 

@@ -19,7 +19,7 @@ def names(only="all", search=""):
 def test_sources_part_the_library():
     parts = [names(source) for source in ("JMLH01", "NGD06", "milkglass")]
     assert [len(part) for part in parts] == [12, 35, 3]
-    assert sum(parts, []) == names() == list(materials.names())
+    assert [*parts[0], *parts[1], *parts[2]] == names() == list(materials.names())
     assert names("own") == []
 
 
