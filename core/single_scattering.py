@@ -35,10 +35,7 @@ _WEIGHT = 0.05 * np.pi * np.cosh(_V) * _SHARE * (1.0 - _SHARE)
 
 def share(material: Material) -> Array:
     """R_1 / R per channel, (3,), in [0, 1]; 0 where nothing scatters and so nothing leaves."""
-    pairs = [
-        (reflected_once(float(a), material.eta), reflectance(float(a), material.eta)) for a in material.alpha_prime
-    ]
-    return np.array([once / every if every > 0.0 else 0.0 for once, every in pairs])
+    return np.array([_share(float(albedo), material.eta) for albedo in material.alpha_prime])
 
 
 def statement(material: Material) -> str:
@@ -61,6 +58,10 @@ def reflected_once(albedo: float, eta: float) -> float:
 
 
 @functools.lru_cache(maxsize=1024)
+def _share(albedo: float, eta: float) -> float:
+    return reflected_once(albedo, eta) / reflectance(albedo, eta) if albedo > 0.0 else 0.0
+
+
 def reflectance(albedo: float, eta: float) -> float:
     """R, the share of the entered flux that leaves after any number of scatterings; albedo in [0, 1], eta >= 1."""
     mu, weights = _cosines(eta)

@@ -1,6 +1,7 @@
 """The library as one looks through it: measured materials and one's own, by name and by where diffusion holds."""
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 
 from core import materials
 from core.errors import InputError
@@ -20,7 +21,7 @@ FILTERS: dict[str, tuple[str, Callable[[Material], bool]]] = {
 }
 
 
-def found(only: str = "all", search: str = "", own: Sequence[Material] | None = None) -> list[Material]:
+def found(only: str = "all", search: str = "", own: own_materials.Materials | None = None) -> list[Material]:
     """Return the materials that a filter keeps and a search finds, one's own last; `own` takes the place of the file's.
 
     Raises
@@ -30,9 +31,14 @@ def found(only: str = "all", search: str = "", own: Sequence[Material] | None = 
     """
     if only not in FILTERS:
         raise InputError(f"unknown filter {only!r}; {nearest(only, FILTERS)}")
+    kept = _kept(only, own_materials.own() if own is None else own)
+    return [material for material in kept if matches(material, search)]
+
+
+@functools.lru_cache(maxsize=16)
+def _kept(only: str, own: own_materials.Materials) -> own_materials.Materials:
     _, keeps = FILTERS[only]
-    known = (*materials.library(), *(own_materials.own() if own is None else own))
-    return [material for material in known if keeps(material) and matches(material, search)]
+    return tuple(material for material in (*materials.library(), *own) if keeps(material))
 
 
 def matches(material: Material, search: str) -> bool:

@@ -4,6 +4,7 @@ A name of one's own materials (`viewer.own_materials`) becomes their coefficient
 everything itself.
 """
 
+import functools
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -172,13 +173,7 @@ class MaterialSettings:
 
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""
-        material, other = self.base(), self.other()
-        if other is not None:
-            material = mix(material, other, self.mix_share)
-        try:
-            return material if self.water == 0.0 else dilute(material, self.water)
-        except InputError as error:
-            raise InputError(f"material.water = {self.water:g} is too strong: {error}") from None
+        return _resolved(self)
 
     def other(self) -> materials.Material | None:
         """Return what is mixed in."""
@@ -228,3 +223,14 @@ class MaterialSettings:
         path = self.table_in_use
         table = None if path is None else (read or read_profile_table)(path)
         return profiles(self.resolve(), self.profile, table)
+
+
+@functools.lru_cache(maxsize=64)  # a window asks many times a frame
+def _resolved(settings: MaterialSettings) -> materials.Material:
+    material, other = settings.base(), settings.other()
+    if other is not None:
+        material = mix(material, other, settings.mix_share)
+    try:
+        return material if settings.water == 0.0 else dilute(material, settings.water)
+    except InputError as error:
+        raise InputError(f"material.water = {settings.water:g} is too strong: {error}") from None
