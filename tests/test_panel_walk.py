@@ -22,7 +22,11 @@ from viewer.session import SHOWN
 from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, MaterialSettings, PointLight, TransportSettings
 
 SECTIONS = ("Environment", "Highlights", "Tone mapping", "Error", "Model", "Camera")
-WITHOUT_CONTROL = {"camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)"}
+WITHOUT_CONTROL = {
+    "camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)",
+    "material.mix_sigma_s_prime": "comes with mix_eta",
+    "material.mix_sigma_a": "comes with mix_eta",
+}
 
 
 INSIDE = re.compile(r"own\.|(material|mix)\.filter|import_|export_")  # of the open library: test_panel_library.py

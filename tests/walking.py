@@ -147,10 +147,7 @@ CONTROLS = [
         for c in "RGB"
     ),
     Control("material.mix_with", "material.mix_with", search("material.mix_with", "ketch", "Ketchup", "mix")),
-    *(
-        Control(f"material.{key}", "material.mix_with", search("material.mix_with", "cand", "candle", "mix"))
-        for key in ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")
-    ),
+    Control("material.mix_eta", "material.mix_with", search("material.mix_with", "cand", "candle", "mix")),
     *sliders("mixed", material__mix_share=0.8, material__water=0.6),
     Control("material.profile", "material.profile", choose("material.profile", "photon_beam")),
     Control(

@@ -140,8 +140,9 @@ def render(
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
-        _print_timings(frame.timings)
-        typer.echo("\n".join((frame.quality.summary, *frame.remarks)))
+        from viewer import frame_table
+
+        frame_table.show(frame)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -252,17 +253,6 @@ def _counterpart(reference: str, outputs: Sequence[str]) -> str:
 def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
     for output in outputs:
         frame.save(output)
-
-
-def _print_timings(timings: dict[str, float]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("stage", box=None, pad_edge=False)
-    table.add_column("ms", justify="right")
-    for stage, milliseconds in timings.items():
-        table.add_row(stage, f"{milliseconds:.1f}")
-    Console().print(table)
 
 
 def _compare(picture: Path, reference: Path, threshold: float) -> None:

@@ -20,7 +20,7 @@ from viewer.sliders import significant
 CHANNELS = (("R", (0.93, 0.42, 0.40)), ("G", (0.45, 0.80, 0.45)), ("B", (0.45, 0.62, 0.95)))
 ONCE_TIP = (
     "Share of the light that leaves a half space lit along its normal which has scattered only once. Diffusion draws "
-    "it as if it had scattered often: too wide, and without its direction."
+    "it as if it had scattered often: too wide (but for the profile photon_beam), and without its direction."
 )
 SIGMA_HIGH = 100.0  # 1/mm, end of the sliders
 
