@@ -7,7 +7,7 @@ no light, and end where next to none is left.
 import numpy as np
 import numpy.typing as npt
 
-from core.profile_table import MAX_RADIUS, MAX_VALUE
+from core.profile_table import MAX_RADIUS, MAX_VALUE, TableProfile
 from core.radial_table import flux_radius
 from core.spectra import Profile, Profiles
 
@@ -49,9 +49,13 @@ def sampled(profiles: Profiles, radii: Array) -> Array:
 def table_text(profiles: Profiles, remark: str = "") -> str:
     """Return CSV of radius_mm, R, G, B, as `core.profile_table.parse_table` reads it; `remark` is one line on top.
 
-    Read back, it is the same profile within 3e-4 of each channel's total, nearer than the first radius constant.
+    Read back, it is the same profile within 3e-4 of each channel's total, constant nearer than the first radius; of
+    tables the very same.
     """
-    radii = curve_radii(profiles)
+    if all(isinstance(profile, TableProfile) for profile in profiles):
+        radii = np.array(profiles[0].radii)  # type: ignore[attr-defined]
+    else:
+        radii = curve_radii(profiles)
     # Splines of a table may rise by rounding, and what diverges is as high as a table may be.
     values = np.minimum(np.minimum.accumulate(sampled(profiles, radii), axis=1), MAX_VALUE)
     lines = [f"# {' '.join(remark.split())}"] * bool(remark) + ["radius_mm,R,G,B"]

@@ -24,6 +24,7 @@ NONE, KEPT = "nothing", "B, the kept state"
 R_D, PER_RADIUS = "R_d", "2π r R_d"
 NOT_SEEN = "The picture is solved by diffusion, which has no profile: it is not made of these curves."
 SHARE, LEAST, MOST = 0.45, 0.2, 0.75  # of the view's height
+LEGEND, TITLED, WIDE = 26.0, 33.0, 44.0  # width of the legend, of the view for its words and for all side by side, em
 EDGE = 6.0  # px, what can be dragged
 TIPS = {
     "profiles.other": "Another profile of the same material, dashed; or the material and profile kept as B (K).",
@@ -95,9 +96,7 @@ class ProfileView:
         imgui.begin("profile view", None, bare | flags.no_nav.value | flags.no_scroll_with_mouse.value)
         imgui.pop_style_var()
         self._edge(box)
-        self._legend()
-        imgui.same_line()
-        self._options()
+        self._head(box)
         if solves(live):
             imgui.text_colored((*WARNING, 1.0), NOT_SEEN)
         for name, curves in self.named:
@@ -141,14 +140,31 @@ class ProfileView:
             share = (box[3] - imgui.get_io().mouse_pos.y) / max(1.0, height)
             self._share = min(MOST, max(LEAST, share))
 
-    def _legend(self) -> None:
+    def _head(self, box: Box) -> None:
+        """Draw the legend and, beside or below it, what is plotted; buttons at the right."""
+        em, padding = imgui.get_font_size(), imgui.get_style().window_padding.x
+        width = box[2] - box[0]
+        top = imgui.get_cursor_pos_y()
+        self._legend(titled=width > TITLED * em)
+        below = imgui.get_cursor_pos()
+        imgui.set_cursor_pos((width - padding - 2.0 * imgui.get_frame_height() - imgui.get_style().item_spacing.x, top))
+        self._buttons()
+        if width > WIDE * em:
+            imgui.set_cursor_pos((padding + (LEGEND + 1.5) * em, top + imgui.get_style().cell_padding.y))
+        else:
+            imgui.set_cursor_pos(below)
+        self._options(stacked=width > WIDE * em)
+        if width > WIDE * em:
+            imgui.set_cursor_pos(below)
+
+    def _legend(self, *, titled: bool) -> None:
         """Two lines: how a curve is drawn, whose it is, its reflectance."""
         em = imgui.get_font_size()
         flags = imgui.TableFlags_.sizing_fixed_fit.value | imgui.TableFlags_.no_host_extend_x.value
         if not imgui.begin_table("##legend", 6, flags):
             return
-        for width in (2.4 * em, 9.0 * em, 6.5 * em, 3.4 * em, 3.4 * em, 3.4 * em):
-            imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, width)
+        for width in (2.4, 9.0, 5.0 if titled else 0.1, 2.8, 2.8, 2.8):
+            imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, width * em)
         own = self._session.scene.material.profile
         for row in range(2):
             imgui.table_next_row()
@@ -160,18 +176,14 @@ class ProfileView:
                 imgui.text_unformatted(own)
             else:
                 self._choose_other()
-            self._totals(row)
+            if row < len(self.named):
+                imgui.table_next_column()
+                imgui.align_text_to_frame_padding()
+                imgui.text_colored((*MUTED, 1.0), "reflectance" if titled else "")
+                for (_, colour), total in zip(CHANNELS, self.named[row][1].totals, strict=True):
+                    imgui.table_next_column()
+                    imgui.text_colored((*colour, 1.0), f"{total:.3f}")
         imgui.end_table()
-
-    def _totals(self, row: int) -> None:
-        if row >= len(self.named):
-            return
-        imgui.table_next_column()
-        imgui.align_text_to_frame_padding()
-        imgui.text_colored((*MUTED, 1.0), "reflectance")
-        for (_, colour), total in zip(CHANNELS, self.named[row][1].totals, strict=True):
-            imgui.table_next_column()
-            imgui.text_colored((*colour, 1.0), f"{total:.3f}")
 
     def _choose_other(self) -> None:
         material, kept = self._session.scene.material, self._session.kept
@@ -180,27 +192,24 @@ class ProfileView:
         imgui.set_next_item_width(-1.0)
         self._combo("profiles.other", self.other, choices, lambda choice: setattr(self, "other", choice))
 
-    def _options(self) -> None:
-        """Draw what is plotted, and the buttons, at the right."""
-        controls, em = self._controls, imgui.get_font_size()
-        top = imgui.get_cursor_pos_y() + imgui.get_style().cell_padding.y  # in line with the legend
-        imgui.set_cursor_pos_y(top)
+    def _options(self, *, stacked: bool) -> None:
         imgui.begin_group()
-        imgui.set_next_item_width(7.0 * em)
+        imgui.set_next_item_width(7.0 * imgui.get_font_size())
         choose: Callable[[str], object] = lambda choice: setattr(self, "quantity", choice)  # noqa: E731
         self._combo("profiles.quantity", self.quantity, [R_D, PER_RADIUS], choose)
+        if not stacked:
+            imgui.same_line()
         clicked, log_radius = imgui.checkbox("log r", self.log_radius)
         self._mark("profiles.log")
         if clicked:
             self.log_radius = log_radius
         imgui.end_group()
-        side = imgui.get_frame_height() + imgui.get_style().item_spacing.x
-        imgui.same_line()
-        imgui.set_cursor_pos_x(imgui.get_window_width() - 2.0 * side - imgui.get_style().window_padding.x)
-        if controls.icon("profiles.export", icons.ICON_FA_FILE_EXPORT, TIPS["profiles.export"]):
+
+    def _buttons(self) -> None:
+        if self._controls.icon("profiles.export", icons.ICON_FA_FILE_EXPORT, TIPS["profiles.export"]):
             self.requests.append("export_profile")
         imgui.same_line()
-        if controls.icon("profiles.close", icons.ICON_FA_XMARK, TIPS["profiles.close"], quiet=True):
+        if self._controls.icon("profiles.close", icons.ICON_FA_XMARK, TIPS["profiles.close"], quiet=True):
             self._session.view.profiles = False
 
     def _combo(self, name: str, current: str, choices: list[str], choose: Callable[[str], object]) -> None:
