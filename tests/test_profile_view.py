@@ -175,6 +175,22 @@ def test_the_export_is_a_profile(driver, tmp_path):
     assert "cannot be written" in driver.app.messages[-1]
 
 
+def test_a_table_to_compare_with_may_be_wrong_and_mended(driver, tmp_path):
+    path = tmp_path / "own.csv"
+    path.write_text(TABLE + "3,1,1,1\n")
+    driver.session.edit("material", profile_table=str(path))
+    driver.key("p")
+    choose(driver, "profiles.other", "table")
+    named = driver.app.profiles.named
+    assert "own.csv, line 4: R rises" in named[1][1].problem
+    assert driver.app.profiles.plot.axes is not None
+    path.write_text(TABLE)
+    driver.settle()
+    name, curves = driver.app.profiles.named[1]
+    assert (name, curves.problem) == ("table", "")
+    assert curves.values[0, 0] == 0.1
+
+
 def test_a_table_edited_on_disk_is_read_anew(driver, tmp_path, lines):
     path = tmp_path / "own.csv"
     path.write_text(TABLE)

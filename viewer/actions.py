@@ -188,7 +188,7 @@ class Actions:
         """Take a table that was edited meanwhile; one that has gone stays as it was read."""
         kept = self._session.kept
         scenes = (self._session.scene,) if kept is None else (self._session.scene, kept)
-        for path in {scene.material.table_in_use for scene in scenes}:
+        for path in {scene.material.profile_table for scene in scenes}:
             try:
                 if path is not None and path.is_file() and self._view.live.assets.reread_profile(path):
                     self._session.say(f"{path.name} has changed and was read again")

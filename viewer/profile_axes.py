@@ -56,7 +56,9 @@ def axes_for(shown: Sequence[Curves], marks: Sequence[Mark], *, log_radius: bool
     top = max((float(value.max()) for value in values if value.size), default=1.0) or 1.0
     if per_radius:
         return Axes(x, (0.0, round_up(1.05 * top)), log_radius, False)
-    ends = [max(float(np.interp(curves.reach, curves.radii, channel)) for channel in curves.values) for curves in bright]
+    ends = [
+        max(float(np.interp(curves.reach, curves.radii, channel)) for channel in curves.values) for curves in bright
+    ]
     foot = max(BELOW * min((end for end in ends if end > 0.0), default=1e-3 * top), 10.0**-DECADES * top)
     return Axes(x, (_decade(foot, math.floor), _decade(top, math.ceil)), log_radius, True)
 

@@ -1,4 +1,4 @@
-"""Profiles as curves to look at, made in a thread of their own: the table of a photon beam takes longer than a frame."""
+"""Profiles as curves to look at, made in a thread of their own: tables of a photon beam take longer than a frame."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -23,10 +23,10 @@ REST = 1e-2  # share of the flux beyond `Curves.reach`
 
 @dataclass(frozen=True)
 class Wish:
-    """Whose curves are wanted, by value; `version` is the table's, see `viewer.profile_files.version`."""
+    """Whose curves are wanted, by value; `table` is the state of a table's file."""
 
     material: MaterialSettings
-    version: int = 0
+    table: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, eq=False)

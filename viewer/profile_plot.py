@@ -16,6 +16,7 @@ from viewer.sliders import significant
 
 PLAIN, DASHED = 2.2, 1.5  # thickness of lines, px
 INK = (0.78, 0.79, 0.81)
+APART = 10.0  # px between labels
 UNBOUNDED = (1e-12, 1e12)
 LIKE = 0.02  # mean free paths that differ by less are told once
 
@@ -155,9 +156,8 @@ class ProfilePlot:
             text = f"{before}{text}{arrow}"
             width = imgui.calc_text_size(text).x
             left = min(max(x - 0.5 * width, self.box[0]), self.box[2] - width)
-            row = 0
-            while any(row == own and left < right + 10.0 and start < left + width + 10.0 for own, start, right in taken):
-                row += 1
+            beside = {own for own, start, end in taken if left < end + APART and start < left + width + APART}
+            row = next(row for row in range(len(taken) + 1) if row not in beside)
             taken.append((row, left, left + width))
             draw.add_text((left, self.box[1] - (row + 1) * line - 2.0), imgui.get_color_u32((*INK, 1.0)), text)
         self._rows = 1 + max((row for row, *_ in taken), default=0)

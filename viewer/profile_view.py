@@ -24,7 +24,7 @@ NONE, KEPT = "nothing", "B, the kept state"
 R_D, PER_RADIUS = "R_d", "2π r R_d"
 NOT_SEEN = "The picture is solved by diffusion, which has no profile: it is not made of these curves."
 SHARE, LEAST, MOST = 0.45, 0.2, 0.75  # of the view's height
-LEGEND, TITLED, WIDE = 26.0, 33.0, 44.0  # width of the legend, of the view for its words and for all side by side, em
+LEGEND, TITLED, WIDE = 27.0, 33.0, 45.0  # width of the legend, of the view for its words and for all side by side, em
 EDGE = 6.0  # px, what can be dragged
 TIPS = {
     "profiles.other": "Another profile of the same material, dashed; or the material and profile kept as B (K).",
@@ -114,7 +114,7 @@ class ProfileView:
         other = self._compared(own)
         if other is not None and other != own:
             wanted.append((self.other if self.other != KEPT else f"B, {other.profile}", other))
-        wishes = tuple(Wish(material, version(material.table_in_use)) for _, material in wanted)
+        wishes = tuple(Wish(material, _state(material)) for _, material in wanted)
         made = self._job.follow(wishes, live.assets.profile_table)
         self._last = [new or old for new, old in zip([*made, None][:2], self._last, strict=True)]
         shown = zip(wanted, self._last, strict=False)
@@ -228,6 +228,15 @@ class ProfileView:
         self._controls.mark(name)
         if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
             self._controls.tooltip("", TIPS[name])
+
+
+def _state(material: MaterialSettings) -> tuple[int, int]:
+    """Of a table in use: the version that pictures have, and the file's time, so that a corrected one is tried."""
+    path = material.table_in_use
+    try:
+        return version(path), 0 if path is None else path.stat().st_mtime_ns
+    except OSError:
+        return version(path), 0
 
 
 def _sample(*, dashed: bool, width: float) -> None:
