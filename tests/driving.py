@@ -100,7 +100,10 @@ class Driver(Headless):
         return left + share * (right - left), 0.5 * (top + bottom)
 
     def click(self, name: str, share: float = 0.5, button: str = "left") -> None:
-        self.send(MouseMoved(*self.place(name, share)), MouseButton(button, True), MouseButton(button, False))
+        self.click_at(self.place(name, share), button)
+
+    def click_at(self, place: tuple[float, float], button: str = "left") -> None:
+        self.send(MouseMoved(*place), MouseButton(button, True), MouseButton(button, False))
 
     def drag(self, start: tuple[float, float], by: tuple[float, float], button: str = "left", steps: int = 4) -> None:
         self.send(MouseMoved(*start), MouseButton(button, True))
