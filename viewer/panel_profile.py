@@ -9,7 +9,7 @@ from core.errors import InputError
 from core.profile_names import DIPOLE, TABLE
 from core.profiles import reflectance
 from viewer.declaration import settings_of
-from viewer.gui import imgui
+from viewer.gui import icons, imgui
 from viewer.material_settings import WAYS, MaterialSettings
 from viewer.panel_controls import TYPE_HINT, Controls, explained
 from viewer.panel_library import origin_of
@@ -30,6 +30,7 @@ LENGTH_KEYS = {
 LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
 LONGEST = 1e6  # mm: of a channel without matter
 LEAST_ABSORBED = 1e-9  # 1 - albedo: without absorption a diffuse mean free path would be infinite
+REREAD_TIP = "Read the file again if it has changed. So does coming back to the window."
 MUCH = 0.02  # share of the flux in the tail of a table that is told
 
 
@@ -57,9 +58,12 @@ class ProfilePanel:
         if material.profile != TABLE or material.profile_table is None:
             return
         controls.begin_row("Table")
-        if imgui.button(f"{material.profile_table.name}##material.profile_table", (-1.0, 0.0)):
+        if imgui.button(f"{material.profile_table.name}##material.profile_table", (_spare(), 0.0)):
             self._requests.append("open_profile")
         controls.end_row("material.profile_table", "Table", explained(settings_of(material)["profile_table"], None))
+        imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
+        if controls.icon("material.profile_table.reread", icons.ICON_FA_ROTATE, REREAD_TIP, quiet=True):
+            self._requests.append("reread_profile")
         for note in table_notes(material):
             controls.note(note)
 
@@ -118,6 +122,11 @@ class ProfilePanel:
         first = start[key][i] if start else values[i]
         tip = f"{explained(settings_of(material)[key], None)}\n{TYPE_HINT}"
         controls.end_row(name, label, tip, lambda: put(first), values[i] != first)
+
+
+def _spare() -> float:
+    """Width of a button that leaves room for an icon beside it."""
+    return -float(imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x)
 
 
 def given_by(settings: MaterialSettings, way: str) -> dict[str, Any]:
