@@ -1,0 +1,188 @@
+"""Image-based material editing: the object of a photograph in another material, under the light around it.
+
+After Khan et al. 2006, as figure 3 of the paper does: photograph -> height -> surface (`viewer.photo_geometry`),
+background -> light (`core.photo_surround`), then the renderer's own pipeline, and back into the photograph
+(`viewer.edit_composite`).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter
+
+from core.environment import Probe, irradiance_table, lookup
+from core.mesh import Mesh
+from core.photo_depth import SMOOTHING
+from core.photo_surround import believed_irradiance, filled, scene_radiance, surround_map
+from core.tonemap import luminance
+from viewer.assets import Assets, LoadedMesh
+from viewer.frame import Renderer
+from viewer.lighting import Progress
+from viewer.photo import Photo, Region
+from viewer.photo_geometry import Geometry, frame_object, make_geometry
+from viewer.picture import Frame, read_frame
+from viewer.scene import Scene
+from viewer.settings import DisplaySettings, ModelSettings
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
+KEY = DisplaySettings().key  # where the photograph's own exposure is kept
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """An object in another material, not yet in its photograph; pixels are the rendered ones of `geometry.framing`.
+
+    Attributes
+    ----------
+    photo : Photo
+    geometry : Geometry
+    frame : Frame
+    exposure : float
+        The frame's radiance times this is that of the photograph, see `core.photo_surround.scene_radiance`.
+    white : float
+        Of the tone map.
+    behind : (h, w, 3) float32
+        Linear RGB of the background, filled in where the object was.
+    """
+
+    photo: Photo
+    geometry: Geometry
+    frame: Frame
+    exposure: float
+    white: float
+    behind: Float32
+
+
+class PhotoAssets(Assets):
+    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its surround."""
+
+    def __init__(self, geometry: Geometry, path: Path, surround: Probe | None) -> None:
+        super().__init__()
+        self._mesh, self._path, self._around = geometry.mesh, path, surround
+
+    def mesh(self, settings: ModelSettings) -> LoadedMesh:
+        """Return the object."""
+        return self._mesh, None
+
+    def probe(self, source: Path | str) -> Probe:
+        """Return the surround, or another light probe."""
+        return self._around if source == self._path and self._around is not None else super().probe(source)
+
+    def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
+        """Return what they are: the object is closed by construction."""
+        return np.full(1, -0.5)
+
+
+def edit(
+    photo: Photo,
+    scene: Scene,
+    context: moderngl.Context,
+    *,
+    strength: float = 1.0,
+    smoothing: float = SMOOTHING,
+    depth: Path | None = None,
+    samples: int = 1,
+    progress: Progress = lambda _: None,
+) -> Edited:
+    """Render the object of a photograph in a scene's material and light.
+
+    Parameters
+    ----------
+    photo : Photo
+    scene : Scene
+        Its model's shape, camera and picture size are the photograph's; without an environment of its own, the
+        photograph's background is one.
+    context : moderngl.Context
+    strength, smoothing, depth : as of `viewer.photo_geometry.make_geometry`
+    samples : int
+        Of a pixel; the mask smooths the outline anyway.
+    progress : as of `viewer.frame.render`
+
+    Raises
+    ------
+    InputError
+        What cannot be rendered; one sentence.
+    """
+    timings, clock = {}, perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        timings[stage], clock = 1e3 * (perf_counter() - clock), perf_counter()
+
+    progress("estimating the depth")
+    framing = frame_object(photo, scene.model.size_mm)
+    geometry = make_geometry(photo, framing, strength=strength, smoothing=smoothing, depth=depth)
+    lap("depth and surface")
+    progress("looking at the surround")
+    white = scene.display.white
+    surround = photo_surround(photo, white)
+    lap("surround")
+    placed = placed_scene(scene, photo, geometry, surround is not None)
+    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, surround))
+    picture = renderer.draw(placed, samples=samples, parts=True, progress=progress, last=True)
+    frame = read_frame(picture, renderer.timings, last=True)
+    lap("rendering")
+    exposure = _exposure(placed, photo, geometry, frame, surround)
+    behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    lap("background")
+    return Edited(photo, geometry, replace(frame, timings={**timings, **frame.timings}), exposure, white, behind)
+
+
+def placed_scene(scene: Scene, photo: Photo, geometry: Geometry, has_surround: bool) -> Scene:
+    """Return the scene with the photograph's camera, and its surround where there is no other environment."""
+    rows, columns = geometry.framing.size
+    environment = scene.environment
+    if not environment.given and has_surround:
+        environment = replace(environment, path=photo.path)
+    display = replace(scene.display, image_size=(columns, rows), background="black")
+    return replace(scene, camera=geometry.camera, display=display, environment=environment)
+
+
+def photo_surround(photo: Photo, white: float) -> Probe | None:
+    """Return the light that the background makes, in the photograph's radiance; None where there is no background."""
+    h, w = photo.size
+    block = max(1, max(h, w) // SURROUND_SIDE)
+    region = Region(0, 0, -(-h // block) * block, -(-w // block) * block)
+    colour, coverage = photo.reduced(region, block)
+    weight = clear_of(coverage)
+    if not weight.any():
+        return None
+    outline = photo.outline
+    centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
+    behind = filled(scene_radiance(colour, white), weight.astype(np.float32))
+    return Probe.from_pixels(surround_map(behind, centre))
+
+
+def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
+    """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
+    return np.asarray(maximum_filter(coverage, 5) == 0.0)
+
+
+def _exposure(scene: Scene, photo: Photo, geometry: Geometry, frame: Frame, surround: Probe | None) -> float:
+    """Factor from the frame's radiance to the photograph's."""
+    eta = scene.material.resolve().eta
+    shown = geometry.coverage > 0.5
+    seen = float(luminance(scene_radiance(geometry.colour[shown], scene.display.white)).mean())
+    around = 0.0
+    if surround is not None:
+        front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
+        # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
+        table = irradiance_table(surround.sh, eta)
+        around = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
+    believed = believed_irradiance(seen, around)
+    own = scene.environment.path == photo.path and scene.environment.intensity > 0.0
+    rendered = around if own else _mean_irradiance(frame)
+    return (scene.display.key / KEY) * (believed / rendered if rendered > 0.0 else 0.0)
+
+
+def _mean_irradiance(frame: Frame) -> float:
+    """Mean luminance of the irradiance on what is seen."""
+    total = float(frame.alpha.sum())
+    return float((luminance(frame.irradiance) * frame.alpha).sum()) / total if total > 0.0 else 0.0
