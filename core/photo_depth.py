@@ -67,7 +67,7 @@ def inscribed_radius(inside: Bools) -> float:
 
 
 def inflated(inside: Bools) -> Array:
-    """Inflate an outline: the root of the solution of -lap u = 4 that is 0 outside; its maximum is the inscribed radius.
+    """Inflate an outline: the root of the solution of -lap u = 4 that is 0 outside, as high as the inscribed radius.
 
     A disc becomes a hemisphere, an ellipse half an ellipsoid.
     """

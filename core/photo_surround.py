@@ -15,7 +15,6 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 MAP_HEIGHT = 128  # rows of the light probe: a photograph of the surroundings tells no more
-LEAST_ALBEDO, MOST_ALBEDO = 0.15, 0.85  # that a photographed object is believed to have
 
 
 def filled(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -> Float32:
@@ -85,29 +84,19 @@ def linear(srgb: npt.NDArray[np.floating]) -> Float32:
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** np.float32(2.4)).astype(np.float32)
 
 
-def believed_irradiance(photographed: float, around: float) -> float:
-    """Irradiance on the object, from the radiance of its picture and the irradiance that its surround makes.
-
-    The surround is believed as long as a matt object that looks like this has an albedo between `LEAST_ALBEDO` and
-    `MOST_ALBEDO`; the nearer of the two bounds it else, and where there is no surround, their geometric mean.
-    """
-    low, high = np.pi * photographed / MOST_ALBEDO, np.pi * photographed / LEAST_ALBEDO
-    return float(np.clip(around, low, high)) if around > 0.0 else float(np.sqrt(low * high))
-
-
 def _pulled(flux: Float32, weight: Float32) -> Float32:
     h, w = weight.shape[:2]
     if max(h, w) == 1:
-        return flux / np.maximum(weight, 1e-12)
+        return np.asarray(flux / np.maximum(weight, 1e-12), np.float32)
     coarse_flux, coarse_weight = _halved(flux), _halved(weight)
     # Weights saturate: one known pixel among four is known.
     coarser = _pulled(*_saturated(coarse_flux, coarse_weight))
-    return flux + (1.0 - weight) * _doubled(coarser, (h, w))
+    return np.asarray(flux + (1.0 - weight) * _doubled(coarser, (h, w)), np.float32)
 
 
 def _saturated(flux: Float32, weight: Float32) -> tuple[Float32, Float32]:
     share = np.minimum(weight, 1.0)
-    return flux * (share / np.maximum(weight, 1e-12)), share
+    return (flux * (share / np.maximum(weight, 1e-12))).astype(np.float32), share.astype(np.float32)
 
 
 def _halved(values: Float32) -> Float32:
@@ -117,7 +106,7 @@ def _halved(values: Float32) -> Float32:
     return np.asarray(even.reshape(-(-h // 2), 2, -(-w // 2), 2, -1).sum(axis=(1, 3)), np.float32)
 
 
-def _doubled(values: Float32, size: tuple[int, int]) -> Float32:
+def _doubled(values: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.NDArray[np.floating]:
     """Interpolate to twice the size, linearly, and cut to `size`."""
     for axis in (0, 1):
         values = np.moveaxis(values, axis, 0)

@@ -16,14 +16,15 @@ from scipy.ndimage import maximum_filter
 
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
-from core.photo_depth import SMOOTHING
-from core.photo_surround import believed_irradiance, filled, scene_radiance, surround_map
+from core.photo_depth import SMOOTHING, inflated
+from core.photo_light import Shading, light_around, measure_shading
+from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets, LoadedMesh
 from viewer.frame import Renderer
 from viewer.lighting import Progress
 from viewer.photo import Photo, Region
-from viewer.photo_geometry import Geometry, frame_object, make_geometry
+from viewer.photo_geometry import Geometry, frame_object, make_geometry, over_nodes
 from viewer.picture import Frame, read_frame
 from viewer.scene import Scene
 from viewer.settings import DisplaySettings, ModelSettings
@@ -61,19 +62,19 @@ class Edited:
 
 
 class PhotoAssets(Assets):
-    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its surround."""
+    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its light."""
 
-    def __init__(self, geometry: Geometry, path: Path, surround: Probe | None) -> None:
+    def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
         super().__init__()
-        self._mesh, self._path, self._around = geometry.mesh, path, surround
+        self._mesh, self._path, self._light = geometry.mesh, path, light
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
         """Return the object."""
         return self._mesh, None
 
     def probe(self, source: Path | str) -> Probe:
-        """Return the surround, or another light probe."""
-        return self._around if source == self._path and self._around is not None else super().probe(source)
+        """Return the photograph's light, or another light probe."""
+        return self._light if source == self._path else super().probe(source)
 
     def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
         """Return what they are: the object is closed by construction."""
@@ -122,42 +123,52 @@ def edit(
     lap("depth and surface")
     progress("looking at the surround")
     white = scene.display.white
-    surround = photo_surround(photo, white)
-    lap("surround")
-    placed = placed_scene(scene, photo, geometry, surround is not None)
-    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, surround))
+    light = photo_light(photo, geometry, white)
+    lap("light")
+    placed = placed_scene(scene, photo, geometry)
+    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
     picture = renderer.draw(placed, samples=samples, parts=True, progress=progress, last=True)
     frame = read_frame(picture, renderer.timings, last=True)
     lap("rendering")
-    exposure = _exposure(placed, photo, geometry, frame, surround)
+    exposure = _exposure(placed, photo, geometry, frame, light)
     behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
     lap("background")
     return Edited(photo, geometry, replace(frame, timings={**timings, **frame.timings}), exposure, white, behind)
 
 
-def placed_scene(scene: Scene, photo: Photo, geometry: Geometry, has_surround: bool) -> Scene:
-    """Return the scene with the photograph's camera, and its surround where there is no other environment."""
+def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
+    """Return the scene with the photograph's camera, and its light where there is no other environment."""
     rows, columns = geometry.framing.size
     environment = scene.environment
-    if not environment.given and has_surround:
+    if not environment.given:
         environment = replace(environment, path=photo.path)
     display = replace(scene.display, image_size=(columns, rows), background="black")
     return replace(scene, camera=geometry.camera, display=display, environment=environment)
 
 
-def photo_surround(photo: Photo, white: float) -> Probe | None:
-    """Return the light that the background makes, in the photograph's radiance; None where there is no background."""
+def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
+    """Return the light on the object, in the photograph's radiance, see `core.photo_light`."""
     h, w = photo.size
     block = max(1, max(h, w) // SURROUND_SIDE)
     region = Region(0, 0, -(-h // block) * block, -(-w // block) * block)
     colour, coverage = photo.reduced(region, block)
-    weight = clear_of(coverage)
-    if not weight.any():
-        return None
-    outline = photo.outline
-    centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
-    behind = filled(scene_radiance(colour, white), weight.astype(np.float32))
-    return Probe.from_pixels(surround_map(behind, centre))
+    weight, around = clear_of(coverage), None
+    if weight.any():
+        outline = photo.outline
+        centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
+        around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
+    shading = photo_shading(geometry, white)
+    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+
+
+def photo_shading(geometry: Geometry, white: float) -> Shading:
+    """Return how the photograph shows the object lit."""
+    radiance = luminance(scene_radiance(geometry.colour, white))
+    inside = geometry.share > 0.999
+    if not inside.any():
+        inside = geometry.share > 0.5
+    seen = over_nodes(radiance, geometry.coverage, geometry.framing.step)
+    return measure_shading(seen, inflated(geometry.share > 0.5), inside)
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
@@ -165,24 +176,15 @@ def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
     return np.asarray(maximum_filter(coverage, 5) == 0.0)
 
 
-def _exposure(scene: Scene, photo: Photo, geometry: Geometry, frame: Frame, surround: Probe | None) -> float:
-    """Factor from the frame's radiance to the photograph's."""
-    eta = scene.material.resolve().eta
-    shown = geometry.coverage > 0.5
-    seen = float(luminance(scene_radiance(geometry.colour[shown], scene.display.white)).mean())
-    around = 0.0
-    if surround is not None:
-        front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
-        # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
-        table = irradiance_table(surround.sh, eta)
-        around = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
-    believed = believed_irradiance(seen, around)
-    own = scene.environment.path == photo.path and scene.environment.intensity > 0.0
-    rendered = around if own else _mean_irradiance(frame)
-    return (scene.display.key / KEY) * (believed / rendered if rendered > 0.0 else 0.0)
-
-
-def _mean_irradiance(frame: Frame) -> float:
-    """Mean luminance of the irradiance on what is seen."""
+def _exposure(scene: Scene, photo: Photo, geometry: Geometry, frame: Frame, light: Probe) -> float:
+    """Factor from the frame's radiance to the photograph's: light by hand is made as bright as the photograph's."""
+    stops = scene.display.key / KEY
+    if scene.environment.path == photo.path and scene.environment.intensity > 0.0:
+        return stops
+    front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
+    # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
+    table = irradiance_table(light.sh, scene.material.resolve().eta)
+    wanted = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
     total = float(frame.alpha.sum())
-    return float((luminance(frame.irradiance) * frame.alpha).sum()) / total if total > 0.0 else 0.0
+    rendered = float((luminance(frame.irradiance) * frame.alpha).sum()) / total if total > 0.0 else 0.0
+    return stops * wanted / rendered if rendered > 0.0 else 0.0

@@ -9,7 +9,7 @@ import typer
 
 from core.errors import InputError
 from viewer.options import scene_options
-from viewer.scene import EnvironmentSettings, Scene
+from viewer.scene import EnvironmentSettings, Scene, SpecularSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,7 @@ FROM_PHOTO = (
     "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
     "orthographic", "background",
 )  # fmt: skip
-START = Scene(environment=EnvironmentSettings(occluded=False))
+START = Scene(environment=EnvironmentSettings(occluded=False), specular=SpecularSettings(1.0, 80.0, "normalized"))
 BACKGROUNDS = ("filled", "seen", "transparent")
 DEPTH_OUTPUTS = (".png", ".exr", ".npy")
 
@@ -37,7 +37,9 @@ def _edit(
     ],
     depth: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Depth map instead of an estimate, larger is nearer: .png, or .exr, .npy in mm."),
+        typer.Option(
+            metavar="FILE", help="Depth map instead of an estimate, larger is nearer: .png, or .exr, .npy in mm."
+        ),
     ] = None,
     depth_output: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
@@ -51,7 +53,9 @@ def _edit(
     ] = 0.12,
     background: Annotated[
         str,
-        typer.Option(metavar="|".join(BACKGROUNDS), help="Behind soft edges: filled in, or as seen; or no photo at all."),
+        typer.Option(
+            metavar="|".join(BACKGROUNDS), help="Behind soft edges: filled in, or as seen; or no photo at all."
+        ),
     ] = "filled",
     samples: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")] = 1,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
@@ -72,7 +76,13 @@ edit = scene_options(_edit, FROM_PHOTO, START)
 
 
 def check(
-    scene: Scene, photo: str, mask: str, outputs: list[str], depth: str | None, depth_output: str | None, background: str
+    scene: Scene,
+    photo: str,
+    mask: str,
+    outputs: list[str],
+    depth: str | None,
+    depth_output: str | None,
+    background: str,
 ) -> None:
     """Refuse what cannot be written or would overwrite an input, before any work."""
     from viewer.images import check_output

@@ -61,7 +61,8 @@ class Compositor:
         self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
         frame = edited.frame
         self._known = frame.alpha
-        self._radiance = edited.exposure * self._continued(frame.radiance / np.maximum(frame.alpha, 1e-6)[..., None])
+        mean = frame.radiance / np.maximum(frame.alpha, 1e-6)[..., None]
+        self._radiance = np.float32(edited.exposure) * self._continued(mean)
 
     def picture(self, transparent: bool = False) -> PixelsInt:
         """Return the photograph with the object, (h, w, 3 or 4) of the photograph's type.
@@ -108,14 +109,19 @@ class Compositor:
             behind = scene_radiance(band.behind, self._edited.white)
             opaque = np.ones_like(band.alpha) if photo.alpha is None else photo.alpha[rows] / most
             depth = self._edited.geometry.depth_mm(place)
-            planes = [behind + alpha * (shown - behind), np.maximum(opaque, band.alpha)[..., None], alpha * shown, alpha]
+            planes = [
+                behind + alpha * (shown - behind),
+                np.maximum(opaque, band.alpha)[..., None],
+                alpha * shown,
+                alpha,
+            ]
             planes += [behind, np.where(band.alpha > 0.0, depth, 0.0)[..., None]]
             for name, values in parts.items():
                 scale = exposure if LAYERS[name] == "RGB" else 1.0
                 planes.append(np.where(alpha > 0.0, scale * self._object(place, values), 0.0))
             yield np.concatenate(planes, axis=2).astype(np.float32)
 
-    def _continued(self, values: Float32) -> Float32:
+    def _continued(self, values: npt.NDArray[np.floating]) -> Float32:
         """Continue beyond the surface, which ends about where the mask does."""
         return filled(values, self._known)
 
@@ -159,4 +165,4 @@ def _softened(values: Float32) -> Float32:
 
 
 def _quantised(values: npt.NDArray[np.floating], most: int) -> PixelsInt:
-    return np.rint(values * most).astype(np.uint8 if most == 255 else np.uint16)
+    return np.asarray(np.rint(values * most), np.uint8 if most == 255 else np.uint16)

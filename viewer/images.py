@@ -17,7 +17,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 from core.errors import InputError
 
 Pixels8 = npt.NDArray[np.uint8]
-PixelsInt = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+PixelsInt = npt.NDArray[np.unsignedinteger]  # uint8 or uint16
 Pixels32 = npt.NDArray[np.float32]
 
 PROBE_SUFFIXES = (".hdr", ".exr")
@@ -103,12 +103,14 @@ def read_photo(path: str | os.PathLike[str]) -> tuple[PixelsInt, bytes | None]:
     """
     path = Path(path)
     names, pixels = _read(path, PHOTO_SUFFIXES, "", 4)
-    if not np.issubdtype(pixels.dtype, np.integer):
+    if pixels.dtype == np.float32:
         raise InputError(f"{path} holds floating-point pixels: save it with 8 or 16 bits a channel.")
-    spec = oiio.ImageInput.open(str(path)).spec()
+    source = oiio.ImageInput.open(str(path))
+    assert source is not None  # it was just read
+    spec = source.spec()
     fits = spec.get_string_attribute("ICCProfile:color_space") == "RGB" and len(names) >= 3
     profile = spec.getattribute("ICCProfile") if fits else None
-    return np.asarray(pixels), None if profile is None else bytes(profile)  # type: ignore[return-value]
+    return np.asarray(pixels), None if profile is None else bytes(profile)
 
 
 def read_channels(
@@ -174,7 +176,7 @@ def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) ->
 def write_exr_bands(
     path: str | os.PathLike[str], names: Sequence[str], size: tuple[int, ...], bands: Iterable[Pixels32]
 ) -> None:
-    """Write an EXR as `write_exr`, whose rows come in bands (rows, w, c) of at most `BAND`, from the top; size (h, w)."""
+    """Write an EXR as `write_exr`, whose rows come in bands (rows, w, c) of at most `BAND`, from the top."""
     spec = oiio.ImageSpec(size[1], size[0], len(names), "float")
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")

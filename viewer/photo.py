@@ -84,9 +84,7 @@ class Photo:
         rows, columns = np.flatnonzero(present.any(axis=1)), np.flatnonzero(present.any(axis=0))
         if len(rows) == 0:
             raise InputError("the mask is empty (black): paint the object white")
-        region = Region(
-            int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1
-        )
+        region = Region(int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1)
         if max(region.height, region.width) < LEAST_SIDE:
             raise InputError(
                 f"the masked object measures {region.width}x{region.height} pixels: it needs {LEAST_SIDE} at least; "
@@ -131,9 +129,9 @@ def load_photo(path: Path, mask_path: Path) -> Photo:
             f"{mask_path} measures {mask.shape[1]}x{mask.shape[0]} pixels but {path} {pixels.shape[1]}x"
             f"{pixels.shape[0]}: make the mask of the same picture, at the same size"
         )
-    alpha = np.ascontiguousarray(pixels[..., -1]) if pixels.shape[2] in (2, 4) else None
+    alpha = np.asarray(pixels[..., -1], pixels.dtype) if pixels.shape[2] in (2, 4) else None
     colour = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    return Photo(path, np.ascontiguousarray(colour), alpha, mask, profile)
+    return Photo(path, np.asarray(colour, pixels.dtype), alpha, mask, profile)
 
 
 def bands(region: Region, block: int = 1) -> Iterator[Region]:
@@ -146,10 +144,10 @@ def bands(region: Region, block: int = 1) -> Iterator[Region]:
 def _mask(pixels: PixelsInt) -> PixelsInt:
     """One plane: alpha where it says something, else the mean of the colours."""
     if pixels.shape[2] in (2, 4) and pixels[..., -1].min() < pixels[..., -1].max():
-        return np.ascontiguousarray(pixels[..., -1])
+        return np.asarray(pixels[..., -1], pixels.dtype)
     colour = pixels[..., : 1 if pixels.shape[2] < 3 else 3]
     if colour.shape[2] == 1:
-        return np.ascontiguousarray(colour[..., 0])
+        return np.asarray(colour[..., 0], pixels.dtype)
     return np.asarray(colour.mean(axis=2), pixels.dtype)
 
 
@@ -163,7 +161,7 @@ def _cut(plane: PixelsInt, region: Region) -> PixelsInt:
     h, w = plane.shape[:2]
     rows = np.clip(np.arange(region.top, region.top + region.height), 0, h - 1)
     columns = np.clip(np.arange(region.left, region.left + region.width), 0, w - 1)
-    return np.asarray(plane[rows[:, None], columns[None, :]])
+    return np.asarray(plane[rows[:, None], columns[None, :]], plane.dtype)
 
 
 def _means(values: Float32, block: int) -> Float32:

@@ -12,7 +12,7 @@ from core.photo_depth import estimate_height, inscribed_radius
 from core.photo_surface import Outline, find_outline, height_surface
 from core.photo_surround import filled
 from core.tonemap import luminance
-from viewer.images import PHOTO_SUFFIXES, read_channels, read_photo
+from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
 from viewer.settings import CameraSettings
 
@@ -62,6 +62,8 @@ class Geometry:
     colour : (h, w, 3) float32
         Linear RGB of the region, a pixel each of the rendered picture.
     coverage : (h, w) float32
+    share : (n, m) float64
+        Coverage of the nodes' squares.
     height : (n, m) float64
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
@@ -72,6 +74,7 @@ class Geometry:
     framing: Framing
     colour: Float32
     coverage: Float32
+    share: Array
     height: Array
     mesh: Mesh
     camera: CameraSettings
@@ -81,8 +84,10 @@ class Geometry:
         node = self.framing.block * self.framing.step
         nodes = (self.height * (self.framing.mm * self.framing.step)).astype(np.float32)[..., None]
         whole = self.framing.region
-        rows, columns = (range(start, start + n) for start, n in (
-            (band.top - whole.top, band.height), (band.left - whole.left, band.width)))
+        rows, columns = (
+            range(start, start + n)
+            for start, n in ((band.top - whole.top, band.height), (band.left - whole.left, band.width))
+        )
         return enlarged(nodes, node, rows, columns)[..., 0]
 
 
@@ -130,7 +135,7 @@ def make_geometry(
     if not outline.inner.any():
         raise InputError("the mask shows nothing thick enough to have a volume: paint the object's inside white too")
     if depth is None:
-        light = _squares(luminance(colour) * coverage, framing.step) / np.maximum(share, 1e-6)
+        light = over_nodes(luminance(colour), coverage, framing.step)
         height = estimate_height(light, outline.inner, smoothing=smoothing, strength=strength)
     else:
         height = _given_height(read_depth(depth, photo), photo, framing, outline, strength, depth.suffix == ".png")
@@ -138,7 +143,7 @@ def make_geometry(
     mesh = height_surface(outline, height, spacing)
     centre = mesh.bounds.mean(axis=0)
     mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
-    return Geometry(framing, colour, coverage, height, mesh, _camera(framing, mesh, centre))
+    return Geometry(framing, colour, coverage, share, height, mesh, _camera(framing, mesh, centre))
 
 
 def read_depth(path: Path, photo: Photo) -> Float32:
@@ -196,9 +201,7 @@ def _given_height(
     # Half-covered pixels may show what is behind.
     weight = photo.coverage(region) > 0.5
     cut = np.where(weight, values[rows[:, None], columns[None, :]], 0.0)
-    share = _squares(weight.astype(np.float32), node)
-    means = _squares(cut, node) / np.maximum(share, 1e-6)
-    known = share > 0.0
+    means, known = over_nodes(cut, weight.astype(np.float32), node), _squares(weight.astype(np.float32), node) > 0.0
     height = filled(means[..., None], known.astype(np.float32))[..., 0].astype(np.float64)
     low, high = float(height[known].min()), float(height[known].max())
     if not relative:
@@ -215,6 +218,11 @@ def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
     # Nodes are the centres of squares of pixels, so that the grid's middle, x = y = 0 before, is the region's.
     target = (-float(centre[0]), -float(centre[1]), 0.0)
     return CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, orthographic=True, zoom=zoom, target_mm=target)
+
+
+def over_nodes(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating], step: int) -> Array:
+    """Weighted means (n, m) of pixels (h, w) over the squares of the nodes; 0 where nothing has weight."""
+    return _squares(values * weight, step) / np.maximum(_squares(weight, step), 1e-6)
 
 
 def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
