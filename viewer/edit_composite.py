@@ -23,6 +23,7 @@ Array = npt.NDArray[np.float64]
 BEHIND = ("filled", "seen")  # what soft edges show: the background without the object, or the photograph as it is
 LAYERS = {"irradiance": "RGB", "exitance": "RGB", "subsurface": "RGB", "specular": "RGB", "position": "XYZ",
           "normal": "XYZ"}  # fmt: skip
+GRAZING = 0.25  # cosine towards the camera below which the object takes the colour of what is beside
 _MARGIN = 2  # rows and columns that an edge pixel looks at
 
 
@@ -60,7 +61,8 @@ class Compositor:
         self._edited, self._fill = edited, behind == "filled"
         self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
         frame = edited.frame
-        self._known = frame.alpha
+        # Closer to the outline than that, slopes of an estimate are chance, and mirror it all as a bright seam.
+        self._known = np.where(frame.normal[..., 2] > GRAZING, frame.alpha, np.float32(0.0))
         mean = frame.radiance / np.maximum(frame.alpha, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
 
