@@ -26,7 +26,7 @@ _SWEEPS = 14  # of relaxation a level
 
 
 def estimate_height(
-    luminance: npt.ArrayLike, inside: Bools, *, smoothing: float = SMOOTHING, strength: float = 1.0
+    luminance: npt.ArrayLike, inside: Bools, base: Array, *, smoothing: float = SMOOTHING, strength: float = 1.0
 ) -> Array:
     """Estimate the height of an object towards the camera.
 
@@ -35,6 +35,8 @@ def estimate_height(
     luminance : (h, w)
         Linear, >= 0; only what is inside counts.
     inside : (h, w) bool
+    base : (h, w) float64
+        The outline inflated, see `inflated`.
     smoothing : float
         Scale of the bilateral filter over the radius of the largest inscribed circle, > 0.
     strength : float
@@ -46,7 +48,6 @@ def estimate_height(
         0 outside and at the outline.
     """
     radius = inscribed_radius(inside)
-    base = inflated(inside)
     weight = inside.astype(np.float64)
     light = np.where(inside, luminance, 0.0)
     mean = light[inside].mean()
@@ -71,7 +72,8 @@ def inflated(inside: Bools) -> Array:
 
     A disc becomes a hemisphere, an ellipse half an ellipsoid.
     """
-    height = np.sqrt(np.maximum(_membrane(np.pad(inside, 1))[1:-1, 1:-1], 0.0))
+    outside = ~np.pad(inside, 1)
+    height = np.sqrt(np.maximum(_relaxed(outside, np.zeros(outside.shape), 4.0)[1:-1, 1:-1], 0.0))
     top = float(height.max())
     return height * (inscribed_radius(inside) / top) if top > 0.0 else height
 
@@ -140,33 +142,31 @@ def _fade(inside: Bools, width: float) -> Array:
     return np.asarray(np.minimum(depth, 1.0))
 
 
-def _membrane(inside: Bools) -> Array:
-    return _relaxed(~inside, np.zeros(inside.shape), 4.0)
-
-
 def _relaxed(fixed: Bools, values: Array, source: float) -> Array:
     """Solve -lap u = source where u is not fixed: nested grids, each relaxed from the solution of the coarser one.
 
-    Not converged to rounding: what is left is far below what the estimate itself is worth.
+    The border is fixed. Not converged to rounding: what is left is far below what an estimate is worth.
     """
     h, w = fixed.shape
-    solution = values.copy()
     if min(h, w) > _COARSEST:
-        # A coarse node is fixed where any of its four is, to the mean of those.
-        even = np.pad(fixed, ((0, h % 2), (0, w % 2)), mode="edge").reshape(-(-h // 2), 2, -(-w // 2), 2)
-        held = np.pad(np.where(fixed, values, 0.0), ((0, h % 2), (0, w % 2)), mode="edge").reshape(even.shape)
-        count = even.sum(axis=(1, 3))
-        coarse = _relaxed(count >= 2, held.sum(axis=(1, 3)) / np.maximum(count, 1), 4.0 * source)
-        upper = zoom(coarse, 2, order=1, grid_mode=True, mode="nearest")[:h, :w]
-        solution = np.where(fixed, values, upper)
+        # A coarse node is fixed where two of its four are, to the mean of those.
+        even = ((0, h % 2), (0, w % 2))
+        held, weight = (_fours(np.pad(part, even)) for part in (np.where(fixed, values, 0.0), fixed.astype(np.float64)))
+        coarse = _relaxed(weight >= 2.0, held / np.maximum(weight, 1.0), 4.0 * source)
+        solution = np.where(fixed, values, zoom(coarse, 2, order=1, grid_mode=True, mode="nearest")[:h, :w])
         sweeps, over = _SWEEPS, 1.0
     else:
-        sweeps, over = 300, 1.7
-    red = (np.add.outer(np.arange(h), np.arange(w)) % 2 == 0) & ~fixed
-    black = ~fixed & ~red
+        solution, sweeps, over = np.where(fixed, values, 0.0), 200, 1.7
+    inner = solution[1:-1, 1:-1]
+    red = np.add.outer(np.arange(1, h - 1), np.arange(1, w - 1)) % 2 == 0
+    free = ~fixed[1:-1, 1:-1]
     for _ in range(sweeps):
-        for colour in (red, black):
-            around = np.pad(solution, 1, mode="edge")
-            mean = 0.25 * (around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:] + source)
-            solution = np.where(colour, solution + over * (mean - solution), solution)
+        for colour in (red & free, ~red & free):
+            mean = solution[:-2, 1:-1] + solution[2:, 1:-1] + solution[1:-1, :-2] + solution[1:-1, 2:]
+            inner[colour] += over * (0.25 * (mean[colour] + source) - inner[colour])
     return solution
+
+
+def _fours(values: Array) -> Array:
+    """Sums of two by two."""
+    return np.asarray(values[::2, ::2] + values[1::2, ::2] + values[::2, 1::2] + values[1::2, 1::2])

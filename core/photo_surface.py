@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from core.mesh import Ints, Mesh, compact
 from core.normals import vertex_normals
-from core.photo_depth import harmonic, inflated
+from core.photo_depth import harmonic
 
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -73,7 +73,7 @@ def _narrow(quads: Bools, inner: Bools) -> Bools:
     return none
 
 
-def height_surface(outline: Outline, height: Array, spacing: float, thickness: float = 1.0) -> Mesh:
+def height_surface(outline: Outline, height: Array, base: Array, spacing: float) -> Mesh:
     """Close a height field.
 
     Parameters
@@ -81,10 +81,10 @@ def height_surface(outline: Outline, height: Array, spacing: float, thickness: f
     outline : Outline
     height : (h, w) float64
         Towards the camera, in nodes; finite where a node is used.
+    base : (h, w) float64
+        The outline's inner nodes inflated, which the back is.
     spacing : float
         mm between two nodes, > 0.
-    thickness : float
-        Of the back over the inflated outline, > 0.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def height_surface(outline: Outline, height: Array, spacing: float, thickness: f
     rim = outline.used & ~outline.inner
     # From rim to rim behind the object; where the front is hollow, behind that.
     between = harmonic(height, rim | ~outline.used)
-    back = np.minimum(between, height) - thickness * inflated(outline.inner)
+    back = np.minimum(between, height) - base
     number = np.arange(h * w).reshape(h, w)
     front_faces = _faces(number, outline)
     behind = np.where(outline.inner, number + h * w, number)  # the rim belongs to both

@@ -16,12 +16,13 @@ from scipy.ndimage import maximum_filter
 
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
-from core.photo_depth import SMOOTHING, inflated
+from core.photo_depth import SMOOTHING
 from core.photo_light import Shading, light_around, measure_shading
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets, LoadedMesh
 from viewer.frame import Renderer
+from viewer.gl import read_rgba
 from viewer.lighting import Progress
 from viewer.photo import Photo, Region
 from viewer.photo_geometry import Geometry, frame_object, make_geometry, over_nodes
@@ -44,21 +45,33 @@ class Edited:
     ----------
     photo : Photo
     geometry : Geometry
-    frame : Frame
+    radiance : (h, w, 3) float32
+        Rendered, multiplied by coverage.
+    coverage : (h, w) float32
+        By the rendered surface.
+    frame : Frame, optional
+        All of what was rendered, where it was asked for.
     exposure : float
-        The frame's radiance times this is that of the photograph, see `core.photo_surround.scene_radiance`.
+        The radiance times this is that of the photograph, see `core.photo_surround.scene_radiance`.
     white : float
         Of the tone map.
     behind : (h, w, 3) float32
         Linear RGB of the background, filled in where the object was.
+    timings : dict
+        Stage -> ms.
+    warnings : tuple of str
     """
 
     photo: Photo
     geometry: Geometry
-    frame: Frame
+    radiance: Float32
+    coverage: Float32
+    frame: Frame | None
     exposure: float
     white: float
     behind: Float32
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
 
 
 class PhotoAssets(Assets):
@@ -90,6 +103,7 @@ def edit(
     smoothing: float = SMOOTHING,
     depth: Path | None = None,
     samples: int = 1,
+    parts: bool = True,
     progress: Progress = lambda _: None,
 ) -> Edited:
     """Render the object of a photograph in a scene's material and light.
@@ -104,6 +118,8 @@ def edit(
     strength, smoothing, depth : as of `viewer.photo_geometry.make_geometry`
     samples : int
         Of a pixel; the mask smooths the outline anyway.
+    parts : bool
+        Whether to keep what the radiance is made of.
     progress : as of `viewer.frame.render`
 
     Raises
@@ -111,7 +127,8 @@ def edit(
     InputError
         What cannot be rendered; one sentence.
     """
-    timings, clock = {}, perf_counter()
+    timings: dict[str, float] = {}
+    clock = perf_counter()
 
     def lap(stage: str) -> None:
         nonlocal clock
@@ -127,13 +144,22 @@ def edit(
     lap("light")
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
-    picture = renderer.draw(placed, samples=samples, parts=True, progress=progress, last=True)
-    frame = read_frame(picture, renderer.timings, last=True)
+    # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
+    own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
+    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True)
+    timings |= renderer.timings
+    rendered = read_rgba(picture.composite.textures["radiance"])
+    radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
+    exposure = scene.display.key / KEY
+    if not own:
+        irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
+        exposure *= _match(light, irradiance, float(covered.sum()), geometry, placed)
+    frame = read_frame(picture, renderer.timings, last=True) if parts else None
     lap("rendering")
-    exposure = _exposure(placed, photo, geometry, frame, light)
     behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
     lap("background")
-    return Edited(photo, geometry, replace(frame, timings={**timings, **frame.timings}), exposure, white, behind)
+    kept = exposure, white, behind, timings, picture.warnings
+    return Edited(photo, geometry, radiance, covered, frame, *kept)
 
 
 def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
@@ -168,7 +194,7 @@ def photo_shading(geometry: Geometry, white: float) -> Shading:
     if not inside.any():
         inside = geometry.share > 0.5
     seen = over_nodes(radiance, geometry.coverage, geometry.framing.step)
-    return measure_shading(seen, inflated(geometry.share > 0.5), inside)
+    return measure_shading(seen, geometry.base, inside)
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
@@ -176,15 +202,11 @@ def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
     return np.asarray(maximum_filter(coverage, 5) == 0.0)
 
 
-def _exposure(scene: Scene, photo: Photo, geometry: Geometry, frame: Frame, light: Probe) -> float:
-    """Factor from the frame's radiance to the photograph's: light by hand is made as bright as the photograph's."""
-    stops = scene.display.key / KEY
-    if scene.environment.path == photo.path and scene.environment.intensity > 0.0:
-        return stops
+def _match(light: Probe, irradiance: Float32, pixels: float, geometry: Geometry, scene: Scene) -> float:
+    """Factor that makes the irradiance of a picture, (h, w, 3) times coverage, as bright as that of the photograph."""
     front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
     # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
     table = irradiance_table(light.sh, scene.material.resolve().eta)
     wanted = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
-    total = float(frame.alpha.sum())
-    rendered = float((luminance(frame.irradiance) * frame.alpha).sum()) / total if total > 0.0 else 0.0
-    return stops * wanted / rendered if rendered > 0.0 else 0.0
+    rendered = float(luminance(irradiance).sum()) / max(pixels, 1.0)
+    return wanted / rendered if rendered > 0.0 else 0.0

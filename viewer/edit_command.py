@@ -9,7 +9,7 @@ import typer
 
 from core.errors import InputError
 from viewer.options import scene_options
-from viewer.scene import EnvironmentSettings, Scene, SpecularSettings
+from viewer.scene import EnvironmentSettings, Scene, SpecularSettings, TransportSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,11 @@ FROM_PHOTO = (
     "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
     "orthographic", "background",
 )  # fmt: skip
-START = Scene(environment=EnvironmentSettings(occluded=False), specular=SpecularSettings(1.0, 80.0, "normalized"))
+START = Scene(
+    environment=EnvironmentSettings(occluded=False),
+    specular=SpecularSettings(1.0, 80.0, "normalized"),
+    transport=TransportSettings(resolution=48),
+)
 BACKGROUNDS = ("filled", "seen", "transparent")
 DEPTH_OUTPUTS = (".png", ".exr", ".npy")
 
@@ -62,12 +66,13 @@ def _edit(
 ) -> None:
     """Give the object of a photograph another material."""
     check(scene, photo, mask, output, depth, depth_output, background)
-    edited = _run(scene, photo, mask, depth, depth_strength, depth_smoothing, samples)
-    for warning in edited.frame.warnings:
+    parts = any(Path(name).suffix.lower() == ".exr" for name in output)
+    edited = _run(scene, photo, mask, depth, depth_strength, depth_smoothing, samples, parts)
+    for warning in edited.warnings:
         typer.echo(f"milkglass: warning: {warning}.", err=True)
     _save(edited, output, depth_output, background)
     if verbose:
-        for stage, milliseconds in edited.frame.timings.items():
+        for stage, milliseconds in edited.timings.items():
             typer.echo(f"{stage:28} {milliseconds:8.1f} ms")
 
 
@@ -104,7 +109,14 @@ def check(
 
 
 def _run(
-    scene: Scene, photo: str, mask: str, depth: str | None, strength: float, smoothing: float, samples: int
+    scene: Scene,
+    photo: str,
+    mask: str,
+    depth: str | None,
+    strength: float,
+    smoothing: float,
+    samples: int,
+    parts: bool,
 ) -> "Edited":
     from rich.console import Console
 
@@ -119,7 +131,7 @@ def _run(
     def work(say: "Progress" = lambda _: None) -> "Edited":
         return edited(
             loaded, scene, headless_context(), strength=strength, smoothing=smoothing, depth=given, samples=samples,
-            progress=say,
+            parts=parts, progress=say,
         )  # fmt: skip
 
     if not console.is_terminal:

@@ -60,10 +60,10 @@ class Compositor:
     def __init__(self, edited: Edited, behind: str = "filled") -> None:
         self._edited, self._fill = edited, behind == "filled"
         self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
-        frame = edited.frame
         # Closer to the outline than that, slopes of an estimate are chance, and mirror it all as a bright seam.
-        self._known = np.where(frame.normal[..., 2] > GRAZING, frame.alpha, np.float32(0.0))
-        mean = frame.radiance / np.maximum(frame.alpha, 1e-6)[..., None]
+        steep = edited.geometry.facing() < GRAZING
+        self._known = np.where(steep, np.float32(0.0), edited.coverage)
+        mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
 
     def picture(self, transparent: bool = False) -> PixelsInt:
@@ -95,13 +95,14 @@ class Compositor:
         return out
 
     def layers(self) -> tuple[tuple[str, ...], Iterator[Float32]]:
-        """Return the names of the layers, and bands of them for `viewer.images.write_exr_bands`."""
+        """Return the names of the layers, and bands of them for `viewer.images.write_exr_bands`; needs the parts."""
         names = [*"RGBA", *(f"object.{c}" for c in "RGBA"), *(f"background.{c}" for c in "RGB"), "depth.Z"]
         names += [f"{layer}.{c}" for layer, letters in LAYERS.items() for c in letters]
         return tuple(names), self._layer_bands()
 
     def _layer_bands(self) -> Iterator[Float32]:
         photo, frame, exposure = self._edited.photo, self._edited.frame, self._edited.exposure
+        assert frame is not None
         parts = {name: self._continued(getattr(frame, name)) for name in LAYERS}
         most = np.float32(np.iinfo(photo.pixels.dtype).max)
         for band in self._bands(photo.whole):

@@ -152,6 +152,7 @@ def write_png(path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | 
         raise ValueError(f"pixels must be (h, w, 1, 3 or 4) uint8 or uint16, not {pixels.shape} {pixels.dtype}")
     height, width, count = pixels.shape
     spec = oiio.ImageSpec(width, height, count, pixels.dtype.name)
+    spec.attribute("png:compressionLevel", 4)  # a third of the time of 6, for a file 7 % larger
     if profile is None:
         spec.attribute("oiio:ColorSpace", "sRGB")
     else:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from core.errors import InputError
 from core.mesh import Mesh
-from core.photo_depth import estimate_height, inscribed_radius
+from core.photo_depth import estimate_height, inflated, inscribed_radius
 from core.photo_surface import Outline, find_outline, height_surface
 from core.photo_surround import filled
 from core.tonemap import luminance
@@ -64,6 +64,8 @@ class Geometry:
     coverage : (h, w) float32
     share : (n, m) float64
         Coverage of the nodes' squares.
+    base : (n, m) float64
+        The outline inflated, in nodes.
     height : (n, m) float64
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
@@ -75,6 +77,7 @@ class Geometry:
     colour: Float32
     coverage: Float32
     share: Array
+    base: Array
     height: Array
     mesh: Mesh
     camera: CameraSettings
@@ -89,6 +92,13 @@ class Geometry:
             for start, n in ((band.top - whole.top, band.height), (band.left - whole.left, band.width))
         )
         return enlarged(nodes, node, rows, columns)[..., 0]
+
+    def facing(self) -> Float32:
+        """Cosine between the surface and the camera at every rendered pixel, (h, w)."""
+        down, right = np.gradient(self.height)
+        cosine = (1.0 / np.sqrt(1.0 + down**2 + right**2)).astype(np.float32)[..., None]
+        rows, columns = self.framing.size
+        return enlarged(cosine, self.framing.step, range(rows), range(columns))[..., 0]
 
 
 def frame_object(photo: Photo, size_mm: float) -> Framing:
@@ -134,16 +144,16 @@ def make_geometry(
     outline = find_outline(share)
     if not outline.inner.any():
         raise InputError("the mask shows nothing thick enough to have a volume: paint the object's inside white too")
+    base = inflated(outline.inner)
     if depth is None:
         light = over_nodes(luminance(colour), coverage, framing.step)
-        height = estimate_height(light, outline.inner, smoothing=smoothing, strength=strength)
+        height = estimate_height(light, outline.inner, base, smoothing=smoothing, strength=strength)
     else:
         height = _given_height(read_depth(depth, photo), photo, framing, outline, strength, depth.suffix == ".png")
-    spacing = framing.mm * framing.step
-    mesh = height_surface(outline, height, spacing)
+    mesh = height_surface(outline, height, base, framing.mm * framing.step)
     centre = mesh.bounds.mean(axis=0)
     mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
-    return Geometry(framing, colour, coverage, share, height, mesh, _camera(framing, mesh, centre))
+    return Geometry(framing, colour, coverage, share, base, height, mesh, _camera(framing, mesh, centre))
 
 
 def read_depth(path: Path, photo: Photo) -> Float32:
