@@ -4,7 +4,8 @@ A photograph shows half of the surroundings at most, lamps and windows cut off a
 The object tells the rest: a matt surface of outline-inflated shape (`core.photo_depth.inflated`, which no luminance
 went into) is brighter where it faces the light. The linear part of that is fitted, as is usual for a light's direction
 (Pentland 1982, "Finding the illuminant direction"), and the surround weighted by a plane over directions so that it
-shades alike; what light is missing is added all around.
+shades alike; or where a lamp explains the shading far better, there is a lamp. What light is missing is added all
+around.
 """
 
 from typing import NamedTuple
@@ -20,9 +21,20 @@ Float32 = npt.NDArray[np.float32]
 
 LEAST_ALBEDO, MOST_ALBEDO = 0.15, 0.85  # that a photographed object is believed to have
 STEEPEST = 4.0  # of the plane: beyond, all light comes from one half of the sphere anyway
+LAMP_GAIN = 0.75  # of the gradient's mean square: a lamp that leaves no less is not believed
+LAMP_RADIUS = np.radians(6.0)  # small and strong, so that it shines as a lamp with a shadow, see core.probe_sources
+LEAST_LIT = 0.25  # of the mean: what a lamp hardly lights says nothing of depth
+_DIRECTIONS = 300
 _ROWS = 16  # of the map that the fit is made on
 _NORMALS = 400
 _STEPS = 12
+
+
+class Lamp(NamedTuple):
+    """A distant lamp: unit direction towards it, (3,), and its share of the light on what is seen."""
+
+    direction: Array
+    share: float
 
 
 class Shading(NamedTuple):
@@ -36,15 +48,18 @@ class Shading(NamedTuple):
         Change of luminance with the normal over the mean, fitted.
     normals : (n, 3) float64
         Some that were fitted.
+    lamp : Lamp, optional
+        Where one, with the same light from everywhere, explains the shading far better than a gradient does.
     """
 
     level: float
     gradient: Array
     normals: Array
+    lamp: Lamp | None = None
 
 
 def measure_shading(radiance: npt.ArrayLike, height: Array, inside: npt.NDArray[np.bool_]) -> Shading:
-    """Fit luminance c0 + c . n over the visible surface.
+    """Fit luminance c0 + c . n, and a + b max(0, n . l), over the visible surface.
 
     Parameters
     ----------
@@ -57,17 +72,23 @@ def measure_shading(radiance: npt.ArrayLike, height: Array, inside: npt.NDArray[
     """
     seen = np.asarray(radiance, np.float64)[inside]
     level = float(seen.mean()) if len(seen) else 0.0
-    down, right = np.gradient(height)
-    normal = np.stack([-right, down, np.ones_like(height)], axis=-1)[inside]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    some = normal[:: max(1, len(normal) // _NORMALS)]
+    normal = _normals(height)[inside]
+    every = max(1, len(normal) // _NORMALS)
+    some = normal[::every]
     if level <= 0.0 or len(seen) < 16:
         return Shading(level, np.zeros(3), some)
-    matrix = np.concatenate([np.ones((len(normal), 1)), normal], axis=1)
-    # A ridge of a hundredth: a flat object has but one normal, and no gradient.
-    square = np.einsum("ni,nj->ij", matrix, matrix) / len(matrix) + np.diag([0.0, 1e-2, 1e-2, 1e-2])
-    fitted = np.linalg.solve(square, np.einsum("ni,n->i", matrix, seen) / len(matrix))
-    return Shading(level, fitted[1:] / level, some)
+    fitted = np.linalg.solve(_square(normal), np.einsum("ni,n->i", _with_one(normal), seen) / len(normal))
+    missed = float(np.square(seen - np.einsum("ni,i->n", _with_one(normal), fitted)).mean())
+    return Shading(level, fitted[1:] / level, some, _fit_lamp(some, seen[::every], LAMP_GAIN * missed))
+
+
+def without_lamp(radiance: Array, height: Array, inside: npt.NDArray[np.bool_], shading: Shading) -> Array:
+    """Take a lamp's shading of a surface off its luminance (h, w): what is left dark is deep, not turned away."""
+    if shading.lamp is None:
+        return radiance
+    lit = np.maximum(np.einsum("ijk,k->ij", _normals(height), shading.lamp.direction), 0.0)
+    share = shading.lamp.share / max(float(lit[inside].mean()), 1e-3)
+    return np.asarray(radiance / np.maximum(1.0 - shading.lamp.share + share * lit, LEAST_LIT))
 
 
 def light_around(surround: npt.NDArray[np.floating] | None, shading: Shading, size: tuple[int, int]) -> Float32:
@@ -94,17 +115,75 @@ def light_around(surround: npt.NDArray[np.floating] | None, shading: Shading, si
         mean = light.mean(axis=(0, 1))
         missing, tint = max(0.0, low - _mean_irradiance(light, shading.normals)), mean / luminance(mean)
     light = light + missing / np.pi * tint
-    light *= _plane(light, shading)[..., None]
-    reached = _mean_irradiance(light, shading.normals)
-    return np.asarray(light * (np.clip(reached, low, high) / max(reached, 1e-12)), np.float32)
+    # From elsewhere, but no more of it.
+    wanted = np.clip(_mean_irradiance(light, shading.normals), low, high)
+    if shading.lamp is None:
+        light *= _plane(light, shading)[..., None]
+        return np.asarray(light * (wanted / max(_mean_irradiance(light, shading.normals), 1e-12)), np.float32)
+    lamp = _disc(light.shape[:2], shading.lamp.direction)[..., None] * tint
+    light *= (1.0 - shading.lamp.share) * wanted / max(_mean_irradiance(light, shading.normals), 1e-12)
+    cosine = float(np.maximum(np.einsum("nk,k->n", shading.normals, shading.lamp.direction), 0.0).mean())
+    return np.asarray(light + shading.lamp.share * wanted / max(cosine, 1e-3) * lamp, np.float32)
+
+
+def _fit_lamp(normals: Array, seen: Array, most: float) -> Lamp | None:
+    """Fit a + b max(0, n . l) with a, b >= 0; None where its mean square is not below `most`."""
+    directions, best, width = _spread(_DIRECTIONS), None, np.pi
+    for _ in range(3):
+        lit = np.maximum(np.einsum("nk,lk->nl", normals, directions), 0.0)
+        mean, level = lit.mean(axis=0), float(seen.mean())
+        variance = np.maximum(lit.var(axis=0), 1e-9)
+        b = np.maximum(((lit - mean) * (seen - level)[:, None]).mean(axis=0) / variance, 0.0)
+        a = level - b * mean
+        alone = np.einsum("nl,n->l", lit, seen) / np.maximum(np.square(lit).sum(axis=0), 1e-9)
+        a, b = np.where(a < 0.0, 0.0, a), np.where(a < 0.0, np.maximum(alone, 0.0), b)
+        error = np.square(a + b * lit - seen[:, None]).mean(axis=0)
+        i = int(error.argmin())
+        best = (float(error[i]), directions[i], float(b[i] * mean[i] / max(a[i] + b[i] * mean[i], 1e-12)))
+        # Once more, closer around the best.
+        width /= 6.0
+        directions = best[1] + width * _spread(_DIRECTIONS)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    missed, direction, share = best if best is not None else (np.inf, np.zeros(3), 0.0)
+    return Lamp(direction, share) if missed < most else None
+
+
+def _spread(n: int) -> Array:
+    """Directions (n, 3) evenly over the sphere, along a spiral."""
+    place = np.arange(n) + 0.5
+    z, turn = 1.0 - 2.0 * place / n, np.pi * (1.0 + 5.0**0.5) * place
+    around = np.sqrt(1.0 - z**2)
+    return np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=-1)
+
+
+def _disc(shape: tuple[int, ...], direction: Array) -> Array:
+    """Radiance (h, w) of a lamp of irradiance 1 at normal incidence: a disc with a soft edge."""
+    inside = np.clip((np.einsum("ijk,k->ij", _directions(shape), direction) - np.cos(LAMP_RADIUS)) * 1e3, 0.0, 1.0)
+    return np.asarray(inside / max(float((inside * _solid(shape)[:, None]).sum()), 1e-12))
+
+
+def _normals(height: Array) -> Array:
+    """Unit normals (h, w, 3) of heights."""
+    down, right = np.gradient(height)
+    normal = np.stack([-right, down, np.ones_like(height)], axis=-1)
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def _with_one(normals: Array) -> Array:
+    return np.concatenate([np.ones((len(normals), 1)), normals], axis=1)
+
+
+def _square(normals: Array) -> Array:
+    """Normal equations of a linear fit, with a ridge of a hundredth: a flat object has one normal, and no gradient."""
+    matrix = _with_one(normals)
+    return np.asarray(np.einsum("ni,nj->ij", matrix, matrix) / len(matrix) + np.diag([0.0, 1e-2, 1e-2, 1e-2]))
 
 
 def _plane(light: Array, shading: Shading) -> Array:
     """Weights max(0, 1 + k . d) of the directions of a map, so that its irradiance has the fitted gradient."""
     small = luminance(_reduced(light))
     cosines, directions = _transfer(small.shape, shading.normals)
-    matrix = np.concatenate([np.ones((len(cosines), 1)), shading.normals], axis=1)
-    square = np.einsum("ni,nj->ij", matrix, matrix) + len(matrix) * np.diag([0.0, 1e-2, 1e-2, 1e-2])
+    matrix, square = _with_one(shading.normals), _square(shading.normals) * len(shading.normals)
     slope = np.zeros(3)
     for _ in range(_STEPS):
         weight = np.maximum(1.0 + np.einsum("ijk,k->ij", directions, slope), 0.0)
@@ -124,11 +203,13 @@ def _mean_irradiance(light: Array, normals: Array) -> float:
 def _transfer(shape: tuple[int, ...], normals: Array) -> tuple[Array, Array]:
     """Cosine times solid angle of every texel at every normal, (n, h, w), and the directions, (h, w, 3)."""
     directions = _directions(shape)
-    h, w = shape
-    # Exact bands: the sum over the sphere is 4 pi.
-    band = np.cos(np.pi * np.arange(h) / h) - np.cos(np.pi * (np.arange(h) + 1) / h)
-    solid = (2.0 * np.pi / w) * band
-    return np.maximum(np.einsum("nk,ijk->nij", normals, directions), 0.0) * solid[:, None], directions
+    return np.maximum(np.einsum("nk,ijk->nij", normals, directions), 0.0) * _solid(shape)[:, None], directions
+
+
+def _solid(shape: tuple[int, ...]) -> Array:
+    """Solid angle of a texel of each row, (h,); all of them make 4 pi."""
+    edges = np.cos(np.pi * np.arange(shape[0] + 1) / shape[0])
+    return np.asarray(2.0 * np.pi / shape[1] * (edges[:-1] - edges[1:]))
 
 
 def _directions(shape: tuple[int, ...]) -> Array:

@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
 from core.photo_depth import SMOOTHING
-from core.photo_light import Shading, light_around, measure_shading
+from core.photo_light import light_around
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets, LoadedMesh
@@ -25,7 +25,7 @@ from viewer.frame import Renderer
 from viewer.gl import read_rgba
 from viewer.lighting import Progress
 from viewer.photo import Photo, Region
-from viewer.photo_geometry import Geometry, frame_object, make_geometry, over_nodes
+from viewer.photo_geometry import Geometry, frame_object, make_geometry
 from viewer.picture import Frame, read_frame
 from viewer.scene import Scene
 from viewer.settings import DisplaySettings, ModelSettings
@@ -136,7 +136,7 @@ def edit(
 
     progress("estimating the depth")
     framing = frame_object(photo, scene.model.size_mm)
-    geometry = make_geometry(photo, framing, strength=strength, smoothing=smoothing, depth=depth)
+    geometry = make_geometry(photo, framing, scene.display.white, strength=strength, smoothing=smoothing, depth=depth)
     lap("depth and surface")
     progress("looking at the surround")
     white = scene.display.white
@@ -183,18 +183,7 @@ def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
         outline = photo.outline
         centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
         around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
-    shading = photo_shading(geometry, white)
-    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
-
-
-def photo_shading(geometry: Geometry, white: float) -> Shading:
-    """Return how the photograph shows the object lit."""
-    radiance = luminance(scene_radiance(geometry.colour, white))
-    inside = geometry.share > 0.999
-    if not inside.any():
-        inside = geometry.share > 0.5
-    seen = over_nodes(radiance, geometry.coverage, geometry.framing.step)
-    return measure_shading(seen, geometry.base, inside)
+    return Probe.from_pixels(light_around(around, geometry.shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:

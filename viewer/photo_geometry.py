@@ -9,8 +9,9 @@ import numpy.typing as npt
 from core.errors import InputError
 from core.mesh import Mesh
 from core.photo_depth import estimate_height, inflated, inscribed_radius
+from core.photo_light import Shading, measure_shading, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
-from core.photo_surround import filled
+from core.photo_surround import filled, scene_radiance
 from core.tonemap import luminance
 from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
@@ -66,6 +67,8 @@ class Geometry:
         Coverage of the nodes' squares.
     base : (n, m) float64
         The outline inflated, in nodes.
+    shading : Shading
+        How the photograph shows it lit.
     height : (n, m) float64
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
@@ -78,6 +81,7 @@ class Geometry:
     coverage: Float32
     share: Array
     base: Array
+    shading: Shading
     height: Array
     mesh: Mesh
     camera: CameraSettings
@@ -122,13 +126,15 @@ def frame_object(photo: Photo, size_mm: float) -> Framing:
 
 
 def make_geometry(
-    photo: Photo, framing: Framing, *, strength: float, smoothing: float, depth: Path | None = None
+    photo: Photo, framing: Framing, white: float, *, strength: float, smoothing: float, depth: Path | None = None
 ) -> Geometry:
     """Estimate the object's depth, or read it, and make a surface of it.
 
     Parameters
     ----------
     photo, framing
+    white : float
+        Luminance of the photograph's white, see `core.photo_surround.scene_radiance`.
     strength, smoothing : as of `core.photo_depth.estimate_height`
         With a depth of one's own, strength scales it and smoothing is of no use.
     depth : Path, optional
@@ -145,15 +151,30 @@ def make_geometry(
     if not outline.inner.any():
         raise InputError("the mask shows nothing thick enough to have a volume: paint the object's inside white too")
     base = inflated(outline.inner)
-    if depth is None:
+    given = None
+    if depth is not None:
+        given = _given_height(
+            read_depth(depth, photo), photo, framing, outline, strength, depth.suffix.lower() == ".png"
+        )
+    shading = _shading(colour, coverage, share, base if given is None else given, framing.step, white)
+    if given is None:
         light = over_nodes(luminance(colour), coverage, framing.step)
+        light = without_lamp(light, base, outline.inner, shading)
         height = estimate_height(light, outline.inner, base, smoothing=smoothing, strength=strength)
     else:
-        height = _given_height(read_depth(depth, photo), photo, framing, outline, strength, depth.suffix == ".png")
+        height = given
     mesh = height_surface(outline, height, base, framing.mm * framing.step)
     centre = mesh.bounds.mean(axis=0)
     mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
-    return Geometry(framing, colour, coverage, share, base, height, mesh, _camera(framing, mesh, centre))
+    camera = _camera(framing, mesh, centre)
+    return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
+
+
+def _shading(colour: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
+    """Measure how the object is lit, on nodes that it covers wholly, if there are any."""
+    seen = over_nodes(luminance(scene_radiance(colour, white)), coverage, step)
+    inside = share > 0.999
+    return measure_shading(seen, height, inside if inside.any() else share > 0.5)
 
 
 def read_depth(path: Path, photo: Photo) -> Float32:
