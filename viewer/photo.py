@@ -4,6 +4,7 @@ Pixels stay as they were stored, 8 or 16 bits: what is computed of them comes in
 photograph needs little more memory than itself.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,7 +40,7 @@ class Photo:
 
     Attributes
     ----------
-    path : Path
+    path, mask_path : Path
     pixels : (h, w, 3) uint8 or uint16, sRGB
     alpha : (h, w) of the same type, or None
     mask : (h, w) uint8 or uint16
@@ -48,6 +49,7 @@ class Photo:
     """
 
     path: Path
+    mask_path: Path
     pixels: PixelsInt
     alpha: PixelsInt | None
     mask: PixelsInt
@@ -83,12 +85,12 @@ class Photo:
         present = self.mask > int(NONE * np.iinfo(self.mask.dtype).max)
         rows, columns = np.flatnonzero(present.any(axis=1)), np.flatnonzero(present.any(axis=0))
         if len(rows) == 0:
-            raise InputError("the mask is empty (black): paint the object white")
+            raise InputError(f"{self.mask_path} is empty: paint the object white, the rest black")
         region = Region(int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1)
         if max(region.height, region.width) < LEAST_SIDE:
             raise InputError(
-                f"the masked object measures {region.width}x{region.height} pixels: it needs {LEAST_SIDE} at least; "
-                "take a larger photograph"
+                f"{self.mask_path} shows an object of {region.width}x{region.height} pixels: it needs {LEAST_SIDE} at "
+                "least; take a larger photograph"
             )
         return region
 
@@ -131,7 +133,8 @@ def load_photo(path: Path, mask_path: Path) -> Photo:
         )
     alpha = np.asarray(pixels[..., -1], pixels.dtype) if pixels.shape[2] in (2, 4) else None
     colour = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    return Photo(path, np.asarray(colour, pixels.dtype), alpha, mask, profile)
+    # Absolute, as scenes have paths: its light goes by this name.
+    return Photo(Path(os.path.abspath(path)), mask_path, np.asarray(colour, pixels.dtype), alpha, mask, profile)
 
 
 def bands(region: Region, block: int = 1) -> Iterator[Region]:

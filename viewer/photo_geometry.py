@@ -149,7 +149,9 @@ def make_geometry(
     share = _squares(coverage, framing.step)
     outline = find_outline(share)
     if not outline.inner.any():
-        raise InputError("the mask shows nothing thick enough to have a volume: paint the object's inside white too")
+        raise InputError(
+            f"{photo.mask_path} shows nothing thick enough for a volume: paint the object's inside white too"
+        )
     base = inflated(outline.inner)
     given = None
     if depth is not None:
