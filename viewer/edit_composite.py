@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 BEHIND = ("filled", "seen")  # what soft edges show: the background without the object, or the photograph as it is
 LAYERS = {"irradiance": "RGB", "exitance": "RGB", "subsurface": "RGB", "specular": "RGB", "position": "XYZ",
           "normal": "XYZ"}  # fmt: skip
-GRAZING = 0.25  # cosine towards the camera below which the object takes the colour of what is beside
+GRAZING = 0.3  # cosine towards the camera below which the object takes the colour of what is beside
 _MARGIN = 2  # rows and columns that an edge pixel looks at
 
 
@@ -62,7 +62,8 @@ class Compositor:
         self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
         # Closer to the outline than that, slopes of an estimate are chance, and mirror it all as a bright seam.
         steep = edited.geometry.facing() < GRAZING
-        self._known = np.where(steep, np.float32(0.0), edited.coverage)
+        # A little weight, for objects that are nothing but steep.
+        self._known = np.where(steep, np.float32(1e-3), np.float32(1.0)) * edited.coverage
         mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
 

@@ -98,9 +98,9 @@ class Geometry:
         return enlarged(nodes, node, rows, columns)[..., 0]
 
     def facing(self) -> Float32:
-        """Cosine between the surface and the camera at every rendered pixel, (h, w)."""
+        """Cosine between the surface and the camera at every rendered pixel, (h, w); 0 at the rim."""
         down, right = np.gradient(self.height)
-        cosine = (1.0 / np.sqrt(1.0 + down**2 + right**2)).astype(np.float32)[..., None]
+        cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
         rows, columns = self.framing.size
         return enlarged(cosine, self.framing.step, range(rows), range(columns))[..., 0]
 
