@@ -19,6 +19,7 @@ Bools = npt.NDArray[np.bool_]
 RESHAPING = 0.4  # share of the height that follows the luminance: 0 leaves the inflated outline
 SMOOTHING = 0.12  # scale of the luminance that reshapes, in inscribed radii
 RANGE = 0.1  # of the bilateral filter, in units of the sigmoid: larger steps are edges, and stay
+EDGE = 0.4  # of the filter's scale that an edge is wide
 RELIEF = 0.3  # slope of the relief for a change of luminance by a factor e
 MOST = 2.5  # times the mean luminance that counts at most: a highlight is no hill
 _COARSEST = 24  # nodes a side where the solution starts
@@ -55,7 +56,8 @@ def estimate_height(
         return base * strength
     sigmoid = light / (light + mean)  # Naka and Rushton 1966, Khan's "compressive" response
     sigma = max(smoothing * radius, 1.0)
-    shape = _expanded(bilateral(sigmoid, weight, sigma, RANGE))
+    # Edges stay in place, but no cliffs: a highlight's edge would be one.
+    shape = _smooth(_expanded(bilateral(sigmoid, weight, sigma, RANGE)), weight, EDGE * sigma)
     height = base * (1.0 + RESHAPING * (shape - shape[inside].mean()))
     height += _relief(_expanded(bilateral(sigmoid, weight, 1.0, RANGE)), weight, sigma) * _fade(inside, 0.2 * radius)
     height = np.where(inside, np.maximum(height, 0.0), 0.0)

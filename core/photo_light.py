@@ -5,7 +5,7 @@ The object tells the rest: a matt surface of outline-inflated shape (`core.photo
 went into) is brighter where it faces the light. The linear part of that is fitted, as is usual for a light's direction
 (Pentland 1982, "Finding the illuminant direction"), and the surround weighted by a plane over directions so that it
 shades alike; or where a lamp explains the shading far better, there is a lamp. What light is missing is added all
-around.
+around, white.
 """
 
 from typing import NamedTuple
@@ -109,18 +109,15 @@ def light_around(surround: npt.NDArray[np.floating] | None, shading: Shading, si
     """
     light = np.zeros((*size, 3)) if surround is None else np.asarray(surround, np.float64)
     low, high = (np.pi * shading.level / albedo for albedo in (MOST_ALBEDO, LEAST_ALBEDO))
-    if surround is None or luminance(light).max() <= 0.0:
-        missing, tint = np.sqrt(low * high), np.ones(3)
-    else:
-        mean = light.mean(axis=(0, 1))
-        missing, tint = max(0.0, low - _mean_irradiance(light, shading.normals)), mean / luminance(mean)
-    light = light + missing / np.pi * tint
+    around = _mean_irradiance(light, shading.normals)
+    # White, as the photographer's balance has it: what is around has its colour from reflecting that.
+    light = light + (np.sqrt(low * high) if around <= 0.0 else max(0.0, low - around)) / np.pi
     # From elsewhere, but no more of it.
     wanted = np.clip(_mean_irradiance(light, shading.normals), low, high)
     if shading.lamp is None:
         light *= _plane(light, shading)[..., None]
         return np.asarray(light * (wanted / max(_mean_irradiance(light, shading.normals), 1e-12)), np.float32)
-    lamp = _disc(light.shape[:2], shading.lamp.direction)[..., None] * tint
+    lamp = _disc(light.shape[:2], shading.lamp.direction)[..., None]
     light *= (1.0 - shading.lamp.share) * wanted / max(_mean_irradiance(light, shading.normals), 1e-12)
     cosine = float(np.maximum(np.einsum("nk,k->n", shading.normals, shading.lamp.direction), 0.0).mean())
     return np.asarray(light + shading.lamp.share * wanted / max(cosine, 1e-3) * lamp, np.float32)

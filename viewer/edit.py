@@ -34,6 +34,7 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
+NODES = 48  # of diffusion along the object, unless it is told: what they miss is far less than an estimated shape does
 KEY = DisplaySettings().key  # where the photograph's own exposure is kept
 
 
@@ -168,8 +169,11 @@ def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
     environment = scene.environment
     if not environment.given:
         environment = replace(environment, path=photo.path)
+    transport = scene.transport
+    if transport.method == "diffusion" and transport.resolution is None and transport.error_target is None:
+        transport = replace(transport, resolution=NODES)
     display = replace(scene.display, image_size=(columns, rows), background="black")
-    return replace(scene, camera=geometry.camera, display=display, environment=environment)
+    return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
 
 
 def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:

@@ -9,7 +9,7 @@ import typer
 
 from core.errors import InputError
 from viewer.options import scene_options
-from viewer.scene import EnvironmentSettings, Scene, SpecularSettings, TransportSettings
+from viewer.scene import EnvironmentSettings, Scene, SpecularSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,7 +26,6 @@ FROM_PHOTO = (
 START = Scene(
     environment=EnvironmentSettings(occluded=False),
     specular=SpecularSettings(1.0, 80.0, "normalized"),
-    transport=TransportSettings(resolution=48),
 )
 BACKGROUNDS = ("filled", "seen", "transparent")
 DEPTH_OUTPUTS = (".png", ".exr", ".npy")
