@@ -22,6 +22,8 @@ The pipeline, one module a stage::
     bodies        the solids of a mesh; atlas: the layers of each; separate and separate_diffusion: transport in each
                   alone
     tonemap       float64 reference of the display transform
+    photo_depth   or, instead of a model, a photograph: height of its object; photo_surface: a mesh of that;
+                  photo_surround and photo_light: a probe of the background, as the object's shading says
 
 Beside it ``materials`` (coefficients), ``profiles`` (R_d: ``dipole``, ``better_dipole``, ``photon_beam``, ``burley``,
 ``gaussians``, ``profile_table``; ``radial_table`` where nothing is closed; ``profile_curves`` to look at),

@@ -110,7 +110,7 @@ BAD_LINES = [
     ("view --background environment", 'display.background is "environment" but there is none'),
     ("bench --fast", "no such option: --fast."),
     ("materials unobtainium", "unknown material 'unobtainium'"),
-    ("edit photo.png", "no such command 'edit'"),
+    ("edit photo.png", "missing option '--mask'"),
 ]  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from core.errors import InputError
+from viewer import edit_command
 from viewer.options import scene_options
 from viewer.scene import Scene, default_scene
 from viewer.usage import usage_sentence
@@ -33,6 +34,7 @@ app = typer.Typer(
     help="Translucent objects by subsurface scattering: an interactive viewer and a renderer.",
     epilog="`milkglass` alone shows the default scene.",
 )
+app.command()(edit_command.edit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
