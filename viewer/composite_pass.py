@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import moderngl
 
 from viewer.camera import Camera
+from viewer.detail import leaving_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
@@ -55,6 +56,7 @@ class CompositePass:
                 "t_irradiance": light.irradiance,
                 "t_specular": light.specular,
                 **gather.exitance_uniforms(),
+                **leaving_uniforms(gbuffer.detail, gbuffer.normal),
                 "t_local": light.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,

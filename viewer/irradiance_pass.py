@@ -11,6 +11,7 @@ from pyrr import matrix33
 from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.detail import entering_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
@@ -147,6 +148,7 @@ class PixelIrradiancePass:
                     **source.uniforms(gather.eta),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
+                    **entering_uniforms(gbuffer.detail, gbuffer.normal, gather.volume),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "t_visible": gbuffer.visible or gbuffer.normal,
