@@ -116,14 +116,14 @@ class Detail:
         )
         return self.places(points, np.maximum(np.where(nearer, other, face), 0), areas)
 
-    def colour(self, places: Places) -> Float32:
-        """Mean colour of each piece, (n, 3)."""
+    def colour(self, places: Places, power: float = 1.0) -> Float32:
+        """Mean of the colour to a power in each piece, (n, 3)."""
         corners = self.rows[places.faces]
-        found = np.einsum("ni,nic->nc", places.weights, self.colours[corners])
+        found = np.einsum("ni,nic->nc", places.weights, self.colours[corners]) ** power
         for skin, here in self._by_skin(places):
-            found[here] *= np.asarray(skin.factor)
+            found[here] *= np.asarray(skin.factor) ** power
             if skin.colour is not None:
-                found[here] *= self._mean(skin.colour, places, here)
+                found[here] *= self._mean(skin.colour, places, here, power)
         return np.asarray(np.maximum(found, 0.0), np.float32)
 
     def relief(self, places: Places, normals: npt.NDArray[np.floating], strength: float) -> tuple[Float32, Float32]:
@@ -167,10 +167,10 @@ class Detail:
         of_place = self.skin[places.faces]
         return [(skin, np.flatnonzero(of_place == i)) for i, skin in enumerate(self.skins)]
 
-    def _mean(self, texture: Texture, places: Places, here: npt.NDArray[np.intp]) -> Float32:
+    def _mean(self, texture: Texture, places: Places, here: npt.NDArray[np.intp], power: float = 1.0) -> Float32:
         faces = places.faces[here]
         coordinates = np.einsum("ni,nic->nc", places.weights[here], self.coordinates[self.rows[faces]])
-        return texture.mean(coordinates, places.areas[here] * self._density[faces])
+        return texture.mean(coordinates, places.areas[here] * self._density[faces], power)
 
 
 def _sides(coordinates: Float32, rows: Int32) -> tuple[Array, Array]:

@@ -4,8 +4,6 @@ Samples and the reference stand for pieces of the surface, so what they need is 
 have their origin at the lower left, u to the right and v up, and repeat beyond [0, 1], as glTF and OBJ have them.
 """
 
-from functools import cached_property
-
 import numpy as np
 import numpy.typing as npt
 
@@ -36,39 +34,45 @@ class Texture:
     def __init__(self, pixels: Bytes, kind: str = COLOUR) -> None:
         self.pixels = np.ascontiguousarray(pixels[::-1])  # row 0 at v = 0, as OpenGL has it
         self.kind = kind
+        self._levels: dict[float, list[Float32]] = {}
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height, texels."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
-    @cached_property
-    def levels(self) -> list[Float32]:
-        """Means over texels, (h, w, 3) each half the one before; linear colours, or normals that shorten."""
-        levels = [self._finest()]
-        while max(levels[-1].shape[:2]) > 1:
-            levels.append(_halved(levels[-1]))
+    def levels(self, power: float = 1.0) -> list[Float32]:
+        """Means over texels, (h, w, 3) each half the one before: of linear colours to a power, or of normals."""
+        levels = self._levels.get(power)
+        if levels is None:
+            levels = [self._finest(power)]
+            while max(levels[-1].shape[:2]) > 1:
+                levels.append(_halved(levels[-1]))
+            self._levels = {power: levels}
         return levels
 
-    def mean(self, coordinates: npt.NDArray[np.floating], area: npt.NDArray[np.floating]) -> Float32:
+    def mean(
+        self, coordinates: npt.NDArray[np.floating], area: npt.NDArray[np.floating], power: float = 1.0
+    ) -> Float32:
         """Means (n, 3) about texture coordinates (n, 2), over areas (n,) of the unit square; trilinear."""
-        height, width = self.levels[0].shape[:2]
+        levels = self.levels(power)
+        height, width = levels[0].shape[:2]
         level = 0.5 * np.log2(np.maximum(area * (width * height), 1.0))
-        level = np.minimum(level, len(self.levels) - 1)
+        level = np.minimum(level, len(levels) - 1)
         lower = np.floor(level).astype(np.intp)
         found = np.empty((len(level), 3), np.float32)
         for each in np.unique(lower):
             here = np.flatnonzero(lower == each)
-            values = _bilinear(self.levels[each], coordinates[here])
+            values = _bilinear(levels[each], coordinates[here])
             share = (level[here] - each)[:, None].astype(np.float32)
             if share.any():
-                values += share * (_bilinear(self.levels[each + 1], coordinates[here]) - values)
+                values += share * (_bilinear(levels[each + 1], coordinates[here]) - values)
             found[here] = values
         return found
 
-    def _finest(self) -> Float32:
+    def _finest(self, power: float) -> Float32:
         """Decode, and average so that no side exceeds `LARGEST`; by bands, since floats take much memory."""
-        table = _decoding(self.kind)
+        table = _decoding(self.kind) ** np.float32(power) if self.kind == COLOUR else _decoding(self.kind)
         height, width = self.pixels.shape[:2]
         factor = -(-max(height, width) // LARGEST)
         padded = np.pad(self.pixels, ((0, -height % factor), (0, -width % factor), (0, 0)), mode="edge")

@@ -15,11 +15,9 @@ vec4 shading_normal(ivec2 pixel, vec3 normal) {
     return u_detailed ? texelFetch(t_shading, pixel, 0) : vec4(normal, 1.0);
 }
 
-// Fades light out where it falls below the surface's own horizon, without an edge (Chiang, Li and Burley 2019);
-// 1 where both normals are the same.
+// Factor on light that relief turns towards, so that it fades out, without an edge, where it falls below the surface's
+// own horizon: the cosine is at most a few times the surface's own. 1 where both normals are the same.
 float above_surface(vec3 normal, vec3 shading, vec3 to_light) {
-    float own = dot(normal, to_light), turned = dot(shading, to_light) * dot(normal, shading);
-    if (own <= 0.0 || turned <= 0.0) return 0.0;
-    float g = min(own / turned, 1.0);
-    return g * (1.0 + g * (1.0 - g));
+    const float MOST = 4.0;
+    return clamp(MOST * dot(normal, to_light) / max(dot(shading, to_light), 1e-6), 0.0, 1.0);
 }

@@ -64,7 +64,7 @@ class SurfaceDetail:
         places = self.detail.at(sources.points, sources.face_normals, sources.areas)
         normals, weights = sources.normals, np.ones((len(sources), 3))
         if self.before > 0.0:
-            weights = self.detail.colour(places).astype(np.float64) ** self.before
+            weights = self.detail.colour(places, self.before).astype(np.float64)
         if self.detail.has_normals and self.strength > 0.0:
             turned, factors = self.detail.relief(places, sources.normals, self.strength)
             normals, weights = turned.astype(np.float64), weights * factors[:, None]
@@ -114,11 +114,10 @@ class DetailStages:
         places = run(
             "detail of samples", [detail, samples], lambda: detail.places(samples.points, samples.faces, samples.areas)
         )
-        colours = run("colours of samples", [places], lambda: detail.colour(places))
         turned, factors = run(
             "relief of samples", [places, strength], lambda: _relief(detail, samples, places, strength)
         )
-        tints = run("tints of samples", [colours, before], lambda: colours ** np.float32(before))
+        tints = run("tints of samples", [places, before], lambda: _tints(detail, places, before))
         weights = run("weights of samples", [tints, factors], lambda: tints * factors[:, None])
         made = run(
             "tints at nodes",
@@ -166,6 +165,11 @@ class DrawnDetail:
         depends = [detail.buffers, strength, clip.tobytes(), out]
         self._run("detail of pixels", depends, lambda: made.render(detail.buffers, clip, strength, out))
         return detail, out
+
+
+def _tints(detail: Detail, places: Places, power: float) -> Float32:
+    """Colours to a power, (n, 3)."""
+    return detail.colour(places, power) if power > 0.0 else np.ones((len(places.faces), 3), np.float32)
 
 
 def _relief(detail: Detail, samples: SurfaceSamples, places: Places, strength: float) -> tuple[SurfaceSamples, Float32]:
