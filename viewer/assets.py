@@ -27,7 +27,7 @@ from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import FileModel, builtin_model, read_model
-from viewer.model_look import detail_of
+from viewer.model_look import Look, detail_of
 from viewer.profile_files import ProfileTable, read_profile_table
 from viewer.quality import Quality, choose_quality, survey_spacing
 from viewer.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
@@ -68,10 +68,9 @@ class Assets:
 
         return self._get("detail", _detail_key(model, settings), decode)  # type: ignore[no-any-return]
 
-    def look(self, model: ModelSettings) -> tuple[bool, bool]:
-        """Whether a model's file has colours of its own or texture coordinates, and whether it has relief."""
-        look = self._model(model).look
-        return look is not None, look is not None and any(m.normal is not None for m in look.materials)
+    def look(self, model: ModelSettings) -> Look | None:
+        """Return what a model's file says of its surface, if anything."""
+        return self._model(model).look
 
     def probe(self, source: Path | str) -> Probe:
         """Return a light probe of a file, or a builtin one by its name; errors as `viewer.images.read_radiance`."""

@@ -8,6 +8,7 @@ import contextlib
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,17 @@ class Look:
     material: Int32
     materials: tuple[Material, ...]
     mapped: bool
+
+    @cached_property
+    def has_colours(self) -> bool:
+        """Whether the file has colours."""
+        plain = all(each.colour is None and each.factor == (1.0, 1.0, 1.0) for each in self.materials)
+        return not plain or bool((self.colours != 1.0).any())
+
+    @property
+    def has_relief(self) -> bool:
+        """Whether the file has a normal map."""
+        return any(each.normal is not None for each in self.materials)
 
 
 class LookParts:
