@@ -14,6 +14,7 @@ def ball_with_map(columns: int = 24, rows: int = 12) -> tuple[np.ndarray, np.nda
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
     theta, phi = np.pi * (1.0 - v), 2.0 * np.pi * u
     vertices = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), -np.sin(theta) * np.sin(phi)], axis=-1)
+    vertices = vertices.round(9) + 0.0  # both sides of the seam are the same points
     i = np.arange(u.size).reshape(u.shape)
     a, b, c, d = i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]
     faces = np.concatenate([np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))])
