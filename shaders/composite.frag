@@ -26,7 +26,6 @@ const float LEAST_OWN = 0.25;   // of the equation that a point has for itself; 
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
-uniform float u_after;          // power of the surface's colour on exitance
 uniform float u_weight;         // 1 / samples of a pixel
 
 layout(location = 0) out vec4 o_radiance;  // a: coverage
@@ -97,7 +96,7 @@ void main() {
         ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
         : gather(coordinates).rgb + local.rgb;
     exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
-    if (u_detailed) exitance *= colour_at(pixel, u_after);
+    exitance *= tint_leaving(pixel);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;

@@ -1,8 +1,8 @@
-// Colours of the model's surface at a pixel, drawn by detail.frag where there are any.
-
-uniform bool u_detailed;
-uniform sampler2D t_colour;
-
-vec3 colour_at(ivec2 pixel, float power) {
-    return power == 0.0 ? vec3(1.0) : pow(texelFetch(t_colour, pixel, 0).rgb, vec3(power));
-}
+// What a surface without colours and relief does; detail_entering.glsl and detail_leaving.glsl, included before, do more.
+#ifndef DETAIL
+#define shading_normal(pixel, normal) vec4(normal, 1.0)
+#define above_surface(normal, shading, to_light) 1.0
+#define tint_entering(pixel) vec3(1.0)
+#define tint_behind(position) vec3(1.0)
+#define tint_leaving(pixel) vec3(1.0)
+#endif

@@ -9,7 +9,7 @@
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
-#include "detail_entering.glsl"
+#include "detail.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
@@ -43,18 +43,14 @@ void main() {
         irradiance = shading.a * entering(arrival, shading.xyz);
         cosine = max(dot(normal, arrival.to_light), 0.0);
         specular = lamp_highlight(arrival, shading.xyz, to_eye);
-        if (u_detailed) {
-            float above = above_surface(normal, shading.xyz, arrival.to_light);
-            irradiance *= above;
-            specular *= above;
-        }
+        float above = above_surface(normal, shading.xyz, arrival.to_light);
+        irradiance *= above;
+        specular *= above;
         if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
             behind = light_behind(position.xyz, normal, normal_and_body.a);
     }
-    if (u_detailed) {
-        irradiance *= colour_at(pixel, u_before);
-        behind.irradiance *= colour_near(position.xyz - behind.thickness * normal);
-    }
+    irradiance *= tint_entering(pixel);
+    behind.irradiance *= tint_behind(position.xyz - behind.thickness * normal);
     vec3 local, other = vec3(0.0);
     if (u_diffusion) {
         vec2 depths = depths_at(position.xyz, normal_and_body.a);

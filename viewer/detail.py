@@ -74,27 +74,23 @@ class SurfaceDetail:
 Drawn = tuple[SurfaceDetail, DetailBuffer]
 
 
-def entering_uniforms(drawn: Drawn | None, none: moderngl.Texture, volume: moderngl.Texture3D) -> dict[str, object]:
-    """Values of detail.glsl for irradiance_pixels.frag; any texture and volume serve where nothing is drawn."""
+def entering_uniforms(drawn: Drawn | None) -> dict[str, object]:
+    """Values of detail_entering.glsl, where something is drawn."""
     if drawn is None:
-        shown: dict[str, object] = {"t_colour": none, "t_shading": none, "t_near_colour": volume}
-        return {**shown, "u_detailed": False, "u_before": 0.0, "u_world_to_near": np.eye(4)}
+        return {}
     detail, buffer = drawn
     return {
         "t_colour": buffer.colour,
         "t_shading": buffer.shading,
-        "t_near_colour": detail.near,
-        "u_detailed": True,
         "u_before": detail.before,
+        "t_near_colour": detail.near,
         "u_world_to_near": detail.grid.world_to_texture,
     }
 
 
-def leaving_uniforms(drawn: Drawn | None, none: moderngl.Texture) -> dict[str, object]:
-    """Likewise for composite.frag."""
-    if drawn is None:
-        return {"t_colour": none, "u_detailed": False, "u_after": 0.0}
-    return {"t_colour": drawn[1].colour, "u_detailed": True, "u_after": drawn[0].after}
+def leaving_uniforms(drawn: Drawn | None) -> dict[str, object]:
+    """Values of detail_leaving.glsl, where something is drawn."""
+    return {} if drawn is None else {"t_colour": drawn[1].colour, "u_after": drawn[0].after}
 
 
 class DetailStages:
