@@ -38,6 +38,7 @@ void main() {
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
         float visibility = u_occluded ? texelFetch(t_visible, pixel, 0).a : 1.0;
         specular = visibility * environment_highlight(shading.xyz, to_eye);
+        specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
     } else {
         Arrival arrival = arrive(position.xyz, normal);
         irradiance = shading.a * entering(arrival, shading.xyz);

@@ -131,7 +131,7 @@ def test_texture_coordinates_without_an_area_have_no_relief(renderer, tmp_path):
     np.testing.assert_allclose(frame.irradiance, none.irradiance, atol=1e-4)
 
 
-@pytest.mark.parametrize("mode", ["before", "half", "after"])
+@pytest.mark.parametrize("mode", ["half", "after"])
 def test_the_report_sums_what_the_picture_shows(renderer, tmp_path, mode):
     dots = np.full((16, 32, 3), 255, np.uint8)
     dots[:, ::2] = (90, 20, 160)

@@ -63,7 +63,8 @@ class Assets:
         """Return the colours and relief of a model that are wanted, and what failed; errors as `detail_of`."""
 
         def decode() -> LoadedDetail:
-            file, name = self._model(model), model.builtin_name or str(model.path)
+            file, builtin = self._model(model), model.builtin_name
+            name = str(model.path) if builtin is None else f"the built-in {builtin}"
             return detail_of(file.look, file.mesh, name, *_detail_key(model, settings)[1:])
 
         return self._get("detail", _detail_key(model, settings), decode)  # type: ignore[no-any-return]
