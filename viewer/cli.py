@@ -140,8 +140,9 @@ def render(
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
-        _print_timings(frame.timings)
-        typer.echo(frame.quality.summary)
+        from viewer import frame_table
+
+        frame_table.show(frame)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -164,11 +165,14 @@ def bench(
 @app.command()
 def materials(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
+    only: Annotated[str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own.")] = "all",
+    add: Annotated[str | None, typer.Option("--import", metavar="FILE", help="Add a file to your own.")] = None,
+    export: Annotated[str | None, typer.Option(metavar="FILE", help="Write your own to a file.")] = None,
 ) -> None:
-    """List materials: coefficients, mean free path, diffuse reflectance, validity."""
+    """List materials, your own too: coefficients, mean free path, diffuse reflectance, validity."""
     from viewer import materials_table
 
-    materials_table.show(name)
+    materials_table.run(name, only, add, export)
 
 
 def has_display() -> bool:
@@ -250,17 +254,6 @@ def _counterpart(reference: str, outputs: Sequence[str]) -> str:
 def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
     for output in outputs:
         frame.save(output)
-
-
-def _print_timings(timings: dict[str, float]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("stage", box=None, pad_edge=False)
-    table.add_column("ms", justify="right")
-    for stage, milliseconds in timings.items():
-        table.add_row(stage, f"{milliseconds:.1f}")
-    Console().print(table)
 
 
 def _compare(picture: Path, reference: Path, threshold: float) -> None:

@@ -9,7 +9,8 @@ import typer
 
 from core.errors import InputError
 from viewer.declaration import Setting, nearest, settings_of
-from viewer.scene import Change, Scene, apply_set, changed
+from viewer.material_settings import ADDED
+from viewer.scene import Change, Scene, apply_set, changed, parse_set
 from viewer.settings import LIGHT_KINDS, TABLES, DirectionalLight, Light, PointLight
 from viewer.settings_surround import BUILTIN_PROBES
 
@@ -82,9 +83,12 @@ def scene_from_options(values: Mapping[str, Any]) -> Scene:
         Naming the option or the scene file's key, the problem and the fix.
     """
     scene = Scene.load(values["scene"]) if values["scene"] is not None else Scene()
-    # Two steps, so that --material wins over coefficients given by --set instead of meeting them.
+    # Two steps, so that --material wins over coefficients given by --set instead of meeting them; what --set adds to
+    # a material is added to that one.
     scene = apply_set(scene, values["set"] or [])
-    changes = [
+    added = [change for change in parse_set(values["set"] or []) if change.key in ADDED]
+    changes = added if values["material"] is not None else []
+    changes += [
         _environment(value) if flag.option == "--environment" else Change(flag.table, flag.key, value, flag.option)
         for flag, value in ((flag, _parsed(flag, values[flag.parameter])) for flag in FLAGS)
         if value is not None
