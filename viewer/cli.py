@@ -234,6 +234,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
 
         check_report(report, scene, outputs, reference)
     inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     for output in outputs:
         images.check_output(output, SUFFIXES)
         for role, path in inputs.items():

@@ -1,10 +1,12 @@
 """Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 
 from viewer.camera import Camera
+from viewer.detail import leaving_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
@@ -29,6 +31,11 @@ class CompositePass:
         self._program = Program(context, "fullscreen.vert", "composite.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "composite_detail.frag")
+        return program, self._context.vertex_array(program.program, [])
+
     def targets(self, size: tuple[int, int], parts: bool) -> Composite:
         """Allocate radiance, and its parts too if wanted, for (width, height) pixels."""
         names = OUTPUTS if parts else OUTPUTS[:1]
@@ -48,17 +55,19 @@ class CompositePass:
         out.framebuffer.use()
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
-        self._program.set(
+        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
+        program.set(
             {
                 "t_position": gbuffer.position,
                 "t_normal": gbuffer.normal,
                 "t_irradiance": light.irradiance,
                 "t_specular": light.specular,
                 **gather.exitance_uniforms(),
+                **leaving_uniforms(gbuffer.detail),
                 "t_local": light.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,
                 "u_weight": weight,
             }
         )
-        self._triangle.render(vertices=3)
+        triangle.render(vertices=3)

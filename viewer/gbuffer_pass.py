@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from viewer.buffers import MeshBuffers
+from viewer.detail import Drawn
 from viewer.gl import Program, checked, float_targets
 from viewer.occlusion import Occlusion
 
@@ -15,13 +16,15 @@ from viewer.occlusion import Occlusion
 class GBuffer:
     """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body.
 
-    `visible` is there where the environment's light is occluded, see `viewer.occlusion`.
+    `visible` is there where the environment's light is occluded, see `viewer.occlusion`; `detail` where the surface
+    has colours or relief.
     """
 
     position: moderngl.Texture
     normal: moderngl.Texture
     framebuffer: moderngl.Framebuffer
     visible: moderngl.Texture | None = None
+    detail: Drawn | None = None
 
 
 class GBufferPass:
@@ -38,7 +41,7 @@ class GBufferPass:
         position, normal, *visible = float_targets(self._context, size, 3 if occluded else 2)
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         framebuffer = self._context.framebuffer([position, normal, *visible], depth)
-        return GBuffer(position, normal, framebuffer, *visible)
+        return GBuffer(position, normal, framebuffer, visible[0] if visible else None)
 
     def render(
         self,

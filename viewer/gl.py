@@ -94,6 +94,8 @@ def shader_source(name: str) -> str:
 
 def _expand(name: str, seen: set[str]) -> str:
     text = (resources.files("shaders") / name).read_text(encoding="utf-8")
+    if seen:  # a variant includes the whole of another
+        text = text.removeprefix(f"#version {GLSL_VERSION}\n")
     seen.add(name)
 
     def include(match: re.Match[str]) -> str:

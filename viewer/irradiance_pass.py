@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -11,6 +12,7 @@ from pyrr import matrix33
 from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.detail import entering_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
@@ -117,6 +119,11 @@ class PixelIrradiancePass:
         self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "irradiance_pixels_detail.frag")
+        return program, self._context.vertex_array(program.program, [])
+
     def targets(self, size: tuple[int, int]) -> "PixelLight":
         """Allocate what `run` fills."""
         irradiance, specular, local = float_targets(self._context, size, 3)
@@ -141,12 +148,14 @@ class PixelIrradiancePass:
         out.framebuffer.clear()
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
+        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
         for source in sources:
-            self._program.set(
+            program.set(
                 {
                     **source.uniforms(gather.eta),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
+                    **entering_uniforms(gbuffer.detail),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "t_visible": gbuffer.visible or gbuffer.normal,
@@ -156,7 +165,7 @@ class PixelIrradiancePass:
                     "t_highlights": highlights,
                 }
             )
-            self._triangle.render(vertices=3)
+            triangle.render(vertices=3)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

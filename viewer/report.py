@@ -9,7 +9,7 @@ import os
 import secrets
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,7 @@ def error_report(
     InputError
         As `Renderer.render`; if the picture does not show the object.
     """
-    picture = renderer.draw(scene, samples=1, parts=True)
+    picture = renderer.draw(scene, samples=1, parts=True, tinted=False)
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)
     start = time.perf_counter()
@@ -152,7 +152,8 @@ def lights_of(scene: Scene, around: PartedProbe | None, lit: LitScene | None = N
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
     strong, rest = ((), None) if around is None else around
     lights = (*scene.effective_lights(), *probe_lamps(environment, strong))
-    return Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
+    illumination = Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
+    return illumination if lit is None or lit.detail is None else replace(illumination, detail=lit.detail.on_sources)
 
 
 def _content(
@@ -179,6 +180,7 @@ def _content(
             "sigma_a": list(material.sigma_a),
             "eta": material.eta,
             "profile": None if quality.method == "diffusion" else scene.material.profile,
+            "colours": None if lit.detail is None else scene.detail.albedo,
         },
         "transport": {
             "method": quality.method,

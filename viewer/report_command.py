@@ -18,6 +18,7 @@ def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str
 
     check_report_path(path)
     others = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    others |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     named = [(f"--output {output}", output) for output in outputs]
     for written in (path, map_path(path)):
         for role, other in [*named, *((f"the {role}", other) for role, other in others.items() if other is not None)]:

@@ -11,6 +11,7 @@ from core.stages import Stages
 from viewer.bodies import bodies_warnings
 from viewer.camera import jittered, pixel_offsets
 from viewer.composite_pass import Composite, CompositePass
+from viewer.detail import DrawnDetail
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture, read_rgba
@@ -35,6 +36,7 @@ class Shading:
         self._irradiance = PixelIrradiancePass(context)
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
+        self._detail = DrawnDetail(context, stages)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
         self._ahead: tuple[tuple[object, ...], int] = ((), 0)  # samples drawn before `shade` asks for them
@@ -83,7 +85,7 @@ class Shading:
             ),
         )
         too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
-        warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *lit.quality.warnings)
+        warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
         remarks = () if too_small is None else (too_small,)
         transparent = display.background == "transparent"
@@ -120,8 +122,9 @@ class Shading:
         alpha : (H, W) float32
             1 where the object is.
         position, exitance : (H, W, 3) float32
-            World space, mm; M.
+            World space, mm; M, without what colours do to light that leaves.
         """
+        lit = lit.without_tint()
         textures = self._pixels(scene, lit, gather, pixel_offsets(1), True).textures
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
@@ -145,7 +148,8 @@ class Shading:
         size = scene.display.image_size
         targets = self._run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
         volume = gather.volume, gather.local, gather.diffuse, gather.eta
-        return targets, (targets, offsets, scene.specular, lit.model, scene.camera, size, *lit.sources, *volume)
+        light = lit.model, lit.detail, *lit.sources
+        return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
 
     def _samples_done(self, key: tuple[object, ...]) -> int:
         return self._ahead[1] if self._ahead[0] == key else 0
@@ -169,6 +173,7 @@ class Shading:
             [lit.model, gbuffer, clip.tobytes(), marks, occlusion],
             lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion),
         )
+        gbuffer = replace(gbuffer, detail=self._detail.draw(lit.detail, clip, size))
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
