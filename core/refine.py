@@ -56,12 +56,12 @@ class Refined:
             for piece in range(int(count.max(initial=0))):
                 some = np.flatnonzero(count > max(piece, 1))
                 candidate = first[at[some]] + piece
-                least = _barycentric(self.mesh.vertices, finer[candidate], points[some]).min(axis=1)
+                least = barycentric(self.mesh.vertices, finer[candidate], points[some]).min(axis=1)
                 better = least > inside[some]
                 best[some[better]], inside[some[better]] = candidate[better], least[better]
             at = best
         corners = self.levels[-1][0][at]
-        weights = np.maximum(_barycentric(self.mesh.vertices, corners, points), 0.0)
+        weights = np.maximum(barycentric(self.mesh.vertices, corners, points), 0.0)
         return corners, (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
@@ -115,7 +115,7 @@ def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np
     return pieces, first
 
 
-def _barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: npt.NDArray[np.floating]) -> Array:
+def barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: npt.NDArray[np.floating]) -> Array:
     """Barycentric coordinates (n, 3) of points in the planes of faces, by their corners (n, 3)."""
     a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)

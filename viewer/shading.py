@@ -16,6 +16,7 @@ from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture, read_rgba
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
+from viewer.lobes_pass import LobesPass
 from viewer.picture import Picture
 from viewer.scene import Scene
 from viewer.tonemap_pass import Background, TonemapPass
@@ -32,6 +33,7 @@ class Shading:
         self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
         self._irradiance = PixelIrradiancePass(context)
+        self._lobes = LobesPass(context)
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
@@ -151,9 +153,9 @@ class Shading:
     ) -> None:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
-        occlusion = lit.occlusion
-        occluded = occlusion is not None
-        gbuffer = self._seen = run("gbuffer targets", [size, occluded], lambda: self._gbuffer.targets(size, occluded))
+        occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
+        parts = occlusion is not None, lobes is not None
+        gbuffer = self._seen = run("gbuffer targets", [size, parts], lambda: self._gbuffer.targets(size, *parts))
         light = run("light targets", [size], lambda: self._irradiance.targets(size))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.separated is None else lit.separated.marks.buffer
@@ -162,8 +164,8 @@ class Shading:
             marks = run("refined marks", [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
         run(
             "gbuffer",
-            [lit.model, gbuffer, clip.tobytes(), marks, occlusion],
-            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion),
+            [lit.model, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion, behind, lobes),
         )
         if i == 0:
             targets.framebuffer.clear()
@@ -181,6 +183,25 @@ class Shading:
             [lobes, specular.shininess],
             lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
         )
+
+    def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
+        """What is visible of highlights that something may be in the way of, at each vertex."""
+        occlusion, specular = lit.occlusion, scene.specular
+        if occlusion is None or specular.strength == 0.0:
+            return None
+        baked = occlusion.baked
+        blocked = self._run("blocked highlights", [baked], lambda: self._lobes.upload(baked.visibility))
+        return self._run(
+            "occluded highlights",
+            [occlusion.baked, occlusion.buffers, blocked, specular.shininess, lit.camera.eye.tobytes()],
+            lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
+        )
+
+    def _behind(self, lit: LitScene, gather: Gather) -> moderngl.Buffer | None:
+        """What is visible from the other side of thin parts, at each vertex, where there are any."""
+        if (occlusion := lit.occlusion) is None or not gather.is_thin:
+            return None
+        return self._run("occlusion behind", [occlusion], lambda: occlusion.behind(self._context))
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment
