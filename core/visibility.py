@@ -81,7 +81,7 @@ class Visibility:
     _kept: list[Float16] = field(default_factory=list, init=False, repr=False)
 
     def blocked(self, go_on: Callable[[], object] = lambda: None) -> Float16:
-        """Coefficients of what is in the way of the hemisphere above each point, (n, (L + 1)^2), L = LOBE_ORDER at most.
+        """Coefficients of what is in the way above each point, (n, (L + 1)^2), L at most LOBE_ORDER.
 
         Made when they are first asked for, in half the time of `transfer`; `go_on` as there. Exactly 0 where nothing is
         in the way.
@@ -115,7 +115,7 @@ class Visibility:
         blocked = np.einsum("nk,nk->n", values, self.blocked().astype(np.float64))
         heights = np.einsum("nk,nk->n", np.asarray(directions, np.float64), self.sight.normals)
         whole = np.polynomial.legendre.legval(heights, factors * hemisphere_zonal(order))
-        return np.clip(1.0 - blocked / np.maximum(whole, LEAST_LOBE), 0.0, 1.0).astype(np.float32)
+        return np.asarray(np.clip(1.0 - blocked / np.maximum(whole, LEAST_LOBE), 0.0, 1.0), np.float32)
 
 
 def hemisphere_zonal(order: int) -> Array:

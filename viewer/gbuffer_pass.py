@@ -15,7 +15,8 @@ from viewer.occlusion import Occlusion
 class GBuffer:
     """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body.
 
-    `visible` is there where the environment's light is occluded, see `viewer.occlusion`, `lobe` where its highlights are.
+    `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
+    `viewer.occlusion` and `viewer.lobes_pass`.
     """
 
     position: moderngl.Texture
