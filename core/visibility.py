@@ -34,7 +34,7 @@ LOBE_ORDER = 8  # of what blocks highlights; dragon, Uffizi, shininess 80: 8.6 %
 LEAST_LOBE = 1e-3  # of a lobe above the horizon
 MOST_BYTES = 256 << 20  # of all vectors of all points: a mesh too large for them gets a lower order
 PATTERNS = 64  # turns of the set of directions, so that neighbours do not share its errors: bands become faint noise
-ROWS = 1024  # points handled at a time
+ROWS = 512  # points handled at a time
 DARK = 1e-6  # of the mean radiance: below it nothing is to be shared
 
 
@@ -99,7 +99,8 @@ class Visibility:
     def shares(self, sh: Array) -> Float32:
         """Visible share of the light of a probe at every point, (n, 3) in [0, 1]; `sh` (k, 3) in world space."""
         used = sh[: self.whole.shape[1]].astype(np.float32)
-        whole, visible = self.whole[:, : len(used)] @ used, self.visible[:, : len(used)] @ used
+        # Turned round, these take two thirds of the time.
+        whole, visible = (np.ascontiguousarray((used.T @ own[:, : len(used)].T).T) for own in (self.whole, self.visible))
         least = np.float32(DARK * max(float(np.abs(sh[0]).max()), 1e-30))
         # Light that a short vector makes negative is none: all of nothing is visible.
         return np.clip(np.where(whole > least, visible / np.maximum(whole, least), 1.0), 0.0, 1.0)

@@ -18,7 +18,7 @@ from core.visibility import Bytes, Float32, Sight, blocks, direction_set, patter
 # number where very many would make it long. On the dragon, Uffizi: 256 leave 2.8 % rms, 512 2.0, 1024 1.5, 4096 1.3.
 DIRECTIONS, LEAST_DIRECTIONS, MOST_DIRECTIONS = 1024, 256, 4096
 FEW_RAYS, MOST_RAYS = 1 << 24, 1 << 26
-RAYS_AT_A_TIME = 1 << 17  # of one thread: 0.04 s, after which it may be cancelled
+RAYS_AT_A_TIME = 1 << 16  # of one thread: 0.02 s, after which it may be cancelled
 # Radii that rays start above the surface, 0.06 mm at 100 mm. A scan's triangles may be folded over, and a vertex below
 # such a fold would be a dark spot on it; where it sees the backs of faces yet, it looks from higher still.
 LIFTS = (1e-3, 1e-2)

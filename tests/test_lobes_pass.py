@@ -39,7 +39,7 @@ def mirrored(normals, to_eye):
 
 def test_the_shader_has_the_shares_of_core(context, lit):
     """At the mirrored ray itself, and near it to first order."""
-    _, scene, light = lit
+    _, _, light = lit
     occlusion, lobes = light.occlusion, LobesPass(context)
     visibility, mesh = occlusion.baked.visibility, occlusion.baked.refined.mesh
     for shininess in (5.0, 60.0):
@@ -117,6 +117,7 @@ def sheet_before_a_wall():
 
 def test_light_behind_a_sheet_is_that_of_its_other_side(context, tmp_path, monkeypatch):
     monkeypatch.setattr("viewer.visibility.LONGEST_EDGE", 0.1)
+    monkeypatch.setattr("core.visibility_bake.FEW_RAYS", 0)
     mesh = sheet_before_a_wall()
     baked = bake_visibility(mesh)
     fine = baked.refined.mesh
