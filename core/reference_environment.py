@@ -1,4 +1,4 @@
-"""Irradiance of an environment that the object is in the way of, by rays in float64: what `core.visibility` is judged by.
+"""Irradiance of an environment that the object is in the way of, by rays in float64: the judge of `core.visibility`.
 
 It shares nothing with the bake: not its directions, nor harmonics, nor the places that rays start from.
 """

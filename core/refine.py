@@ -86,7 +86,7 @@ class Refined:
             if len(level.halved) == 0:
                 break
             cases, at = level.halved[at], level.first[at]
-            for case in np.flatnonzero(np.bincount(cases, minlength=8)):
+            for case in np.flatnonzero(np.bincount(cases, minlength=8)).tolist():
                 if case == 0:
                     continue
                 some: Any = slice(None) if (same := cases == case).all() else np.flatnonzero(same)

@@ -100,7 +100,9 @@ class Visibility:
         """Visible share of the light of a probe at every point, (n, 3) in [0, 1]; `sh` (k, 3) in world space."""
         used = sh[: self.whole.shape[1]].astype(np.float32)
         # Turned round, these take two thirds of the time.
-        whole, visible = (np.ascontiguousarray((used.T @ own[:, : len(used)].T).T) for own in (self.whole, self.visible))
+        whole, visible = (
+            np.ascontiguousarray((used.T @ own[:, : len(used)].T).T) for own in (self.whole, self.visible)
+        )
         least = np.float32(DARK * max(float(np.abs(sh[0]).max()), 1e-30))
         # Light that a short vector makes negative is none: all of nothing is visible.
         return np.clip(np.where(whole > least, visible / np.maximum(whole, least), 1.0), 0.0, 1.0)

@@ -77,6 +77,20 @@ def test_pixels_and_samples_have_the_irradiance_of_rays(context, sky):
     assert (frame.irradiance[seen] <= without.irradiance[seen] * (1.0 + 1e-5)).all()
 
 
+def test_lamps_of_a_probe_and_its_rest_together_have_the_irradiance_of_rays(context):
+    """Shadow maps for what is taken out of it, visibility for what stays"""
+    mesh = shaded_ball()
+    renderer, studio = MeshRenderer(context, mesh), EnvironmentSettings(builtin="studio")
+    for rotation in (0.0, 120.0):
+        scene = replace(scene_of(), lights=(), environment=replace(studio, rotation_deg=rotation))
+        lit = renderer.light(scene)
+        assert len(lit.sources) > 1
+        some = np.random.default_rng(5).choice(len(lit.samples), 200, replace=False)
+        places = places_of(lit.samples.points[some], lit.samples.normals[some].astype(float))
+        expected = irradiance(mesh, places, renderer.probe(studio).latlong, lit.eta, [rotation])[0]
+        assert rms(lit.flux[some] / lit.samples.areas[some, None], expected) < 0.08
+
+
 def test_what_no_scene_needs_is_not_baked(context, sky, monkeypatch):
     monkeypatch.setattr(visibility, "bake", lambda *_: pytest.fail("rays were cast"))
     renderer = MeshRenderer(context, mesh_of(part(3.3)))
