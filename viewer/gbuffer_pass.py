@@ -38,11 +38,20 @@ class GBufferPass:
         constant = [np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1)]
         self._all, self._no_lobe, self._one_body = (context.buffer(values.astype("f4")) for values in constant)
 
-    def targets(self, size: tuple[int, int], occluded: bool = False, lobes: bool = False) -> GBuffer:
-        """Allocate a G-buffer of (width, height) pixels."""
+    def depth(self, size: tuple[int, int]) -> moderngl.Renderbuffer:
+        """Allocate a depth buffer of (width, height) pixels."""
+        return checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
+
+    def targets(
+        self,
+        size: tuple[int, int],
+        occluded: bool = False,
+        lobes: bool = False,
+        depth: moderngl.Renderbuffer | None = None,
+    ) -> GBuffer:
+        """Allocate a G-buffer of (width, height) pixels, with a `depth` that others read too if it is given."""
         position, normal, *visible = float_targets(self._context, size, 2 + occluded + lobes)
-        depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
-        framebuffer = self._context.framebuffer([position, normal, *visible], depth)
+        framebuffer = self._context.framebuffer([position, normal, *visible], depth or self.depth(size))
         return GBuffer(position, normal, framebuffer, *visible)
 
     def render(

@@ -13,7 +13,7 @@ from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, Light, SpecularSettings
 from viewer.shadows_pass import ShadowMap
@@ -117,10 +117,10 @@ class PixelIrradiancePass:
         self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
-    def targets(self, size: tuple[int, int]) -> "PixelLight":
-        """Allocate what `run` fills."""
+    def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
+        """Allocate what `run` fills; `depth` of the G-buffer spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
-        framebuffer = self._context.framebuffer([irradiance, specular, local])
+        framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
     def run(
@@ -139,8 +139,6 @@ class PixelIrradiancePass:
         """
         out.framebuffer.use()
         out.framebuffer.clear()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
         for source in sources:
             self._program.set(
                 {
@@ -158,7 +156,7 @@ class PixelIrradiancePass:
                     "t_highlights": highlights,
                 }
             )
-            self._triangle.render(vertices=3)
+            draw_over_object(self._context, self._triangle, out.framebuffer.depth_attachment is not None)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

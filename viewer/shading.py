@@ -141,7 +141,9 @@ class Shading:
     ) -> tuple[Composite, tuple[object, ...]]:
         """Where the pixels go, and everything that they depend on."""
         size = scene.display.image_size
-        targets = self._run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
+        depth = self._run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        targets = self._run("composite targets", made, lambda: self._composite.targets(size, parts, depth))
         volume = gather.volume, gather.local, gather.diffuse, gather.eta
         return targets, (targets, offsets, scene.specular, lit.model, scene.camera, size, *lit.sources, *volume)
 
@@ -155,8 +157,10 @@ class Shading:
         run, size, camera = self._run, scene.display.image_size, lit.camera
         occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
         parts = occlusion is not None, lobes is not None
-        gbuffer = self._seen = run("gbuffer targets", [size, parts], lambda: self._gbuffer.targets(size, *parts))
-        light = run("light targets", [size], lambda: self._irradiance.targets(size))
+        depth = run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        gbuffer = self._seen = run("gbuffer targets", made, lambda: self._gbuffer.targets(size, *parts, depth))
+        light = run("light targets", [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.separated is None else lit.separated.marks.buffer
         if lit.separated is not None and occlusion is not None:
