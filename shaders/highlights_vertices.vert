@@ -5,7 +5,7 @@
 // so that between vertices, and where the surface is bent, the share is of the pixel's own mirrored ray r.
 #include "gbuffer.glsl"
 
-uniform sampler2D t_blocked;  // coefficients of each vertex, texels below one another: viewer/lobes_pass.py
+uniform sampler2D t_blocked;  // coefficients of each vertex, texels below one another: viewer/highlights_pass.py
 uniform int u_order;
 uniform int u_texels;         // of a vertex
 uniform float u_bands[9];     // of the lobe: factor of each band

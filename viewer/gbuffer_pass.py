@@ -16,7 +16,7 @@ class GBuffer:
     """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body.
 
     `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
-    `viewer.occlusion` and `viewer.lobes_pass`.
+    `viewer.occlusion` and `viewer.highlights_pass`.
     """
 
     position: moderngl.Texture
@@ -67,7 +67,7 @@ class GBufferPass:
         """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
 
         `bodies` holds the body of each vertex where there are several; of its mesh if there is an `occlusion`. Of an
-        occlusion, `behind` and `lobes` are those of `viewer.occlusion` and `viewer.lobes_pass` where they are wanted.
+        occlusion, `behind` and `lobes` are those of `viewer.occlusion` and `viewer.highlights_pass` where they are wanted.
         """
         out.framebuffer.use()
         out.framebuffer.clear(depth=1.0)

@@ -1,7 +1,7 @@
 """Environment light that the object itself keeps from its surface: baked once a mesh, then a share for every vertex.
 
 Shares multiply the unoccluded irradiance: interpolated over the faces for pixels (the G-buffer's third texture), and
-for the surface samples on the CPU. Highlights have shares of their own, see `viewer.lobes_pass`.
+for the surface samples on the CPU. Highlights have shares of their own, see `viewer.highlights_pass`.
 """
 
 from collections.abc import Callable

@@ -14,9 +14,9 @@ from viewer.composite_pass import Composite, CompositePass
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture, read_rgba
+from viewer.highlights_pass import HighlightsPass
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
-from viewer.lobes_pass import LobesPass
 from viewer.picture import Picture
 from viewer.scene import Scene
 from viewer.tonemap_pass import Background, TonemapPass
@@ -33,7 +33,7 @@ class Shading:
         self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
         self._irradiance = PixelIrradiancePass(context)
-        self._lobes = LobesPass(context)
+        self._lobes = HighlightsPass(context)
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))

@@ -24,7 +24,7 @@ class BlockedLobes:
     order: int
 
 
-class LobesPass:
+class HighlightsPass:
     """Evaluates what is in the way of the lobe about each vertex' mirrored eye ray."""
 
     def __init__(self, context: moderngl.Context) -> None:

@@ -12,7 +12,7 @@ from tests.shapes import ball
 from tests.solids import block, mesh_of
 from tests.test_occlusion import around, places_of, shaded_ball, write_probe
 from viewer.bench_lights import sky_pixels
-from viewer.lobes_pass import LobesPass, _packed
+from viewer.highlights_pass import HighlightsPass, _packed
 from viewer.settings import SpecularSettings
 from viewer.shading import Shading
 from viewer.visibility import bake_visibility
@@ -40,7 +40,7 @@ def mirrored(normals, to_eye):
 def test_the_shader_has_the_shares_of_core(context, lit):
     """At the mirrored ray itself, and near it to first order."""
     _, _, light = lit
-    occlusion, lobes = light.occlusion, LobesPass(context)
+    occlusion, lobes = light.occlusion, HighlightsPass(context)
     visibility, mesh = occlusion.baked.visibility, occlusion.baked.refined.mesh
     for shininess in (5.0, 60.0):
         buffer = lobes.run(occlusion, lobes.upload(visibility), shininess, light.camera)
