@@ -67,7 +67,7 @@ class GBufferPass:
         """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
 
         `bodies` holds the body of each vertex where there are several; of its mesh if there is an `occlusion`. Of an
-        occlusion, `behind` and `lobes` are those of `viewer.occlusion` and `viewer.highlights_pass` where they are wanted.
+        occlusion, `behind` and `lobes` (`viewer.highlights_pass`) where they are wanted.
         """
         out.framebuffer.use()
         out.framebuffer.clear(depth=1.0)
