@@ -82,12 +82,12 @@ def open_file(box: str, name: str) -> Use:
     return use
 
 
-def search(box: str, words: str, name: str) -> Use:
+def search(box: str, words: str, name: str, key: str = "material") -> Use:
     def use(walker: Walker) -> None:
         walker.click(box)
-        walker.click("material.search")
+        walker.click(f"{key}.search")
         walker.type(words)
-        walker.click(f"material={name}", 0.3)
+        walker.click(f"{key}={name}", 0.3)
 
     return use
 
@@ -139,10 +139,16 @@ CONTROLS = [
         for channel in "RGB"
     ),
     *(
-        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", 0.9), "colour", False)
-        for k in ("diffuse_reflectance", "mean_free_path_mm")
+        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", share), state)
+        for k, share, state in (
+            ("diffuse_reflectance", 0.9, "colour"), ("mean_free_path_mm", 0.9, "colour"),
+            ("diffuse_mean_free_path_mm", 0.9, "diffuse colour"),
+        )
         for c in "RGB"
     ),
+    Control("material.mix_with", "material.mix_with", search("material.mix_with", "ketch", "Ketchup", "mix")),
+    Control("material.mix_eta", "material.mix_with", search("material.mix_with", "cand", "candle", "mix")),
+    *sliders("mixed", material__mix_share=0.8, material__water=0.6),
     Control("material.profile", "material.profile", choose("material.profile", "photon_beam")),
     Control(
         "material.profile_table", "material.profile_table", open_file("material.profile_table", "other.csv"), "table",

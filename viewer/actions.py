@@ -13,8 +13,10 @@ from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
 from viewer.images import PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
+from viewer.own_materials import Materials, export_to, import_from
 from viewer.picture import read_image
 from viewer.preferences import Preferences
+from viewer.profile_export import write_profile
 from viewer.profile_files import read_profile_table
 from viewer.scene import Change
 from viewer.session import Session
@@ -147,6 +149,22 @@ class Actions:
     def _open_profile(self) -> None:
         self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))
 
+    def _import_materials(self) -> None:
+        self._ask(Request("Add a file's materials to your own", SCENE_SUFFIXES, self._exchange(import_from)))
+
+    def _export_materials(self) -> None:
+        request = Request("Write your own materials", SCENE_SUFFIXES, self._exchange(export_to), "materials.toml")
+        self._ask(request)
+
+    def _exchange(self, exchange: Callable[[Path], Materials]) -> Callable[[Path], None]:
+        def done(path: Path) -> None:
+            try:
+                self._session.say(f"{path.name}: {', '.join(each.name for each in exchange(path))}")
+            except InputError as error:
+                self._session.fail(error)
+
+        return done
+
     def _save(self) -> None:
         if self._session.path is None:
             self._save_as()
@@ -182,6 +200,33 @@ class Actions:
             self._session.fail(error)
             return False
         return self._session.edit("material", profile=TABLE, profile_table=str(path))
+
+    def _reread_profile(self) -> None:
+        """Take a table that was edited meanwhile; one that has gone stays as it was read."""
+        kept = self._session.kept
+        scenes = (self._session.scene,) if kept is None else (self._session.scene, kept)
+        for path in {scene.material.profile_table for scene in scenes}:
+            try:
+                if path is not None and path.is_file() and self._view.live.assets.reread_profile(path):
+                    self._session.say(f"{path.name} has changed and was read again")
+            except InputError as error:
+                self._session.fail(f"{error}; the profile stays what it was")
+
+    def _toggle_profiles(self) -> None:
+        self._session.view.profiles = not self._session.view.profiles
+
+    def _export_profile(self) -> None:
+        material = self._session.scene.material
+        suggested = f"{material.name or 'custom'}-{material.profile}.csv".replace(" ", "-").lower()
+        self._ask(Request("Export the profile's curves", PROFILE_SUFFIXES, self._export_to, suggested))
+
+    def _export_to(self, path: Path) -> None:
+        try:
+            note = write_profile(path, self._session.scene.material, self._view.live.assets.profile_table)
+        except InputError as error:
+            self._session.fail(error)
+        else:
+            self._session.say(f"wrote {path}{note}")
 
     def _screenshot(self) -> None:
         self.capture = self._free_name()

@@ -60,7 +60,7 @@ def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress 
 def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Still:
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
     picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-    return Still(read_image(picture), timings, picture.warnings, picture.quality)
+    return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
 
 
 def _drawn(

@@ -18,6 +18,7 @@ from viewer.highlights_pass import HighlightsPass
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
 from viewer.picture import Picture
+from viewer.scale import below_nodes, beyond_object
 from viewer.scene import Scene
 from viewer.tonemap_pass import Background, TonemapPass
 
@@ -83,9 +84,12 @@ class Shading:
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
+        too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
         warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *lit.quality.warnings)
+        warnings += () if too_large is None else (too_large,)
+        remarks = () if too_small is None else (too_small,)
         transparent = display.background == "transparent"
-        return Picture(composite, image, transparent, warnings, lit.quality, average)
+        return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position of the visible surface at a pixel (column, row from the top) of the last picture."""

@@ -293,4 +293,4 @@ class ViewArea:
 
 
 def _named(scene: Scene) -> str:
-    return scene.material.name or "custom"
+    return scene.material.resolve().name
