@@ -9,12 +9,15 @@
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
+#include "visible.glsl"
 #include "detail.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
-uniform sampler2D t_visible;   // rgb: visible share of the environment's light; a: of the highlight's lobe
+uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a sheet
+uniform sampler2D t_lobe;      // of the highlight's
 uniform bool u_occluded;       // whether t_visible is there
+uniform bool u_occluded_lobe;  // whether t_lobe is there
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 
 layout(location = 0) out vec4 o_irradiance;
@@ -34,10 +37,14 @@ void main() {
     float cosine = 1.0;
     if (u_light_kind == ENVIRONMENT) {
         irradiance = shading.a * environment_irradiance(shading.xyz);
-        if (u_occluded) irradiance *= texelFetch(t_visible, pixel, 0).rgb;
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
-        float visibility = u_occluded ? texelFetch(t_visible, pixel, 0).a : 1.0;
-        specular = visibility * environment_highlight(shading.xyz, to_eye);
+        if (u_occluded) {
+            vec4 visible = texelFetch(t_visible, pixel, 0);
+            irradiance *= visible.rgb;
+            behind.irradiance *= unpacked_share(visible.a);
+        }
+        vec4 lobe = u_occluded_lobe ? texelFetch(t_lobe, pixel, 0) : vec4(0.0, 0.0, 0.0, 1.0);
+        specular = environment_highlight(shading.xyz, to_eye, lobe);
         specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
     } else {
         Arrival arrival = arrive(position.xyz, normal);

@@ -184,7 +184,8 @@ class Assets:
         cancelled: threading.Event | None = None,
     ) -> BakedVisibility:
         """Return what a mesh's vertices see, see `viewer.visibility`."""
-        compute = lambda: (mesh, bake_visibility(mesh, progress, cancelled))  # noqa: E731
+        ahead = not self.bakes  # a window may want all of it at any time
+        compute = lambda: (mesh, bake_visibility(mesh, progress, cancelled, ahead))  # noqa: E731
         return self._get("visibility", id(mesh), compute)[1]  # type: ignore[no-any-return]
 
     def has_visibility(self, mesh: Mesh) -> bool:

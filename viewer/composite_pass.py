@@ -9,7 +9,7 @@ from viewer.camera import Camera
 from viewer.detail import leaving_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.irradiance_pass import PixelLight
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
@@ -36,11 +36,11 @@ class CompositePass:
         program = Program(self._context, "fullscreen.vert", "composite_detail.frag")
         return program, self._context.vertex_array(program.program, [])
 
-    def targets(self, size: tuple[int, int], parts: bool) -> Composite:
-        """Allocate radiance, and its parts too if wanted, for (width, height) pixels."""
+    def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
+        """Allocate radiance, and its parts too if wanted, for (width, height) pixels; `depth` as of light."""
         names = OUTPUTS if parts else OUTPUTS[:1]
         textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
-        return Composite(textures, self._context.framebuffer(list(textures.values())))
+        return Composite(textures, over_object(self._context, list(textures.values()), depth))
 
     def render(
         self,
@@ -53,8 +53,6 @@ class CompositePass:
     ) -> None:
         """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
         out.framebuffer.use()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
         program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
         program.set(
             {
@@ -70,4 +68,4 @@ class CompositePass:
                 "u_weight": weight,
             }
         )
-        triangle.render(vertices=3)
+        draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)

@@ -24,6 +24,7 @@ from viewer.images import Pixels8, check_output, write_png
 from viewer.irradiance_pass import world_to_probe
 from viewer.lighting import LitScene
 from viewer.picture import read_frame
+from viewer.report_environment import environment_content
 from viewer.report_transport import transport_content
 from viewer.scene import Scene
 from viewer.surround import probe_lamps
@@ -133,6 +134,8 @@ def error_report(
     )
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
+    if (around := renderer.parted(scene.environment)) is not None:
+        content["environment"] = environment_content(scene, lit, around, seed)
     if photons:
         scattered = renderer.scatter(lit)
         content["transport_error"] = transport_content(scene, lit, scattered, illumination, photons, seed, walked)
