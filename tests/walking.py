@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2700)  # every section open and nothing scrolled
+SIZE = (900, 2850)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -157,6 +157,10 @@ CONTROLS = [
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
     Control("model.up", "model.up", choose("model.up", "z")),
     Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
+    Control("detail.albedo", "detail.albedo", choose("detail.albedo", "after"), "skin"),
+    Control("detail.normal_strength", "detail.normal_strength", slide("detail.normal_strength", 0.9), "skin"),
+    Control("model.texture", "model.texture", open_file("model.texture", "texture.png"), "skin"),
+    Control("model.normal_map", "model.normal_map", open_file("model.normal_map", "bumps.png"), "skin"),
     Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
     Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),

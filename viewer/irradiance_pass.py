@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -11,9 +12,10 @@ from pyrr import matrix33
 from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.detail import entering_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, Light, SpecularSettings
 from viewer.shadows_pass import ShadowMap
@@ -117,10 +119,15 @@ class PixelIrradiancePass:
         self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
-    def targets(self, size: tuple[int, int]) -> "PixelLight":
-        """Allocate what `run` fills."""
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "irradiance_pixels_detail.frag")
+        return program, self._context.vertex_array(program.program, [])
+
+    def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
+        """Allocate what `run` fills; `depth` of the G-buffer spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
-        framebuffer = self._context.framebuffer([irradiance, specular, local])
+        framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
     def run(
@@ -139,24 +146,26 @@ class PixelIrradiancePass:
         """
         out.framebuffer.use()
         out.framebuffer.clear()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
+        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
         for source in sources:
-            self._program.set(
+            program.set(
                 {
                     **source.uniforms(gather.eta),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
+                    **entering_uniforms(gbuffer.detail),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "t_visible": gbuffer.visible or gbuffer.normal,
+                    "t_lobe": gbuffer.lobe or gbuffer.normal,
                     "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
+                    "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                     "u_eye": tuple(camera.eye),
                     **_highlight_uniforms(specular),
                     "t_highlights": highlights,
                 }
             )
-            self._triangle.render(vertices=3)
+            draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

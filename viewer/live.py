@@ -183,7 +183,7 @@ class Live:
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
         assets, table = self.assets, scene.material.table_in_use
-        if not (assets.has_mesh(scene.model) and assets.has_surround(scene.environment)):
+        if not (assets.has_detail(scene.model, scene.detail) and assets.has_surround(scene.environment)):
             return False
         mesh, _ = assets.mesh(scene.model)
         if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
@@ -197,6 +197,7 @@ class Live:
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
+        self.assets.detail(scene.model, scene.detail)
         if scene.separate:
             self.assets.bodies(mesh)
         if scene.environment.source is not None:

@@ -25,6 +25,7 @@ from viewer.settings import (
     LIGHT_KINDS,
     TABLES,
     CameraSettings,
+    DetailSettings,
     DirectionalLight,
     DisplaySettings,
     EnvironmentSettings,
@@ -37,7 +38,7 @@ from viewer.settings import (
 )
 
 __all__ = [
-    "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
+    "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
     "MaterialSettings", "ModelSettings", "PointLight", "Scene", "SpecularSettings", "TransportSettings",
     "apply_set", "changed",
 ]  # fmt: skip
@@ -60,6 +61,7 @@ class Scene:
     model: ModelSettings = field(default_factory=ModelSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
     material: MaterialSettings = field(default_factory=lambda: MaterialSettings(name="marble"))
+    detail: DetailSettings = field(default_factory=DetailSettings)
     specular: SpecularSettings = field(default_factory=SpecularSettings)
     lights: tuple[Light, ...] | None = None
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
@@ -261,12 +263,8 @@ def _to_toml(scene: Scene, base: Path) -> str:
 
 
 def _content(table: Any, base: Path) -> dict[str, Any]:
-    values = {key: getattr(table, key) for key in settings_of(table)}
-    return {
-        key: _relative(value, base) if isinstance(value, Path) else value
-        for key, value in values.items()
-        if value is not None
-    }
+    given = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
+    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in given.items()}
 
 
 def _relative(path: Path, base: Path) -> str:

@@ -11,6 +11,7 @@ from typing import ClassVar
 from core.errors import InputError
 from viewer.declaration import check_fields, setting
 from viewer.material_settings import MaterialSettings as MaterialSettings  # one of the tables
+from viewer.settings_detail import DetailSettings as DetailSettings
 from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
 from viewer.settings_surround import SpecularSettings as SpecularSettings
 
@@ -48,6 +49,14 @@ class ModelSettings:
         default_text="separate with diffusion where there are up to 64, else joined",
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
+    )
+    texture: Path | None = setting(
+        "path", None, optional=True,
+        why="picture (.png, .jpg) over the model's texture coordinates, in place of the file's own colours"
+    )
+    normal_map: Path | None = setting(
+        "path", None, optional=True,
+        why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
 
     def __post_init__(self) -> None:
@@ -211,7 +220,7 @@ class DisplaySettings:
 TABLES = {
     table.TABLE: table
     for table in (
-        ModelSettings, CameraSettings, MaterialSettings, SpecularSettings, EnvironmentSettings,
+        ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
         TransportSettings, DisplaySettings
     )
 }
