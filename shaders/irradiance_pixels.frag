@@ -9,6 +9,7 @@
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
+#include "lamplight.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
@@ -37,12 +38,11 @@ void main() {
         float visibility = u_occluded ? texelFetch(t_visible, pixel, 0).a : 1.0;
         specular = visibility * environment_highlight(normal, to_eye);
     } else {
-        Arrival arrival = arrive(position.xyz, normal);
-        irradiance = entering(arrival, normal);
-        cosine = max(dot(normal, arrival.to_light), 0.0);
-        specular = lamp_highlight(arrival, normal, to_eye);
-        if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
-            behind = light_behind(position.xyz, normal, normal_and_body.a);
+        Lamplight light = lamplight(position.xyz, normal, to_eye, normal_and_body.a);
+        irradiance = light.irradiance;
+        specular = light.specular;
+        cosine = light.cosine;
+        behind = light.behind;
     }
     vec3 local, other = vec3(0.0);
     if (u_diffusion) {

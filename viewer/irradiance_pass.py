@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -15,8 +16,9 @@ from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, float_targets
 from viewer.occlusion import Occlusion
-from viewer.settings import DirectionalLight, Light, SpecularSettings
+from viewer.settings import DirectionalLight, PointLight, SpecularSettings
 from viewer.shadows_pass import ShadowMap
+from viewer.soft_shadows_pass import SoftShadow
 
 Float32 = npt.NDArray[np.float32]
 
@@ -33,7 +35,8 @@ class LightSource:
         DIRECTIONAL, POINT or ENVIRONMENT.
     vector, colour : 3-tuples
         See irradiance.glsl.
-    shadow : ShadowMap
+    shadow : ShadowMap or SoftShadow
+        The latter of a light with a size, or a spot light.
     table : texture
         Irradiance over normals, lat-long, of an environment; any texture otherwise.
     rotation : (3, 3) float64
@@ -45,13 +48,13 @@ class LightSource:
     kind: int
     vector: tuple[float, float, float]
     colour: tuple[float, float, float]
-    shadow: ShadowMap
+    shadow: ShadowMap | SoftShadow
     table: moderngl.Texture
     rotation: npt.NDArray[np.float64]
     occlusion: Occlusion | None = None
 
     def uniforms(self, eta: float) -> dict[str, object]:
-        """Values for irradiance.glsl."""
+        """Values for irradiance.glsl and what stands in for arrival.glsl."""
         return {
             "u_light_kind": self.kind,
             "u_light_vector": self.vector,
@@ -62,6 +65,11 @@ class LightSource:
             **self.shadow.uniforms(),
         }
 
+    @property
+    def is_soft(self) -> bool:
+        """Whether it is for the shaders of lights with a size."""
+        return isinstance(self.shadow, SoftShadow)
+
     def entering(self, flux: Float32) -> EnteringLight:
         """Light of this source that enters with a flux (n, 3) at the surface samples."""
         x, y, z = self.vector
@@ -70,8 +78,14 @@ class LightSource:
         return EnteringLight(flux, position=self.vector if self.kind == POINT else None)
 
 
-def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
-    """Make a directional or point light's source; `table` is any texture."""
+def soft_lamp(shadow: SoftShadow, table: moderngl.Texture) -> LightSource:
+    """Make the source of a light with a size, or a spot light; `table` is any texture."""
+    lights = shadow.lights
+    return LightSource(lights.kind, lights.vector, lights.colour, shadow, table, np.eye(3))
+
+
+def lamp(light: DirectionalLight | PointLight, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
+    """Make the source of a directional or point light, sharp; `table` is any texture."""
     if isinstance(light, DirectionalLight):
         direction = np.asarray(light.direction, np.float64)
         x, y, z = (direction / np.linalg.norm(direction)).tolist()
@@ -101,12 +115,18 @@ class SampleIrradiancePass:
     """Runs irradiance.glsl over the surface samples."""
 
     def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
         self._program = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
+
+    @cached_property
+    def _soft_program(self) -> Program:
+        return Program(self._context, "irradiance_samples_soft.vert", varyings=("v_irradiance",))
 
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
         """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
-        self._program.set(source.uniforms(eta))
-        return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
+        program = self._soft_program if source.is_soft else self._program
+        program.set(source.uniforms(eta))
+        return np.frombuffer(buffers.transform(program), np.float32).reshape(-1, 3)
 
 
 class PixelIrradiancePass:
@@ -116,6 +136,11 @@ class PixelIrradiancePass:
         self._context = context
         self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
         self._triangle = context.vertex_array(self._program.program, [])
+
+    @cached_property
+    def _soft(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "irradiance_pixels_soft.frag")
+        return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int]) -> "PixelLight":
         """Allocate what `run` fills."""
@@ -142,7 +167,8 @@ class PixelIrradiancePass:
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         for source in sources:
-            self._program.set(
+            program, triangle = self._soft if source.is_soft else (self._program, self._triangle)
+            program.set(
                 {
                     **source.uniforms(gather.eta),
                     **source.shadow.depth_uniforms(),
@@ -156,7 +182,7 @@ class PixelIrradiancePass:
                     "t_highlights": highlights,
                 }
             )
-            self._triangle.render(vertices=3)
+            triangle.render(vertices=3)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

@@ -21,7 +21,9 @@ from typing import Any, NamedTuple
 import tomli_w
 
 from core.errors import InputError
+from viewer.camera import place_camera
 from viewer.declaration import Setting, is_required, nearest, settings_of, shown
+from viewer.lights import brightness, in_world
 from viewer.material_settings import WAYS
 from viewer.settings import (
     DEFAULT_LIGHTS,
@@ -35,16 +37,20 @@ from viewer.settings import (
     MaterialSettings,
     ModelSettings,
     PointLight,
+    RectangleLight,
     SpecularSettings,
+    SphereLight,
+    SpotLight,
     TransportSettings,
 )
 
 __all__ = [
     "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
-    "MaterialSettings", "ModelSettings", "PointLight", "Scene", "SpecularSettings", "TransportSettings",
-    "apply_set", "changed",
+    "MaterialSettings", "ModelSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings", "SphereLight",
+    "SpotLight", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
+KIND_NAMES = [kind.__name__ for kind in LIGHT_KINDS.values()]
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
 _NAME, _COEFFICIENTS, _COLOUR = map(set, WAYS)
 _RIVALS = {
@@ -82,7 +88,7 @@ class Scene:
         if self.lights is not None:
             lights: object = self.lights
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
-                raise InputError("lights must be a tuple of DirectionalLight and PointLight, or None")
+                raise InputError(f"lights must be a tuple of {', '.join(KIND_NAMES)}, or None")
             object.__setattr__(self, "lights", tuple(lights))
         if self.display.background == "environment" and not self.environment.given:
             raise InputError(
@@ -90,8 +96,12 @@ class Scene:
             )
 
     def effective_lights(self) -> tuple[Light, ...]:
-        """Return the lights that shine: those given, else the default pair where there is no environment."""
-        return tuple(light for light in self.all_lights() if light.on)
+        """Return the lights that shine, as they are in the world: on, and not black."""
+        shining = [light for light in self.all_lights() if light.on and any(brightness(light))]
+        if all(light.fixed_to == "world" for light in shining):
+            return tuple(shining)
+        rotation = place_camera(self.camera, 1.0, (1, 1)).rotation
+        return tuple(in_world(light, rotation) for light in shining)
 
     @property
     def separate(self) -> bool:
