@@ -2,6 +2,8 @@
 // place of a light with a size arrival_soft.glsl is.
 #include "shadows.glsl"
 
+int first_sub_light() { return 0; }
+int next_sub_light(int i) { return i + 1; }
 int sub_lights() { return 1; }
 
 // Regardless of shadows; position: world, mm.

@@ -7,11 +7,14 @@ const int FACE = 2;    // radiates by the cosine to u_light_axis, before it only
 const int CONE = 3;    // fades from u_cone.y to u_cone.x, cosines to u_light_axis
 
 uniform int u_sub_lights;
+uniform ivec2 u_part;          // the first one to be seen, and how many on is the next, a divisor of their number
 uniform int u_light_shape;
 uniform vec3 u_light_axis;     // unit, the way that most light goes
 uniform vec2 u_cone;
 uniform float u_light_radius;  // of a sphere, mm
 
+int first_sub_light() { return u_part.x; }
+int next_sub_light(int i) { return i + u_part.y; }
 int sub_lights() { return u_sub_lights; }
 
 float emission(vec3 position, vec3 to_light, float distance2) {
@@ -26,14 +29,17 @@ float emission(vec3 position, vec3 to_light, float distance2) {
 }
 
 Arrival unshadowed(int i, vec3 position) {
+    // Variance of an even disc: 1/4 of its radius^2. Of one of many sub-lights u_piece is half the radius, and thrice the
+    // variance makes the highlights of neighbours merge.
+    float spread = (u_sub_lights > 1 ? 3.0 : 0.25) * u_piece * u_piece;
     vec3 place = sub_light(i).xyz;
-    vec3 share = u_light_colour / float(u_sub_lights);
-    if (u_light_kind != POINT) return Arrival(place, share, 1.0, SPREAD * u_cell * u_cell);
+    vec3 share = float(u_part.y) / float(u_sub_lights) * u_light_colour;
+    if (u_light_kind != POINT) return Arrival(place, share, 1.0, spread);
     vec3 to_light = place - position;
     float distance2 = max(dot(to_light, to_light), 1e-12);
     float distance = sqrt(distance2);
     to_light /= distance;
-    return Arrival(to_light, emission(position, to_light, distance2) * share, distance, SPREAD * u_cell * u_cell / distance2);
+    return Arrival(to_light, emission(position, to_light, distance2) * share, distance, spread / distance2);
 }
 
 Arrival arrive(int i, vec3 position, vec3 normal) {

@@ -12,5 +12,6 @@ void main() {
         return;
     }
     v_irradiance = vec3(0.0);
-    for (int i = 0; i < sub_lights(); ++i) v_irradiance += entering(arrive(i, a_position, a_normal), a_normal);
+    for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i))
+        v_irradiance += entering(arrive(i, a_position, a_normal), a_normal);
 }

@@ -11,7 +11,7 @@ float brightness(vec3 colour) { return colour.r + colour.g + colour.b; }
 
 Lamplight lamplight(vec3 position, vec3 normal, vec3 to_eye, float body) {
     Lamplight sum = Lamplight(vec3(0.0), vec3(0.0), 0.0, Behind(vec3(0.0), 0.0, 0.0));
-    for (int i = 0; i < sub_lights(); ++i) {
+    for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i)) {
         Arrival arrival = arrive(i, position, normal);
         float cosine = dot(normal, arrival.to_light);
         if (cosine > 0.0) {

@@ -53,8 +53,9 @@ class LightSource:
     rotation: npt.NDArray[np.float64]
     occlusion: Occlusion | None = None
 
-    def uniforms(self, eta: float) -> dict[str, object]:
-        """Values for irradiance.glsl and what stands in for arrival.glsl."""
+    def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
+        """Values for irradiance.glsl and what stands in for arrival.glsl, at one of a pixel's samples."""
+        shadow = self.shadow
         return {
             "u_light_kind": self.kind,
             "u_light_vector": self.vector,
@@ -62,7 +63,7 @@ class LightSource:
             "t_environment": self.table,
             "u_environment_rotation": self.rotation,
             "u_eta": eta,
-            **self.shadow.uniforms(),
+            **(shadow.uniforms(sample, samples) if isinstance(shadow, SoftShadow) else shadow.uniforms()),
         }
 
     @property
@@ -157,8 +158,10 @@ class PixelIrradiancePass:
         highlights: moderngl.Texture,
         camera: Camera,
         out: "PixelLight",
+        sample: int = 0,
+        samples: int = 1,
     ) -> None:
-        """Sum E, the Phong highlights and the local exitance of all lights at every pixel.
+        """Sum E, the Phong highlights and the local exitance of all lights at every pixel, in one of its samples.
 
         `highlights` is the environment prefiltered with the lobe, any texture without one.
         """
@@ -170,7 +173,7 @@ class PixelIrradiancePass:
             program, triangle = self._soft if source.is_soft else (self._program, self._triangle)
             program.set(
                 {
-                    **source.uniforms(gather.eta),
+                    **source.uniforms(gather.eta, sample, samples),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
                     "t_position": gbuffer.position,

@@ -12,7 +12,7 @@ from viewer.buffers import MeshBuffers
 from viewer.gl import Program, checked, float_texture, leave_framebuffer
 from viewer.lights import Light, brightness
 from viewer.shadow_views import FAR, soft_view_count, soft_views
-from viewer.sub_lights import SubLights
+from viewer.sub_lights import PARTS, SubLights
 
 Array = npt.NDArray[np.float64]
 
@@ -20,6 +20,7 @@ TEXELS = 2560  # a side of all tiles together, about
 LARGEST, SMALLEST = 2048, 384  # texels a side of a tile
 TAPS = 64  # of a filter over all sub-lights, about
 LEAST_TAPS, MOST_TAPS = 4, 24
+FILTER = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +60,16 @@ class SoftShadow:
         red, green, blue = (a * b for a, b in zip(self.lights.colour, brightness(light), strict=True))
         return replace(self, lights=replace(self.lights, colour=(red, green, blue)))
 
-    def uniforms(self) -> dict[str, object]:
-        """Values for arrival_soft.glsl and shadows_soft.glsl."""
+    def uniforms(self, sample: int = 0, samples: int = 1) -> dict[str, object]:
+        """Values for arrival_soft.glsl and shadows_soft.glsl.
+
+        Samples of a pixel share the sub-lights out among them: all of them together see each as often.
+        """
         lights = self.lights
+        step = next(step for step in (PARTS, PARTS // 2, 1) if samples % step == 0 and len(lights) % step == 0)
         return {
             "u_sub_lights": len(lights),
+            "u_part": (sample % step, step),
             "u_light_shape": lights.shape,
             "u_light_axis": lights.axis,
             "u_cone": lights.cone,
@@ -74,7 +80,7 @@ class SoftShadow:
             "u_shadow_tiles": self.tiles,
             "u_shadow_texel": self.texel,
             "u_shadow_range": self.range,
-            "u_cell": lights.cell,
+            "u_piece": lights.cell * (FILTER if len(lights) > 1 else 1.0),
             "u_taps": int(np.clip(TAPS // len(lights), LEAST_TAPS, MOST_TAPS)),
         }
 

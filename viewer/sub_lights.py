@@ -18,8 +18,10 @@ DIRECTIONAL, POINT = 0, 1  # as in irradiance.glsl
 EVEN, SPHERE, FACE, CONE = range(4)  # as in arrival_soft.glsl
 GOLDEN = 0.6180339887498949  # turns: 1 - this is the golden angle's share
 PLASTIC = 0.7548776662466927  # of the next dimension (the R2 sequence)
-MOST, FEWEST_LARGE = 32, 8
-DEGREES_EACH = 1.25  # of a light's apparent diameter
+PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out
+MOST = 24
+SMALL_DEG = 1.0  # apparent diameter of a light that one shadow map and its filter do for
+DEGREES_EACH = 3.0  # of the diameter: mean absolute errors of irradiance are then 1 to 4 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +97,10 @@ def apparent_deg(light: Light, mesh_radius: float) -> float:
 def sub_light_count(light: Light, mesh_radius: float, draft: bool = False) -> int:
     """How many sub-lights a light needs: few where the filter of a shadow alone is about right, or for a draft."""
     angle = apparent_deg(light, mesh_radius)
-    if angle <= DEGREES_EACH:
+    if angle <= SMALL_DEG:
         return 1
-    count = int(min(MOST, np.ceil(angle / DEGREES_EACH)))
-    return max(1, count // 6) if draft else max(count, 1)
+    count = min(MOST, PARTS * int(np.ceil(angle / DEGREES_EACH / PARTS)))
+    return 2 + (count > PARTS) * count // 6 if draft else count
 
 
 def sub_lights(light: Light, count: int, far: float = np.inf) -> SubLights:
@@ -110,7 +112,7 @@ def sub_lights(light: Light, count: int, far: float = np.inf) -> SubLights:
     if isinstance(light, SphereLight):
         cell = light.radius_mm / np.sqrt(count)
         found = SubLights(
-            POINT, light.position_mm, centre + _in_ball(light, count), colour, cell, SPHERE, radius=light.radius_mm
+            POINT, light.position_mm, centre + _facing_disc(light, count), colour, cell, SPHERE, radius=light.radius_mm
         )
     elif isinstance(light, RectangleLight):
         width, height, (x, y, z) = axes(light)
@@ -138,18 +140,17 @@ def _disc(light: DirectionalLight, count: int) -> SubLights:
     return SubLights(DIRECTIONAL, (x, y, z), cosine[:, None] * towards + around, (red, green, blue), cell)
 
 
-def _in_ball(light: SphereLight, count: int) -> Array:
-    """Offsets in a ball that fill, seen from the origin, its disc evenly, and from elsewhere on the average too.
-
-    Of density 1 / sqrt(R^2 - r^2): its projection in any direction is constant over the disc.
-    """
-    towards = -np.asarray(light.position_mm, np.float64)
-    size = np.linalg.norm(towards)
-    towards = towards / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+def _facing_disc(light: SphereLight, count: int) -> Array:
+    """Offsets in the disc that closes the cone in which the origin sees a ball: even in direction from there."""
+    towards = np.asarray(light.position_mm, np.float64)
+    distance = max(float(np.linalg.norm(towards)), 1e-9)
+    towards = towards / distance if distance > 1e-9 else np.array([0.0, 0.0, 1.0])
+    sine = min(light.radius_mm / distance, 0.99)
     i = np.arange(count) + 0.5
-    share = i / count
-    depth = np.sqrt(1.0 - share) * np.sin(np.pi * ((i * PLASTIC) % 1.0 - 0.5))
-    return np.asarray(light.radius_mm * (_around(towards, np.sqrt(share), i) + depth[:, None] * towards))
+    cosine = 1.0 - (1.0 - np.sqrt(1.0 - sine**2)) * i / count
+    away = distance * (1.0 - sine**2)
+    around = _around(towards, away * np.sqrt(1.0 - cosine**2) / cosine, i)
+    return np.asarray(around - (distance - away) * towards)
 
 
 def _around(axis: Array, radii: Array, i: Array) -> Array:
