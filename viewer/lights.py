@@ -204,7 +204,7 @@ def in_world(light: Light, rotation: Array) -> Light:
 
 
 def axes(light: RectangleLight | SpotLight, upright: bool = False) -> Array:
-    """(3, 3): rows are the width, the height and the way it shines, unit and right-handed; `upright`: without its roll."""
+    """(3, 3): rows are its width, its height and the way it shines, unit, right-handed; `upright`: without its roll."""
     way = np.asarray(light.target_mm, np.float64) - np.asarray(light.position_mm, np.float64)
     way /= np.linalg.norm(way)
     up = np.array([0.0, 1.0, 0.0]) if abs(way[1]) < 0.999 else np.array([0.0, 0.0, 1.0])

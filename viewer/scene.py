@@ -42,7 +42,7 @@ from viewer.settings import (
     SphereLight,
     SpotLight,
     TransportSettings,
-)
+)  # fmt: skip
 
 __all__ = [
     "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",

@@ -83,7 +83,7 @@ def _axes(forward: Array, up: Array | None = None) -> Array:
     return np.stack([right, np.cross(back, right), back], axis=1)
 
 
-def _extent(points: Array) -> tuple[Array, Array]:
+def _extent(points: npt.NDArray[np.floating]) -> tuple[Array, Array]:
     return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
 
 

@@ -85,7 +85,11 @@ class ShadowsPass:
         return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
 
     def render(
-        self, buffers: MeshBuffers, mesh: Mesh, light: DirectionalLight | PointLight, bodies: moderngl.Buffer | None = None
+        self,
+        buffers: MeshBuffers,
+        mesh: Mesh,
+        light: DirectionalLight | PointLight,
+        bodies: moderngl.Buffer | None = None,
     ) -> ShadowMap:
         """Render the mesh's depth as the light sees it, and its bodies if given: one float a vertex."""
         tiles = (1, 1)

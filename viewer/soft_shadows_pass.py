@@ -56,7 +56,7 @@ class SoftShadow:
     tells_bodies: bool
 
     def brightened(self, light: Light) -> "SoftShadow":
-        """Return the same maps for a light that differs in its brightness only; they were cast for a brightness of 1."""
+        """Return the same maps for a light that differs in its brightness only; they were cast for one of 1."""
         red, green, blue = (a * b for a, b in zip(self.lights.colour, brightness(light), strict=True))
         return replace(self, lights=replace(self.lights, colour=(red, green, blue)))
 

@@ -64,7 +64,7 @@ class SubLights:
         return len(self.vectors)
 
     def emission(self, i: int, points: npt.ArrayLike) -> Array:
-        """Factor (n,) on `colour` / n at points (n, 3), mm: irradiance from one sub-light on a surface that faces it."""
+        """Irradiance of a sub-light over its share of `colour`, on surfaces at points (n, 3), mm, that face it: (n,)."""
         points = np.asarray(points, np.float64)
         if self.kind == DIRECTIONAL:
             return np.ones(len(points))
@@ -110,7 +110,7 @@ def sub_lights(light: Light, count: int, far: float = np.inf) -> SubLights:
     assert not isinstance(light, PointLight)
     colour, centre = brightness(light), np.array(light.position_mm)
     if isinstance(light, SphereLight):
-        cell = light.radius_mm / np.sqrt(count)
+        cell = float(light.radius_mm / np.sqrt(count))
         found = SubLights(
             POINT, light.position_mm, centre + _facing_disc(light, count), colour, cell, SPHERE, radius=light.radius_mm
         )
@@ -153,12 +153,13 @@ def _facing_disc(light: SphereLight, count: int) -> Array:
     return np.asarray(around - (distance - away) * towards)
 
 
-def _around(axis: Array, radii: Array, i: Array) -> Array:
+def _around(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.floating]) -> Array:
     """Points of a golden spiral about an axis, in the plane across it: (n, 3)."""
     across = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
     across /= np.linalg.norm(across)
     angle = 2.0 * np.pi * GOLDEN * i
-    return radii[:, None] * (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across))
+    circle = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across)
+    return np.asarray(radii[:, None] * circle)
 
 
 def _lattice(count: int) -> Array:

@@ -51,7 +51,7 @@ class Surround:
     ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
         """Return an environment's sources of light, lamps with shadow maps first, and highlights of what is no lamp.
 
-        `bodies` as of `viewer.shadows_pass.ShadowsPass.render`; `occlusion` of the rest; `draft` as of `viewer.lighting.Lighting.light`.
+        `bodies` as of `viewer.shadows_pass.ShadowsPass.render`; `occlusion` of the rest.
         """
         if not shines(environment):
             return [], None
