@@ -12,13 +12,12 @@ uniform vec2 u_shadow_tiles;     // columns, rows
 uniform float u_shadow_texel;    // size of a texel: mm (directional), mm per mm of distance (point)
 uniform vec2 u_shadow_range;     // depths between which the maps lie, mm; of a directional light half their distance
 uniform float u_piece;           // size of a sub-light: radius of its filter, as seen from there, radians or mm
+uniform float u_widest;          // mm along the surface that the filter and offsets reach: walls are thicker
 uniform int u_taps;
 
 const float NORMAL_OFFSET = 1.25;  // texels along the normal at grazing light: a texel's own slope
 const float LIGHT_OFFSET = 0.75;   // texels towards the light: rasterised depth is off by half a texel
 const float SHARPEST = 1.1;        // texels: radius of the filter where the light has no size
-const float GRAZING = 0.5;         // cosine below which the filter shrinks
-const float WIDEST = 0.2;          // of the distance to the light: radius of the filter
 const int SEARCH = 5;              // taps that look for what is in the way
 const mat2 TURN = mat2(-0.737368878, 0.675490294, -0.675490294, -0.737368878);  // by the golden angle
 
@@ -63,21 +62,17 @@ float soft_visibility(int i, vec3 position, vec3 normal, vec3 to_light, float di
         if (centre.w > 0.0 && all(lessThanEqual(abs(centre.xy), vec2(centre.w)))) break;
     }
     if (view == last) return 1.0;
-    // Steps of 1 mm across the light, along the surface: a filter beside it would find the surface itself.
-    vec3 across = normalize(abs(to_light.y) < 0.9 ? vec3(to_light.z, 0.0, -to_light.x) : vec3(0.0, -to_light.z, to_light.y));
-    vec3 other = cross(to_light, across);
-    vec3 along = to_light / max(cosine, 0.02);
-    vec4 right = to_clip * vec4(across - dot(across, normal) * along, 0.0);
-    vec4 up = to_clip * vec4(other - dot(other, normal) * along, 0.0);
+    // Steps of 1 mm along the surface: a filter beside it would find the surface itself.
+    vec3 aside = normalize(abs(normal.y) < 0.9 ? vec3(normal.z, 0.0, -normal.x) : vec3(0.0, -normal.z, normal.y));
+    vec4 right = to_clip * vec4(aside, 0.0);
+    vec4 up = to_clip * vec4(cross(normal, aside), 0.0);
     float angle = sub_light(i).w;
     vec2 turned = vec2(cos(angle), sin(angle));
     float radius = SHARPEST * texel;
     if (u_piece > 0.0) {
-        // At grazing light it keeps short of what rises beside it.
-        float piece = u_piece * min(1.0, cosine / GRAZING);
-        float reach = u_light_kind == POINT ? piece * (centre.w / u_shadow_range.x - 1.0)
-                                            : piece * (centre.z + 1.0) * u_shadow_range.y;
-        reach = max(u_light_kind == POINT ? min(reach, WIDEST * distance) : reach, radius);
+        float reach = u_light_kind == POINT ? u_piece * (centre.w / u_shadow_range.x - 1.0)
+                                            : u_piece * (centre.z + 1.0) * u_shadow_range.y;
+        reach = max(min(reach, u_widest - LIGHT_OFFSET * texel), radius);
         float gap = 0.0, found = 0.0;
         for (int tap = 0; tap < SEARCH; ++tap) {
             vec2 place = reach * sqrt(float(tap) / float(SEARCH - 1)) * turned;
@@ -90,7 +85,7 @@ float soft_visibility(int i, vec3 position, vec3 normal, vec3 to_light, float di
         }
         if (found == 0.0) return 1.0;
         if (found == float(SEARCH)) return 0.0;
-        radius = clamp(piece * gap / found, radius, reach);
+        radius = clamp(u_piece * gap / found, radius, reach);
     }
     float lit = 0.0;
     for (int tap = 0; tap < u_taps; ++tap) {

@@ -19,6 +19,7 @@ KERNEL = {"spectra", "local", "local table"} | VOLUME
 LIGHT_1 = {"irradiance of light 1", "flux", "deposit"} | VOLUME
 LIT = {"irradiance of light 2"} | LIGHT_1
 LAYERS = {"layer depth", "weights", "deposit"} | KERNEL
+SHADOWS = {"shadow of light 1", "shadow of light 2", "light 1", "light 2"}
 OWN = ["material.sigma_s_prime=[1.0,2.0,3.0]", "material.sigma_a=[0.1,0.2,0.3]", "material.eta=1.61"]  # jade's eta
 DEPENDS = {
     "display.key": (["display.key=0.3"], {"tone map"}),
@@ -40,7 +41,7 @@ DEPENDS = {
     "transport.resolution": (["transport.resolution=48"], LAYERS | LIT | {"transport", "samples", "sample buffers"}),
     "model.size_mm": (
         ["model.size_mm=60"],
-        LAYERS | LIT | {"model", "samples", "sample buffers", "shadow of light 1", "shadow of light 2", "light 1", "light 2"},
+        LAYERS | LIT | SHADOWS | {"model", "samples", "sample buffers"},
     ),
 }
 

@@ -11,6 +11,7 @@ from core.mesh import Mesh
 from viewer.buffers import MeshBuffers
 from viewer.gl import Program, checked, float_texture, leave_framebuffer
 from viewer.lights import Light, brightness
+from viewer.quality import longest_side
 from viewer.shadow_views import FAR, soft_view_count, soft_views
 from viewer.sub_lights import PARTS, SubLights
 
@@ -21,6 +22,7 @@ LARGEST, SMALLEST = 2048, 384  # texels a side of a tile
 TAPS = 64  # of a filter over all sub-lights, about
 LEAST_TAPS, MOST_TAPS = 4, 24
 FILTER = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
+THINNEST = 0.0095  # of the longest side: light leaks through thinner walls only
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,8 @@ class SoftShadow:
         Columns and rows.
     texel, range
         As of `viewer.shadow_views.SoftViews`.
+    widest : float
+        How far a filter may reach along a surface, mm.
     bodies : texture
         The body at each texel, where bodies are told apart; else any texture.
     tells_bodies : bool
@@ -52,6 +56,7 @@ class SoftShadow:
     tiles: tuple[int, int]
     texel: float
     range: tuple[float, float]
+    widest: float
     bodies: moderngl.Texture
     tells_bodies: bool
 
@@ -81,6 +86,7 @@ class SoftShadow:
             "u_shadow_texel": self.texel,
             "u_shadow_range": self.range,
             "u_piece": lights.cell * (FILTER if len(lights) > 1 else 1.0),
+            "u_widest": self.widest,
             "u_taps": int(np.clip(TAPS // len(lights), LEAST_TAPS, MOST_TAPS)),
         }
 
@@ -139,8 +145,8 @@ class SoftShadowsPass:
         leave_framebuffer(self._context)
         framebuffer.release()
         table = self._table(lights, placed.matrices)
-        told = bodies is not None
-        return SoftShadow(lights, texture, table, views, tiles, placed.texel, placed.range, seen, told)
+        told, widest = bodies is not None, THINNEST * longest_side(mesh)
+        return SoftShadow(lights, texture, table, views, tiles, placed.texel, placed.range, widest, seen, told)
 
     def _table(self, lights: SubLights, matrices: Array) -> moderngl.Texture:
         """(n, 1 + 8 views, 4): see shadows_soft.glsl."""

@@ -64,7 +64,7 @@ class SubLights:
         return len(self.vectors)
 
     def emission(self, i: int, points: npt.ArrayLike) -> Array:
-        """Irradiance of a sub-light over its share of `colour`, on surfaces at points (n, 3), mm, that face it: (n,)."""
+        """Irradiance of a sub-light over its share of `colour`, on surfaces at points (n, 3) that face it: (n,)."""
         points = np.asarray(points, np.float64)
         if self.kind == DIRECTIONAL:
             return np.ones(len(points))
