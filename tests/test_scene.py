@@ -197,7 +197,7 @@ BAD_FILES = [
     ("lights = 1", "lights must be a list of tables; write [[lights]]"),
     ("[lights]\nkind = 'point'", "lights must be a list of tables; write [[lights]]"),
     ("[[lights]]\ndirection = [0, 1, 0]", "lights[0].kind must be one of directional, point, sphere,"),
-    ("[[lights]]\nkind = 'area'", 'rectangle, spot, not "area"'),
+    ("[[lights]]\nkind = 'area'", 'lights[0].kind must be one of directional, point, sphere, rectangle,'),
     ("[[lights]]\nkind = ['point']", "lights[0].kind must be one of directional, point, sphere, rectangle, spot"),
     ("[[lights]]\nkind = 'directional'", "lights[0].direction is missing; it must be 3 numbers"),
     ("[[lights]]\nkind = 'directional'\ndirection = [0, 0.0, 0]", "lights[0].direction must not be the zero vector"),

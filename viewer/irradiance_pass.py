@@ -54,8 +54,17 @@ class LightSource:
     occlusion: Occlusion | None = None
 
     def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
-        """Values for irradiance.glsl and what stands in for arrival.glsl, at one of a pixel's samples."""
+        """Values for irradiance.glsl, at one of a pixel's samples."""
         shadow = self.shadow
+        seen = shadow.uniforms(sample, samples) if isinstance(shadow, SoftShadow) else shadow.uniforms()
+        return self._uniforms(eta, seen)
+
+    def sample_uniforms(self, eta: float) -> dict[str, object]:
+        """The same for surface samples."""
+        shadow = self.shadow
+        return self._uniforms(eta, shadow.sample_uniforms() if isinstance(shadow, SoftShadow) else shadow.uniforms())
+
+    def _uniforms(self, eta: float, shadow: dict[str, object]) -> dict[str, object]:
         return {
             "u_light_kind": self.kind,
             "u_light_vector": self.vector,
@@ -63,7 +72,7 @@ class LightSource:
             "t_environment": self.table,
             "u_environment_rotation": self.rotation,
             "u_eta": eta,
-            **(shadow.uniforms(sample, samples) if isinstance(shadow, SoftShadow) else shadow.uniforms()),
+            **shadow,
         }
 
     @property
@@ -126,7 +135,7 @@ class SampleIrradiancePass:
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
         """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
         program = self._soft_program if source.is_soft else self._program
-        program.set(source.uniforms(eta))
+        program.set(source.sample_uniforms(eta))
         return np.frombuffer(buffers.transform(program), np.float32).reshape(-1, 3)
 
 

@@ -21,6 +21,7 @@ TEXELS = 2560  # a side of all tiles together, about
 LARGEST, SMALLEST = 2048, 384  # texels a side of a tile
 TAPS = 64  # of a filter over all sub-lights, about
 LEAST_TAPS, MOST_TAPS = 4, 24
+SAMPLE_TAPS, FEWEST_TAPS = 16, 2  # at a surface sample
 FILTER = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
 THINNEST = 0.0095  # of the longest side: light leaks through thinner walls only
 
@@ -89,6 +90,11 @@ class SoftShadow:
             "u_widest": self.widest,
             "u_taps": int(np.clip(TAPS // len(lights), LEAST_TAPS, MOST_TAPS)),
         }
+
+    def sample_uniforms(self) -> dict[str, object]:
+        """The same for surface samples: what steps from sub-light to sub-light show, transport smooths anyway."""
+        taps = max(FEWEST_TAPS, SAMPLE_TAPS // len(self.lights))
+        return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
 
     def depth_uniforms(self) -> dict[str, object]:
         """Values for sheet.glsl."""
