@@ -7,6 +7,8 @@ import pytest
 
 from core.fresnel import transmittance
 from core.mesh import Mesh
+from core.reference import Occluder
+from core.reference_sources import Sources
 from core.samples import SurfaceSamples
 from core.stages import Stages
 from tests import area_lights
@@ -16,8 +18,12 @@ from tests.shapes import ball, cube
 from viewer.buffers import MeshBuffers, SampleBuffers
 from viewer.irradiance_pass import SampleIrradiancePass
 from viewer.lamps import Lamps
+from viewer.live import Detail
+from viewer.report import error_report
+from viewer.report_transport import obstacle
 from viewer.scene import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight, apply_set
 from viewer.soft_shadows_pass import SoftShadow
+from viewer.visible_error import Illumination
 
 ETA = 1.5
 SIZED = {  # for an object of 20 mm
@@ -157,6 +163,25 @@ def test_the_highlight_of_a_disc_is_whole_and_smooth(renderer_of, model, shinine
     assert not len(rises) or not len(falls) or rises.max() < falls.min()
 
 
+@pytest.mark.parametrize("name", SIZED)
+def test_reports_cast_rays_to_all_of_a_light(renderer_of, shapes, name):
+    """What the error of a picture is measured against has the light that pictures have."""
+    places = Places(shapes["knot"], 300)
+    sources = Sources(places.points, places.normals, places.face_normals, np.ones(300))
+    expected = area_lights.irradiance(shapes["knot"], places, SIZED[name], ETA)
+    found = Illumination.of((SIZED[name],), ETA).irradiance(Occluder(shapes["knot"]), sources, ETA)
+    assert np.abs(found[:, 0] - expected).mean() < 0.02 * expected.mean()
+
+
+def test_the_report_of_a_picture_with_a_soft_shadow(renderer_of):
+    scene = scene_of("material.name=skimmilk", method="ewald", lights=(SIZED["sphere"],))
+    report = error_report(renderer_of("knot"), scene, points=60, photons=1)
+    assert max(report.content["error"]["rms"]) < 0.03
+    assert "has a sphere light" in report.content["transport_error"]["not_measured"]
+    disc = replace(scene, lights=(SIZED["disc"],))
+    assert "angle_deg" in obstacle(disc, renderer_of("knot").light(disc))
+
+
 def test_thin_parts_glow_with_a_panel_behind(renderer_of):
     """As much as with the point light that it nearly is."""
     place, intensity = (0.0, 0.0, -120.0), (4e4,) * 3
@@ -204,8 +229,6 @@ def test_while_a_light_is_dragged_it_has_few_sub_lights(driver):
     whole = len(live._lit.sources[0].shadow.lights)
     scene = session.scene
     moved = replace(scene, lights=(replace(scene.lights[0], position_mm=(90.0, 120.0, 150.0)),))
-    from viewer.live import Detail
-
     live._light(apply_set(moved, []), Detail(draft=True))
     assert len(live._lit.sources[0].shadow.lights) < whole
     live._light(moved, Detail(draft=False))
