@@ -1,5 +1,7 @@
 """Drives the window's contents without a display: injected mouse, keys and files, frames in a framebuffer."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,9 +64,25 @@ class Driver(Headless):
             self.frames(frames)
 
     def frames(self, count: int) -> None:
-        for _ in range(count):
+        """Draw frames, of which only the last one reaches the framebuffer: painting a tall panel takes longest."""
+        for left in reversed(range(count)):
             self.now += STEP
-            self.frame()
+            with self._unpainted() if left else nullcontext():
+                self.frame()
+
+    @contextmanager
+    def _unpainted(self) -> Iterator[None]:
+        painter = self.app._painter
+
+        def keep_textures(*_: object) -> None:
+            painter._update_textures()
+            painter._shown.clear()
+
+        painter.draw = keep_textures  # type: ignore[method-assign]
+        try:
+            yield
+        finally:
+            del painter.draw
 
     def key(self, *names: str) -> None:
         """Press keys together."""
@@ -82,7 +100,10 @@ class Driver(Headless):
         return left + share * (right - left), 0.5 * (top + bottom)
 
     def click(self, name: str, share: float = 0.5, button: str = "left") -> None:
-        self.send(MouseMoved(*self.place(name, share)), MouseButton(button, True), MouseButton(button, False))
+        self.click_at(self.place(name, share), button)
+
+    def click_at(self, place: tuple[float, float], button: str = "left") -> None:
+        self.send(MouseMoved(*place), MouseButton(button, True), MouseButton(button, False))
 
     def drag(self, start: tuple[float, float], by: tuple[float, float], button: str = "left", steps: int = 4) -> None:
         self.send(MouseMoved(*start), MouseButton(button, True))

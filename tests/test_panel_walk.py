@@ -15,6 +15,7 @@ from tests.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, s
 from viewer.images import write_exr
 from viewer.panel_controls import default_of
 from viewer.panel_profile import COEFFICIENTS, COLOUR, given_by
+from viewer.profile_view import PER_RADIUS
 from viewer.scene import Scene
 from viewer.session import SHOWN
 from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, MaterialSettings, PointLight, TransportSettings
@@ -255,6 +256,31 @@ def try_sections(walker: Walker) -> None:
         assert len(walker.app.panel.controls.boxes) == rows, box
 
 
+def try_profiles(walker: Walker) -> None:
+    """The curves below the picture, each control by what it shows or writes, and a table that is read anew."""
+    start, before, view = walker.session.scene, walker.view_pixels(), walker.app.profiles
+    table = Path(walker.app.preferences.folder) / "curves.csv"
+    walker.click("toggle_profiles")
+    assert differ(walker.view_pixels(), before)
+    choose("profiles.other", "burley")(walker)
+    choose("profiles.quantity", PER_RADIUS)(walker)
+    walker.click("profiles.log")
+    assert (view.other, view.quantity, view.log_radius) == ("burley", PER_RADIUS, False)
+    edge = walker.place("profiles.edge")
+    walker.drag(edge, (0.0, -90.0))
+    assert walker.place("profiles.edge")[1] < edge[1] - 60.0
+    open_file("profiles.export", table.name)(walker)
+    assert table.read_text().splitlines()[1] == "radius_mm,R,G,B"
+    walker.click("profiles.close")
+    assert not differ(walker.view_pixels(), before)
+    walker.session.edit("material", profile="table", profile_table=str(table))
+    read = walker.picture()
+    table.write_text((table.with_name("other.csv")).read_text())
+    walker.click("material.profile_table.reread")
+    assert differ(walker.picture(), read)
+    walker.session.put(start)
+
+
 def kind_of(box: str) -> str:
     """Which kind of control a name is: one entry of a list stands for all, and one light for another."""
     return re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
@@ -271,6 +297,6 @@ def test_every_control_changes_what_it_says(walker):
                 try_setting(walker, control)
     walker.session.put(scene)
     walker.settle()
-    for walk in (try_what_is_shown, try_way, try_lights, try_toolbar, try_error, try_sections):
+    for walk in (try_what_is_shown, try_way, try_lights, try_toolbar, try_profiles, try_error, try_sections):
         walk(walker)
     assert {kind_of(box) for box in walker.seen} - {kind_of(box) for box in walker.used} == set()

@@ -26,7 +26,7 @@ def lobe_means(latlong, mirrors, shininess):
 
 
 def assert_filters(latlong, shininess):
-    mirrors = np.concatenate([directions(100), AXES])
+    mirrors = np.concatenate([directions(40), AXES])
     found = env.lookup(LobeFilter(Probe.from_pixels(latlong)).filtered(shininess), mirrors)
     assert np.all(relative_rms(found, lobe_means(latlong, mirrors, shininess)) < 0.02)
 

@@ -1,9 +1,8 @@
-"""core.sculpture: a solid, thick and thin, the same every time, quickly."""
+"""core.sculpture: a solid, thick and thin, the same every time."""
 
 import hashlib
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -78,13 +77,6 @@ def test_is_the_same_in_every_process(made: Arrays) -> None:
     )
     printed = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert printed.strip() == digest(made)
-
-
-def test_takes_less_than_a_second_and_a_half() -> None:
-    start = time.perf_counter()
-    sculpture()
-    # Ten times the time measured, for busy machines.
-    assert time.perf_counter() - start < 4.0
 
 
 def test_becomes_a_mesh_in_millimetres(made: Arrays) -> None:

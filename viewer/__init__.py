@@ -6,7 +6,12 @@
 Importing this package makes no OpenGL context.
 """
 
+import os
 from typing import TYPE_CHECKING, Any
+
+# Before NumPy is there: threads of its matrix products wait for one another where cores are busy, up to ten times as
+# long as one alone would work, and wake in the way of the transforms'. What is worth several has threads of its own.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 if TYPE_CHECKING:
     from viewer.frame import render

@@ -15,6 +15,7 @@ from viewer.images import PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
 from viewer.picture import read_image
 from viewer.preferences import Preferences
+from viewer.profile_export import write_profile
 from viewer.profile_files import read_profile_table
 from viewer.scene import Change
 from viewer.session import Session
@@ -182,6 +183,33 @@ class Actions:
             self._session.fail(error)
             return False
         return self._session.edit("material", profile=TABLE, profile_table=str(path))
+
+    def _reread_profile(self) -> None:
+        """Take a table that was edited meanwhile; one that has gone stays as it was read."""
+        kept = self._session.kept
+        scenes = (self._session.scene,) if kept is None else (self._session.scene, kept)
+        for path in {scene.material.profile_table for scene in scenes}:
+            try:
+                if path is not None and path.is_file() and self._view.live.assets.reread_profile(path):
+                    self._session.say(f"{path.name} has changed and was read again")
+            except InputError as error:
+                self._session.fail(f"{error}; the profile stays what it was")
+
+    def _toggle_profiles(self) -> None:
+        self._session.view.profiles = not self._session.view.profiles
+
+    def _export_profile(self) -> None:
+        material = self._session.scene.material
+        suggested = f"{material.name or 'custom'}-{material.profile}.csv".replace(" ", "-").lower()
+        self._ask(Request("Export the profile's curves", PROFILE_SUFFIXES, self._export_to, suggested))
+
+    def _export_to(self, path: Path) -> None:
+        try:
+            note = write_profile(path, self._session.scene.material, self._view.live.assets.profile_table)
+        except InputError as error:
+            self._session.fail(error)
+        else:
+            self._session.say(f"wrote {path}{note}")
 
     def _screenshot(self) -> None:
         self.capture = self._free_name()

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from viewer.actions import Actions, Clipboard
 from viewer.error_overlay import ErrorOverlay
-from viewer.events import Closed, Drawn, Dropped, Event, Key, MouseButton
+from viewer.events import Closed, Drawn, Dropped, Event, Focused, Key, MouseButton
 from viewer.gl import free_dropped
 from viewer.gui import Gui, imgui
 from viewer.imgui_renderer import ImguiRenderer
@@ -23,6 +23,7 @@ from viewer.panel import WIDTH, Panel
 from viewer.panel_controls import Box
 from viewer.panel_error import percent
 from viewer.preferences import Preferences
+from viewer.profile_view import ProfileView
 from viewer.scene import Scene
 from viewer.session import Session
 from viewer.shortcuts import pressed_actions
@@ -75,6 +76,7 @@ class App:
         self.error = LiveError(context, wake)
         self._error_overlay = ErrorOverlay()
         self.panel = Panel(self.session, self._gui)
+        self.profiles = ProfileView(self.session, self.panel.controls, wake)
         self.actions = Actions(self.session, self.view, self.preferences, clipboard or Clipboard())
         self._messages = Messages()
         self.actions.on_dismiss = self._messages.clear
@@ -110,6 +112,8 @@ class App:
             self.actions.closing = True
         elif not isinstance(event, Drawn):
             self._gui.feed(event)
+        if event == Focused(True):  # whoever comes back may have edited a file meanwhile
+            self.actions.run("reread_profile")
 
     def wake(self) -> None:
         """Draw a frame soon: something is ready."""
@@ -138,12 +142,17 @@ class App:
         self._gui.begin(now)
         self._keys()
         view_box, panel_box = self._boxes()
+        view_box, profile_box = self.profiles.split(view_box)
         if self.actions.panel_shown:
             rate, recent = self.frames_per_second, self.preferences.recent
             self.panel.draw(panel_box, self.view.live, self.error, rate, recent)
             for request in list(self.panel.requests):
                 self.actions.run(request)
         self._draw_view(view_box, now)
+        if profile_box is not None:
+            self.profiles.draw(profile_box, self.view.live)
+            for request in self.profiles.requests:
+                self.actions.run(request)
         self.actions.dialog.draw()
         self._messages.take(self.session.messages, now)
         self._messages.draw(view_box)
@@ -171,6 +180,7 @@ class App:
             for live in self.view.lives():
                 live.wait(limit)
             self.error.wait(limit)
+            self.profiles.wait(limit)
             due = self.next_frame()
             if self.at_rest() and self._frames_due == 0:
                 return
@@ -179,11 +189,12 @@ class App:
 
     def at_rest(self) -> bool:
         """Whether nothing more is to come by itself."""
-        return self.view.at_rest() and self.error.progress is None
+        return self.view.at_rest() and self.error.progress is None and not self.profiles.busy
 
     def close(self) -> None:
         """Stop the workers and free what ImGui holds."""
         self.error.close()
+        self.profiles.close()
         self.view.close()
         self._painter.release()
         self._gui.close()

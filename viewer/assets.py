@@ -26,7 +26,7 @@ from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
 from viewer.model import builtin_model, load_model
-from viewer.profile_files import ProfileTable, read_profile_table
+from viewer.profile_files import ProfileTable, read_profile_table, taken_anew
 from viewer.quality import Quality, choose_quality, survey_spacing
 from viewer.settings import EnvironmentSettings, ModelSettings, TransportSettings
 from viewer.visibility import BakedVisibility, bake_visibility
@@ -80,6 +80,24 @@ class Assets:
     def profile_table(self, path: Path) -> ProfileTable:
         """Return the profiles of a file; errors as `viewer.profile_files.read_profile_table`."""
         return self._get("profile table", path, lambda: read_profile_table(path))  # type: ignore[no-any-return]
+
+    def reread_profile(self, path: Path) -> bool:
+        """Take a table's file anew if it has changed since; False if not, or if nobody has asked for it yet.
+
+        Raises
+        ------
+        InputError
+            As `profile_table`; what was read before stays.
+        """
+        if not self.has_profile_table(path):
+            return False
+        new = read_profile_table(path)
+        if new == self.profile_table(path):
+            return False
+        self.forget(path)
+        self.profile_table(path)
+        taken_anew(path)
+        return True
 
     def samples(self, mesh: Mesh, spacing: float, accept_finer: bool = False) -> SurfaceSamples:
         """Return surface samples of a mesh, see `core.samples.surface_samples`; perhaps finer ones that are there."""

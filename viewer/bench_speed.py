@@ -18,6 +18,7 @@ import pyfftw
 
 from core.convolution import ConvolutionShape, LayerConvolver, prepared
 from core.errors import InputError
+from core.profile_names import PROFILES, TABLE
 from viewer.frame import Renderer
 from viewer.gl import headless_context
 from viewer.scene import Scene
@@ -25,6 +26,7 @@ from viewer.settings import DirectionalLight, MaterialSettings
 
 Kernel = tuple[npt.NDArray[np.float32], ...]
 
+SWITCHED = tuple(name for name in PROFILES if name != TABLE)
 EFFORTS = ("FFTW_MEASURE", "FFTW_ESTIMATE")  # ESTIMATE is the renderer's: the same bits in every process
 
 
@@ -128,7 +130,7 @@ def _bare_transforms(shape: ConvolutionShape, threads: int, effort: str) -> Call
 
 
 def frame_rows(scene: Scene, setting: str, repeats: int) -> Iterator[FrameRow]:
-    """Time frames of a loaded scene after changes of its camera, lights, material and all of them."""
+    """Time frames of a loaded scene after changes of its camera, lights, material, profile and the former together."""
     renderer = Renderer(headless_context())
     renderer.draw(scene)
     for change, apply in CHANGES.items():
@@ -172,11 +174,18 @@ def _thinned(scene: Scene, i: int) -> Scene:
     return replace(scene, material=settings)
 
 
+def _reprofiled(scene: Scene, i: int) -> Scene:
+    """Another profile, of another concentration each time: no spectra of it are kept, nor tables."""
+    thinned = _thinned(scene, i)
+    return replace(thinned, material=replace(thinned.material, profile=SWITCHED[i % len(SWITCHED)]))
+
+
 CHANGES: dict[str, Callable[[Scene, int], Scene]] = {
     "exposure": lambda scene, i: replace(scene, display=replace(scene.display, key=0.18 + 0.01 * i)),
     "camera": _turned,
     "lights": _relit,
     "material": _thinned,
+    "profile": _reprofiled,
     "camera, lights, material": lambda scene, i: _thinned(_relit(_turned(scene, i), i), i),
 }
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from viewer.lighting import LitScene
+from viewer.profile_files import version
 from viewer.scene import Scene
 from viewer.settings import CameraSettings
 
@@ -15,7 +16,8 @@ def files(scene: Scene) -> tuple[object, ...]:
 def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
     """Everything that light and transport depend on, but for where the camera stands; `occluded`: as far as known."""
     environment, material = scene.environment, scene.material
-    scatters = material.resolve(), material.profile, material.table_in_use
+    table = material.table_in_use
+    scatters = material.resolve(), material.profile, table, version(table)
     return scene.model, scatters, scene.effective_lights(), environment, scene.transport, occluded
 
 

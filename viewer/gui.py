@@ -1,4 +1,4 @@
-"""Dear ImGui, and the only module that imports it: `from viewer.gui import imgui`.
+"""Dear ImGui and ImPlot, and the only module that imports them: `from viewer.gui import imgui`.
 
 Here are also its context, fonts, colours, and the translation of our events.
 """
@@ -10,11 +10,11 @@ from typing import Any
 
 import imgui_bundle
 from imgui_bundle import icons_fontawesome_6 as icons
-from imgui_bundle import imgui
+from imgui_bundle import imgui, implot
 
 from viewer.events import BUTTONS, Event, Focused, Key, MouseButton, MouseMoved, Resized, Scrolled, Typed
 
-__all__ = ["Gui", "icons", "imgui"]
+__all__ = ["Gui", "icons", "imgui", "implot"]
 
 FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
 TEXT = FONTS / "Roboto" / "Roboto-Regular.ttf"

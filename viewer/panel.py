@@ -97,11 +97,13 @@ class Panel:
             ("redo", icons.ICON_FA_ROTATE_RIGHT, "Redo (Ctrl+Shift+Z)", session.can_redo),
             ("flip", icons.ICON_FA_RIGHT_LEFT, "Keep this state, then flip between the two (K, B)", True),
             ("toggle_split", icons.ICON_FA_TABLE_COLUMNS, "Split the view: this state and the kept one (V)", True),
+            ("toggle_profiles", icons.ICON_FA_CHART_LINE, "Curves of the profile, below the picture (P)", True),
             ("toggle_help", icons.ICON_FA_CIRCLE_QUESTION, "Mouse and keys (H)", True),
         )  # fmt: skip
         for action, icon, tip, usable in buttons:
             imgui.begin_disabled(not usable)
             on = action == "toggle_split" and session.view.split is not None
+            on = on or (action == "toggle_profiles" and session.view.profiles)
             if controls.icon(action, icon, tip, on=on):
                 if action == "recent":
                     imgui.open_popup("recent files")

@@ -8,7 +8,7 @@ from core.errors import InputError
 from core.profile_names import DIPOLE, TABLE
 from core.profiles import reflectance
 from viewer.declaration import settings_of
-from viewer.gui import imgui
+from viewer.gui import icons, imgui
 from viewer.material_settings import MaterialSettings
 from viewer.panel_controls import Controls, explained
 from viewer.session import Session
@@ -23,6 +23,7 @@ WAYS_TIP = (
 LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
 LONGEST = 1e6  # mm: of a channel without matter
 TYPE = "Ctrl+click to type a number."
+REREAD_TIP = "Read the file again if it has changed. So does coming back to the window."
 MUCH = 0.02  # share of the flux in the tail of a table that is told
 
 
@@ -50,9 +51,12 @@ class ProfilePanel:
         if material.profile != TABLE or material.profile_table is None:
             return
         controls.begin_row("Table")
-        if imgui.button(f"{material.profile_table.name}##material.profile_table", (-1.0, 0.0)):
+        if imgui.button(f"{material.profile_table.name}##material.profile_table", (_spare(), 0.0)):
             self._requests.append("open_profile")
         controls.end_row("material.profile_table", "Table", explained(settings_of(material)["profile_table"], None))
+        imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
+        if controls.icon("material.profile_table.reread", icons.ICON_FA_ROTATE, REREAD_TIP, quiet=True):
+            self._requests.append("reread_profile")
         for note in table_notes(material):
             controls.note(note)
 
@@ -98,6 +102,11 @@ class ProfilePanel:
             changed = [*values]
             changed[i] = new
             self._session.edit("material", **{key: tuple(changed)}, eta=material.resolve().eta)
+
+
+def _spare() -> float:
+    """Width of a button that leaves room for an icon beside it."""
+    return -float(imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x)
 
 
 def given_by(settings: MaterialSettings, way: str) -> dict[str, object]:

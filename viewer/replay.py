@@ -73,6 +73,7 @@ class Headless:
             for live in self.app.view.lives():
                 live.wait()
             self.app.error.wait()
+            self.app.profiles.wait(60.0)
             self.now += 0.1
             if self.app.at_rest() and self.app.next_frame() != 0.0:
                 return

@@ -52,6 +52,7 @@ class View:
     measure: bool = False  # whether the error of what is shown is measured
     error_points: int = DEFAULT_ERROR_POINTS
     error_map: bool = True  # whether a measured error shows over the picture
+    profiles: bool = False  # whether the profile's curves show beside the picture
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ SHORTCUTS: dict[str, tuple[Shortcut, ...]] = {
     "Window": (
         Shortcut("H", "toggle_help", "this cheat sheet"),
         Shortcut("Tab", "toggle_panel", "show or hide the panel"),
+        Shortcut("P", "toggle_profiles", "show or hide the curves of the profile"),
         Shortcut("Escape", "dismiss", "close what is open, dismiss messages"),
     ),
 }
