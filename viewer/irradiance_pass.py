@@ -18,7 +18,7 @@ from viewer.gl import Program, float_targets
 from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, PointLight, SpecularSettings
 from viewer.shadows_pass import ShadowMap
-from viewer.soft_shadows_pass import SoftShadow
+from viewer.soft_shadows import SoftShadow
 
 Float32 = npt.NDArray[np.float32]
 

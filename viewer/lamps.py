@@ -10,7 +10,7 @@ from viewer.gl import latlong_texture
 from viewer.irradiance_pass import LightSource, lamp, soft_lamp
 from viewer.lights import DirectionalLight, Light, PointLight, brightened, is_sharp
 from viewer.shadows_pass import ShadowMap, ShadowsPass
-from viewer.soft_shadows_pass import SoftShadow, SoftShadowsPass, far_away
+from viewer.soft_shadows import SoftShadow, SoftShadowsPass, far_away
 from viewer.sub_lights import sub_light_count, sub_lights
 
 

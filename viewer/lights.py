@@ -158,6 +158,7 @@ class SpotLight:
 
 Light = DirectionalLight | PointLight | SphereLight | RectangleLight | SpotLight
 LIGHT_KINDS: dict[str, type[Light]] = {light.KIND: light for light in get_args(Light)}
+NAMES = ", ".join(kind.__name__ for kind in LIGHT_KINDS.values())
 
 
 def _check_aim(position: Vector, target: Vector) -> None:

@@ -21,28 +21,22 @@ from typing import Any, NamedTuple
 import tomli_w
 
 from core.errors import InputError
+from viewer import lights as kinds
 from viewer.camera import place_camera
 from viewer.declaration import Setting, is_required, nearest, settings_of, shown
-from viewer.lights import brightness, in_world
+from viewer.lights import LIGHT_KINDS, DirectionalLight, Light, PointLight, RectangleLight, SphereLight, SpotLight
 from viewer.material_settings import WAYS
 from viewer.settings import (
     DEFAULT_LIGHTS,
-    LIGHT_KINDS,
     TABLES,
     CameraSettings,
-    DirectionalLight,
     DisplaySettings,
     EnvironmentSettings,
-    Light,
     MaterialSettings,
     ModelSettings,
-    PointLight,
-    RectangleLight,
     SpecularSettings,
-    SphereLight,
-    SpotLight,
     TransportSettings,
-)  # fmt: skip
+)
 
 __all__ = [
     "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
@@ -50,7 +44,6 @@ __all__ = [
     "SpotLight", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
-KIND_NAMES = [kind.__name__ for kind in LIGHT_KINDS.values()]
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
 _NAME, _COEFFICIENTS, _COLOUR = map(set, WAYS)
 _RIVALS = {
@@ -88,20 +81,18 @@ class Scene:
         if self.lights is not None:
             lights: object = self.lights
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
-                raise InputError(f"lights must be a tuple of {', '.join(KIND_NAMES)}, or None")
+                raise InputError(f"lights must be a tuple of {kinds.NAMES}, or None")
             object.__setattr__(self, "lights", tuple(lights))
         if self.display.background == "environment" and not self.environment.given:
-            raise InputError(
-                'display.background is "environment" but there is none; set environment.path or environment.builtin too'
-            )
+            fix = "set environment.path or environment.builtin too"
+            raise InputError(f'display.background is "environment" but there is none; {fix}')
 
     def effective_lights(self) -> tuple[Light, ...]:
         """Return the lights that shine, as they are in the world: on, and not black."""
-        shining = [light for light in self.all_lights() if light.on and any(brightness(light))]
+        shining = tuple(light for light in self.all_lights() if light.on and any(kinds.brightness(light)))
         if all(light.fixed_to == "world" for light in shining):
-            return tuple(shining)
-        rotation = place_camera(self.camera, 1.0, (1, 1)).rotation
-        return tuple(in_world(light, rotation) for light in shining)
+            return shining
+        return tuple(kinds.in_world(light, place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
 
     @property
     def separate(self) -> bool:

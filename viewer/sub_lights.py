@@ -101,7 +101,7 @@ def sub_light_count(light: Light, mesh_radius: float, draft: bool = False) -> in
         return 1
     count = min(MOST, PARTS * int(np.ceil(angle / DEGREES_EACH / PARTS)))
     if draft:
-        return 1 if count <= 2 * PARTS else 2 + count // 6
+        return 1 if count == PARTS else 2 + count // 6
     return count
 
 
