@@ -22,13 +22,16 @@ The pipeline, one module a stage::
     bodies        the solids of a mesh; atlas: the layers of each; separate and separate_diffusion: transport in each
                   alone
     tonemap       float64 reference of the display transform
+    photo_depth   or, instead of a model, a photograph: height of its object; photo_surface: a mesh of that;
+                  photo_surround and photo_light: a probe of the background, as the object's shading says
 
 Beside it ``materials`` (coefficients), ``profiles`` (R_d: ``dipole``, ``better_dipole``, ``photon_beam``, ``burley``,
 ``gaussians``, ``profile_table``; ``radial_table`` where nothing is closed; ``profile_curves`` to look at),
 ``fresnel``, ``stages`` (run only what changed), ``sculpture`` and ``implicit`` (the built-in object), ``boxes`` and
 ``rays`` (for bodies), ``probe_maps``, ``probe_blur`` and ``spherical_harmonics`` (light probes); and to judge it all,
 ``reference`` (equation (1) summed directly in float64, visibility by rays), ``reference_sources`` (where its sources
-lie), ``hierarchical`` (the sum with an octree) and ``accuracy`` (the error to expect). ``photon_walk`` is the truth of
+lie), ``reference_environment`` (an environment that the object is in the way of, by rays), ``hierarchical`` (the sum
+with an octree) and ``accuracy`` (the error to expect). ``photon_walk`` is the truth of
 transport that equation (1) itself is judged by: Monte Carlo, in the ``photon_shapes`` slab, sphere and closed mesh, and
 in a ``half_space``, where profiles are judged. Numbers in brackets are the equations of Echevarria et al.,
 "Screen-space subsurface scattering rendering", CEIG 2010.

@@ -21,6 +21,7 @@ import functools
 import importlib.resources
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 
@@ -36,6 +37,7 @@ MAX_COEFFICIENT = 1e6  # 1/mm, a mean free path of a nanometre: beyond any mater
 CHANNELS = ("r", "g", "b")
 # Below this albedo most light is absorbed before it scatters twice, and diffusion does not describe it.
 MIN_DIFFUSE_ALBEDO = 0.5
+LONG = 10.0  # mm, a mean free path that few objects are many of
 DECIMETRE = 100.0  # mm
 
 
@@ -113,25 +115,36 @@ def names() -> tuple[str, ...]:
     return tuple(material.name for material in library())
 
 
-def lookup(name: str) -> Material:
-    """Return a material of the library by name, ignoring case, spaces, hyphens and underscores.
+def lookup(name: str, more: Sequence[Material] = ()) -> Material:
+    """Return a material by name, ignoring case, spaces, hyphens and underscores: of the library, else of `more`.
 
     Raises
     ------
     InputError
         Naming the nearest materials, where there is none of that name.
     """
-    by_key = _by_key()
-    found = by_key.get(_key(name))
+    by_key = {key_of(material.name): material for material in more} | _by_key()
+    found = by_key.get(key_of(name))
     if found is not None:
         return found
     # Substrings first: "milk" means any of the milks.
-    near = [key for key in by_key if _key(name) and _key(name) in key]
-    near += [key for key in difflib.get_close_matches(_key(name), by_key, n=3, cutoff=0.5) if key not in near]
+    near = [key for key in by_key if key_of(name) and key_of(name) in key]
+    near += [key for key in difflib.get_close_matches(key_of(name), by_key, n=3, cutoff=0.5) if key not in near]
     listed = ", ".join(by_key[key].name for key in near[:6])
     fix = f"the nearest are {listed}" if near else "the library has none like it"
     shown = name if len(name) <= 60 else name[:57] + "..."
     raise InputError(f"unknown material {shown!r}: {fix} (`milkglass materials` lists all)")
+
+
+def diffusion_holds(material: Material) -> bool:
+    """Tell whether all channels scatter, with an albedo of at least 1/2, and none `is_thin`."""
+    scatters = np.asarray(material.sigma_s_prime) > 0.0
+    return bool((scatters & (material.alpha_prime >= MIN_DIFFUSE_ALBEDO)).all()) and not is_thin(material)
+
+
+def is_thin(material: Material) -> bool:
+    """Tell whether an object in the hand is optically thin in a channel: a mean free path of at least `LONG`."""
+    return bool((material.mean_free_path >= LONG).any())
 
 
 def validity_notes(material: Material) -> list[str]:
@@ -144,7 +157,7 @@ def validity_notes(material: Material) -> list[str]:
         (scatters & (absorption == 0.0), "no absorption in {}: sigma_tr = 0, 1/rho^3 tail"),
         (scatters & (material.alpha_prime < MIN_DIFFUSE_ALBEDO), "alpha' < 0.5 in {}: diffusion doubtful"),
         (far, "mean free path of decimetres in {}: nearly clear"),
-        (scatters & ~far & (material.mean_free_path >= 10.0), "mean free path above 10 mm in {}"),
+        (scatters & ~far & (material.mean_free_path >= LONG), "mean free path above 10 mm in {}"),
     ]
     notes = [phrase.format(_named(channels)) for channels, phrase in findings if channels.any()]
     return [*notes, "eta assumed"] if material.source == "NGD06" else notes
@@ -152,7 +165,7 @@ def validity_notes(material: Material) -> list[str]:
 
 @functools.cache
 def _by_key() -> dict[str, Material]:
-    return {_key(material.name): material for material in library()}
+    return {key_of(material.name): material for material in library()}
 
 
 def _named(channels: npt.NDArray[np.bool_]) -> str:
@@ -160,7 +173,8 @@ def _named(channels: npt.NDArray[np.bool_]) -> str:
     return ", ".join(chosen[:-1]) + (" and " if chosen[1:] else "") + chosen[-1]
 
 
-def _key(name: str) -> str:
+def key_of(name: str) -> str:
+    """Return what all spellings of a name have in common."""
     return re.sub(r"[\s_-]+", "", name).casefold()
 
 

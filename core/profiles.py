@@ -5,6 +5,7 @@ rises with the albedo, whatever the mean free path, and is inverted by root find
 """
 
 import functools
+import math
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,7 +15,7 @@ from core.burley import Burley
 from core.dipole import Dipole, dipoles
 from core.errors import InputError
 from core.gaussians import skin
-from core.materials import Material
+from core.materials import MAX_COEFFICIENT, Material
 from core.photon_beam import PhotonBeam
 from core.photon_beam import reflectance as beam_reflectance
 from core.profile_names import BEAM, BETTER, BURLEY, DIPOLE, TABLE
@@ -118,3 +119,31 @@ def material_of_colour(
             raise InputError(f"{channel}: {error}") from None
     scattering, absorption = np.array(albedos) / length, (1.0 - np.array(albedos)) / length
     return Material("custom", tuple(scattering.tolist()), tuple(absorption.tolist()), eta, "colour")
+
+
+def mean_free_paths(
+    colour: tuple[float, float, float], diffuse: tuple[float, float, float], eta: float, name: str = DIPOLE
+) -> tuple[float, float, float]:
+    """Return 1 / s_t' (mm) of a diffuse reflectance and a diffuse mean free path 1 / s_tr, R, G and B, mm, > 0.
+
+    s_tr = s_t' sqrt(3 (1 - a')), so 1 / s_t' = sqrt(3 (1 - a')) / s_tr. Other arguments as of `material_of_colour`.
+
+    Raises
+    ------
+    InputError
+        Naming the channel, if its reflectance is out of reach, or that of a material without absorption.
+    """
+    lengths = []
+    for channel, wanted, length in zip(CHANNELS, colour, diffuse, strict=True):
+        try:
+            path = length * math.sqrt(3.0 * (1.0 - albedo_for(float(wanted), eta, name)))
+        except InputError as error:
+            raise InputError(f"{channel}: {error}") from None
+        if path * MAX_COEFFICIENT < 1.0:
+            raise InputError(
+                f"{channel}: with a diffuse reflectance of {wanted:g} hardly anything is absorbed, and no scattering "
+                f"makes the diffuse mean free path {length:g} mm; lower the colour or give mean_free_path_mm"
+            )
+        lengths.append(path)
+    red, green, blue = lengths
+    return red, green, blue

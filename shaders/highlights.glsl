@@ -31,8 +31,10 @@ float above_horizon(float sine) {
     return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));
 }
 
-vec3 environment_highlight(vec3 normal, vec3 to_eye) {
+// lobe: what is visible of it, see highlights_vertices.vert.
+vec3 environment_highlight(vec3 normal, vec3 to_eye, vec4 lobe) {
     vec3 mirror = reflect(-to_eye, normal);
     float weight = u_surround_strength * mirrored(normal, to_eye) * above_horizon(dot(mirror, normal));
+    weight *= clamp(lobe.a + dot(lobe.rgb, mirror), 0.0, 1.0);
     return weight * u_light_colour * latlong_table(t_highlights, u_environment_rotation * mirror);
 }

@@ -1,4 +1,4 @@
-// A lamp at a pixel: the sum over its sub-lights. Needs irradiance.glsl, sheet.glsl and highlights.glsl.
+// A lamp at a pixel: the sum over its sub-lights. Needs irradiance.glsl, sheet.glsl, highlights.glsl and detail.glsl.
 
 struct Lamplight {
     vec3 irradiance;  // E that enters
@@ -9,16 +9,18 @@ struct Lamplight {
 
 float brightness(vec3 colour) { return colour.r + colour.g + colour.b; }
 
-Lamplight lamplight(vec3 position, vec3 normal, vec3 to_eye, float body) {
+// shading: normal that light meets, and what relief leaves of it.
+Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float body) {
     Lamplight sum = Lamplight(vec3(0.0), vec3(0.0), 0.0, Behind(vec3(0.0), 0.0, 0.0));
     for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i)) {
         Arrival arrival = arrive(i, position, normal);
         float cosine = dot(normal, arrival.to_light);
         if (cosine > 0.0) {
-            vec3 irradiance = entering(arrival, normal);
+            float above = above_surface(normal, shading.xyz, arrival.to_light);
+            vec3 irradiance = above * shading.a * entering(arrival, shading.xyz);
             sum.irradiance += irradiance;
             sum.cosine += brightness(irradiance) * cosine;
-            sum.specular += lamp_highlight(arrival, normal, to_eye);
+            sum.specular += above * lamp_highlight(arrival, shading.xyz, to_eye);
         } else if (u_sheet_reach > 0.0) {
             Behind one = light_behind(i, position, normal, arrival.to_light, body);
             float weight = brightness(one.irradiance);

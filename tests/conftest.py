@@ -38,10 +38,11 @@ def data_dir() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache of the tests' own: what they bake serves all of them, and not the user."""
+    """A cache of the tests' own, whose bakes serve all of them and not the user; and a folder for materials."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
+        patch.setenv("XDG_DATA_HOME", str(folder / "data"))
         patch.setattr("viewer.visibility_cache.folder", lambda: folder / "milkglass" / "visibility")
         yield folder
 

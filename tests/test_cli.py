@@ -41,6 +41,7 @@ def rendered(monkeypatch):
             timings={"layers": 1.25},
             warnings=rendered.warnings,
             quality=SimpleNamespace(summary="layered, 8 layers"),
+            remarks=("coarse",),
         )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
@@ -109,7 +110,7 @@ BAD_LINES = [
     ("view --background environment", 'display.background is "environment" but there is none'),
     ("bench --fast", "no such option: --fast."),
     ("materials unobtainium", "unknown material 'unobtainium'"),
-    ("edit photo.png", "no such command 'edit'"),
+    ("edit photo.png", "missing option '--mask'"),
 ]  # fmt: skip
 
 
@@ -157,6 +158,7 @@ def test_render_writes_every_output_and_passes_its_options(rendered, capsys, tmp
     out, err = capsys.readouterr()
     assert "layers" in out
     assert "1.2" in out
+    assert out.endswith("layered, 8 layers\ncoarse\n")
     assert err == "milkglass: warning: m.ply is not closed.\n"
 
 

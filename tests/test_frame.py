@@ -189,7 +189,7 @@ def test_a_new_image_size_keeps_the_light(renderer_of):
     renderer = renderer_of("cube")
     renderer.render(scene_of(), samples=1)
     renderer.render(scene_of("display.image_size=[64, 64]"), samples=1)
-    targets = {"gbuffer targets", "light targets", "composite targets", "image"}
+    targets = {"depth", "gbuffer targets", "light targets", "composite targets", "image"}
     assert set(renderer.timings) == SHADING | targets
 
 

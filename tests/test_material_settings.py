@@ -128,3 +128,81 @@ def test_a_wrong_table_ends_in_one_sentence_and_no_file(table, capsys, monkeypat
     assert caught.value.code == 2
     assert message in " ".join(capsys.readouterr().err.split())
     assert not out.exists()
+
+
+@pytest.mark.parametrize("name", PROFILES[:-1])
+def test_diffuse_mean_free_path_to_coefficients_and_back(name):
+    colour, length = (1e-3, 0.5, 0.97), (0.2, 3.0, 40.0)
+    settings = MaterialSettings(diffuse_reflectance=colour, diffuse_mean_free_path_mm=length, eta=1.4, profile=name)
+    material = settings.resolve()
+    np.testing.assert_allclose(1.0 / material.sigma_tr, length, rtol=1e-6)
+    found = [reflectance(float(albedo), 1.4, name) for albedo in material.alpha_prime]
+    np.testing.assert_allclose(found, colour, rtol=0.0, atol=1e-6)
+
+
+def test_without_absorption_there_is_no_diffuse_mean_free_path():
+    with pytest.raises(InputError) as caught:
+        MaterialSettings(diffuse_reflectance=(0.5, 1.0, 0.5), diffuse_mean_free_path_mm=(1.0, 2.0, 1.0))
+    assert str(caught.value) == (
+        "material.diffuse_reflectance, green: with a diffuse reflectance of 1 hardly anything is absorbed, and no "
+        "scattering makes the diffuse mean free path 2 mm; lower the colour or give mean_free_path_mm"
+    )
+    black = MaterialSettings(diffuse_reflectance=(0.0,) * 3, diffuse_mean_free_path_mm=(1.0,) * 3).resolve()
+    assert black.sigma_s_prime == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(1.0 / black.sigma_tr, 1.0, rtol=1e-12)
+
+
+DIFFUSE = {"diffuse_reflectance": (0.8, 0.5, 0.02), "diffuse_mean_free_path_mm": (5.0, 2.0, 1.0)}
+OTHER = {"mix_sigma_s_prime": (1, 2, 3), "mix_sigma_a": (0, 0, 0), "mix_eta": 1.2}
+
+
+OWN = {"sigma_s_prime": (1, 2, 3), "sigma_a": (0, 0, 1)}
+
+
+@pytest.mark.parametrize("given", [{"name": "Merlot"}, {"name": "Spectralon"}, OWN, COLOUR, DIFFUSE])
+@pytest.mark.parametrize(
+    "added", [{"mix_with": "jade"}, OTHER, {"water": 1.0}, {"water": -2.0, "mix_share": 1.0, **OTHER}]
+)
+def test_what_is_added_goes_through_a_scene_file(tmp_path, given, added):
+    scene = Scene(material=MaterialSettings(**given, **added))
+    scene.save(tmp_path / "s.toml")
+    assert Scene.load(tmp_path / "s.toml") == scene
+    material = scene.material.resolve()
+    assert Scene.load(tmp_path / "s.toml").material.resolve() == material
+    assert all(np.isfinite(profile.total(0.0)) for profile in scene.material.profiles())
+    assert MaterialSettings(**given).resolve() == scene.material.base()
+
+
+@pytest.mark.parametrize(
+    ("added", "message"),
+    [
+        ({"mix_with": "jaed"}, "unknown material 'jaed': the nearest are jade"),
+        ({"mix_with": "jade", "mix_sigma_a": (1, 1, 1)}, "material.mix_sigma_a is given without material.mix_sigma_s"),
+        ({"mix_with": "jade", **OTHER}, "material.mix_with and material.mix_sigma_a are both given; keep one of them"),
+        ({"mix_sigma_s_prime": (1, 1, 1)}, "material.mix_sigma_s_prime is given without material.mix_sigma_a; add it"),
+        ({"mix_share": 1.1}, "material.mix_share must be a number from 0 to 1, not 1.1"),
+        ({"water": 1.5}, "material.water must be a number from -100000 to 1, not 1.5"),
+        ({"water": -99999.0}, "material.water = -99999 is too strong: Spectralon, 100000 times as strong: sigma_s_pri"),
+    ],
+)
+def test_what_cannot_be_added_is_refused(added, message):
+    with pytest.raises(InputError) as caught:
+        MaterialSettings(name="Spectralon", **added)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_new_material_starts_pure_and_a_new_coefficient_keeps_what_is_added():
+    from tests.test_cli import NO_OPTIONS
+
+    milk = apply_set(Scene(), ["material.name=Regular Milk", "material.water=0.9", "material.mix_with=ketchup"])
+    assert (milk.material.water, milk.material.mix_with) == (0.9, "Ketchup")
+    assert apply_set(milk, ["material.name=jade"]).material == MaterialSettings(name="jade")
+    own = apply_set(milk, ["material.sigma_a=[1,1,1]", "material.sigma_s_prime=[2,2,2]"]).material
+    assert (own.name, own.water, own.mix_with) == (None, 0.9, "Ketchup")
+    assert apply_set(Scene(material=own), ["material.sigma_a=[0,1,1]"]).material.sigma_s_prime == (2.0, 2.0, 2.0)
+    by_coefficients = [f"material.{key}={list(v) if isinstance(v, tuple) else v}" for key, v in OTHER.items()]
+    assert apply_set(milk, by_coefficients).material.mix_with is None
+    assert apply_set(apply_set(milk, by_coefficients), ["material.mix_with=jade"]).material.mix_eta is None
+    options = {"material": "regular milk", "set": ["material.water=0.5", "material.eta=1.4"]}
+    found = scene_from_options(NO_OPTIONS | options).material
+    assert (found.name, found.water, found.eta) == ("Regular Milk", 0.5, None)

@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2700)  # every section open and nothing scrolled
+SIZE = (900, 2850)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -82,12 +82,12 @@ def open_file(box: str, name: str) -> Use:
     return use
 
 
-def search(box: str, words: str, name: str) -> Use:
+def search(box: str, words: str, name: str, key: str = "material") -> Use:
     def use(walker: Walker) -> None:
         walker.click(box)
-        walker.click("material.search")
+        walker.click(f"{key}.search")
         walker.type(words)
-        walker.click(f"material={name}", 0.3)
+        walker.click(f"{key}={name}", 0.3)
 
     return use
 
@@ -162,10 +162,16 @@ CONTROLS = [
         for channel in "RGB"
     ),
     *(
-        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", 0.9), "colour", False)
-        for k in ("diffuse_reflectance", "mean_free_path_mm")
+        Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", share), state)
+        for k, share, state in (
+            ("diffuse_reflectance", 0.9, "colour"), ("mean_free_path_mm", 0.9, "colour"),
+            ("diffuse_mean_free_path_mm", 0.9, "diffuse colour"),
+        )
         for c in "RGB"
     ),
+    Control("material.mix_with", "material.mix_with", search("material.mix_with", "ketch", "Ketchup", "mix")),
+    Control("material.mix_eta", "material.mix_with", search("material.mix_with", "cand", "candle", "mix")),
+    *sliders("mixed", material__mix_share=0.8, material__water=0.6),
     Control("material.profile", "material.profile", choose("material.profile", "photon_beam")),
     Control(
         "material.profile_table", "material.profile_table", open_file("material.profile_table", "other.csv"), "table",
@@ -174,6 +180,10 @@ CONTROLS = [
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
     Control("model.up", "model.up", choose("model.up", "z")),
     Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
+    Control("detail.albedo", "detail.albedo", choose("detail.albedo", "after"), "skin"),
+    Control("detail.normal_strength", "detail.normal_strength", slide("detail.normal_strength", 0.9), "skin"),
+    Control("model.texture", "model.texture", open_file("model.texture", "texture.png"), "skin"),
+    Control("model.normal_map", "model.normal_map", open_file("model.normal_map", "bumps.png"), "skin"),
     Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
     Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),

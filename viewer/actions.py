@@ -11,8 +11,9 @@ from core.errors import InputError
 from core.profile_names import TABLE
 from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
-from viewer.images import PROBE_SUFFIXES, write_png
+from viewer.images import PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
+from viewer.own_materials import Materials, export_to, import_from
 from viewer.picture import read_image
 from viewer.preferences import Preferences
 from viewer.profile_export import write_profile
@@ -94,7 +95,7 @@ class Actions:
         elif suffix in PROFILE_SUFFIXES:
             opened = self._scatter_by(path)
         elif suffix in supported_suffixes():
-            opened = self._session.edit("model", path=str(path))
+            opened = self._session.edit("model", path=str(path), texture=None, normal_map=None)
         else:
             known = "a mesh, a light probe (.hdr, .exr), a profile (.csv) or a scene (.toml)"
             self._session.fail(f"{path.name} is none of {known} that can be opened here")
@@ -145,8 +146,35 @@ class Actions:
     def _open_probe(self) -> None:
         self._ask(Request("Light with a probe", PROBE_SUFFIXES, self.open))
 
+    def _open_texture(self) -> None:
+        self._ask_for("texture")
+
+    def _open_normal_map(self) -> None:
+        self._ask_for("normal_map")
+
+    def _ask_for(self, key: str) -> None:
+        """Ask for a picture on the model."""
+        done = lambda path: self._session.edit("model", **{key: str(path)})  # noqa: E731
+        self._ask(Request(f"Open a {key.replace('_', ' ')}", PICTURE_SUFFIXES, done))
+
     def _open_profile(self) -> None:
         self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))
+
+    def _import_materials(self) -> None:
+        self._ask(Request("Add a file's materials to your own", SCENE_SUFFIXES, self._exchange(import_from)))
+
+    def _export_materials(self) -> None:
+        request = Request("Write your own materials", SCENE_SUFFIXES, self._exchange(export_to), "materials.toml")
+        self._ask(request)
+
+    def _exchange(self, exchange: Callable[[Path], Materials]) -> Callable[[Path], None]:
+        def done(path: Path) -> None:
+            try:
+                self._session.say(f"{path.name}: {', '.join(each.name for each in exchange(path))}")
+            except InputError as error:
+                self._session.fail(error)
+
+        return done
 
     def _save(self) -> None:
         if self._session.path is None:

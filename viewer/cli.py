@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from core.errors import InputError
+from viewer import edit_command
 from viewer.options import scene_options
 from viewer.scene import Scene, default_scene
 from viewer.usage import usage_sentence
@@ -33,6 +34,7 @@ app = typer.Typer(
     help="Translucent objects by subsurface scattering: an interactive viewer and a renderer.",
     epilog="`milkglass` alone shows the default scene.",
 )
+app.command()(edit_command.edit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -140,8 +142,9 @@ def render(
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
-        _print_timings(frame.timings)
-        typer.echo(frame.quality.summary)
+        from viewer import frame_table
+
+        frame_table.show(frame)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -164,11 +167,14 @@ def bench(
 @app.command()
 def materials(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
+    only: Annotated[str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own.")] = "all",
+    add: Annotated[str | None, typer.Option("--import", metavar="FILE", help="Add a file to your own.")] = None,
+    export: Annotated[str | None, typer.Option(metavar="FILE", help="Write your own to a file.")] = None,
 ) -> None:
-    """List materials: coefficients, mean free path, diffuse reflectance, validity."""
+    """List materials, your own too: coefficients, mean free path, diffuse reflectance, validity."""
     from viewer import materials_table
 
-    materials_table.show(name)
+    materials_table.run(name, only, add, export)
 
 
 def has_display() -> bool:
@@ -188,17 +194,13 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
     """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
     from rich.console import Console
 
-    from viewer import frame, memory
+    from viewer import frame, memory, terminal
 
     memory.share_heap()
     only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
     draw = frame.render_image if only_images else frame.render
-    console = Console(stderr=True)
-    if console.is_terminal:
-        with console.status("starting") as status:
-            picture = draw(scene, samples=samples, seed=seed, progress=status.update)
-    else:
-        picture = draw(scene, samples=samples, seed=seed)
+    with terminal.progress_bar(Console(stderr=True)) as tell:
+        picture = draw(scene, samples=samples, seed=seed, progress=tell)
     for warning in picture.warnings:
         _say(f"warning: {warning}")
     return picture
@@ -228,6 +230,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
 
         check_report(report, scene, outputs, reference)
     inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     for output in outputs:
         images.check_output(output, SUFFIXES)
         for role, path in inputs.items():
@@ -249,17 +252,6 @@ def _counterpart(reference: str, outputs: Sequence[str]) -> str:
 def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
     for output in outputs:
         frame.save(output)
-
-
-def _print_timings(timings: dict[str, float]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("stage", box=None, pad_edge=False)
-    table.add_column("ms", justify="right")
-    for stage, milliseconds in timings.items():
-        table.add_row(stage, f"{milliseconds:.1f}")
-    Console().print(table)
 
 
 def _compare(picture: Path, reference: Path, threshold: float) -> None:

@@ -60,7 +60,7 @@ def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress 
 def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Still:
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
     picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-    return Still(read_image(picture), timings, picture.warnings, picture.quality)
+    return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
 
 
 def _drawn(
@@ -110,15 +110,18 @@ class Renderer:
         parts: bool = False,
         progress: Progress | None = None,
         last: bool = False,
+        tinted: bool = True,
     ) -> Picture:
         """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
 
-        If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak.
+        If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
+        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say)
+        lit = lit if tinted else lit.without_tint()
         if last:
             lit = self._without_transport(lit)
             memory.give_back()

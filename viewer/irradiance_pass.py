@@ -12,9 +12,10 @@ from pyrr import matrix33
 from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.detail import entering_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, PointLight, SpecularSettings
 from viewer.shadows_pass import ShadowMap
@@ -149,13 +150,30 @@ class PixelIrradiancePass:
 
     @cached_property
     def _soft(self) -> tuple[Program, moderngl.VertexArray]:
-        program = Program(self._context, "fullscreen.vert", "irradiance_pixels_soft.frag")
+        return self._variant("irradiance_pixels_soft.frag")
+
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_detail.frag")
+
+    @cached_property
+    def _soft_detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_soft_detail.frag")
+
+    def _drawn_with(self, soft: bool, detailed: bool) -> tuple[Program, moderngl.VertexArray]:
+        """Return the cheapest program that does."""
+        if soft:
+            return self._soft_detailed if detailed else self._soft
+        return self._detailed if detailed else (self._program, self._triangle)
+
+    def _variant(self, fragment: str) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", fragment)
         return program, self._context.vertex_array(program.program, [])
 
-    def targets(self, size: tuple[int, int]) -> "PixelLight":
-        """Allocate what `run` fills."""
+    def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
+        """Allocate what `run` fills; `depth` of the G-buffer spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
-        framebuffer = self._context.framebuffer([irradiance, specular, local])
+        framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
     def run(
@@ -176,25 +194,26 @@ class PixelIrradiancePass:
         """
         out.framebuffer.use()
         out.framebuffer.clear()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
         for source in sources:
-            program, triangle = self._soft if source.is_soft else (self._program, self._triangle)
+            program, triangle = self._drawn_with(source.is_soft, gbuffer.detail is not None)
             program.set(
                 {
                     **source.uniforms(gather.eta, sample, samples),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
+                    **entering_uniforms(gbuffer.detail),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "t_visible": gbuffer.visible or gbuffer.normal,
+                    "t_lobe": gbuffer.lobe or gbuffer.normal,
                     "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
+                    "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                     "u_eye": tuple(camera.eye),
                     **_highlight_uniforms(specular),
                     "t_highlights": highlights,
                 }
             )
-            triangle.render(vertices=3)
+            draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -23,8 +23,9 @@ from core.stages import Stages
 from core.transport import Transport
 from viewer.assets import Assets, PartedProbe, shape_of
 from viewer.bodies import Separated, Separation, convolvers, separate_by_default
-from viewer.buffers import MeshBuffers, SampleBuffers
+from viewer.buffers import MeshBuffers
 from viewer.camera import Camera, place_camera
+from viewer.detail import DetailStages, Surface, SurfaceDetail
 from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass
@@ -47,14 +48,6 @@ class Model:
     mesh: Mesh
     buffers: MeshBuffers
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """The samples of a mesh, on both sides."""
-
-    samples: SurfaceSamples
-    buffers: SampleBuffers
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +75,10 @@ class LitScene:
         Where they are to be separate.
     separated : Separated, optional
         Where they are more than one.
+    detail : SurfaceDetail, optional
+        Colours and relief of the surface.
+    troubles : tuple of str
+        What of them could not be had.
     """
 
     model: Model
@@ -100,11 +97,17 @@ class LitScene:
     lobes: LobeFilter | None = None
     bodies: Bodies | None = None
     separated: Separated | None = None
+    detail: SurfaceDetail | None = None
+    troubles: tuple[str, ...] = ()
 
     @property
     def occlusion(self) -> Occlusion | None:
         """What keeps the environment's light from the surface, where that is known."""
         return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
+
+    def without_tint(self) -> "LitScene":
+        """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""
+        return self if self.detail is None else replace(self, detail=replace(self.detail, after=0.0))
 
 
 class Lighting:
@@ -122,6 +125,7 @@ class Lighting:
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
+        self._details = DetailStages(context, stages, assets)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
@@ -157,7 +161,7 @@ class Lighting:
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
-        surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
+        surface, detail, troubles = self._details.surface(scene, samples)
 
         separated = marks = None
         if bodies is not None and count > 1:
@@ -178,7 +182,9 @@ class Lighting:
         lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
-        return LitScene(model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated)
+        return LitScene(
+            model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated, detail, troubles
+        )
 
     def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload the result of transport."""
@@ -235,8 +241,8 @@ class Lighting:
         return solver
 
     def _load(self, settings: ModelSettings) -> Model:
-        mesh, warning = self._assets.mesh(settings)
-        return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
+        mesh, warnings = self._assets.mesh(settings)
+        return Model(mesh, MeshBuffers(self._context, mesh), warnings)
 
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """E of each light at every sample, (n, 3) float32."""
@@ -250,8 +256,8 @@ class Lighting:
         ]
 
     def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Float32:
-        whole = self._irradiance.run(surface.buffers, source, eta)
-        return self._occlusions.occluded(whole, source.occlusion, surface.samples)
+        entering = surface.weighted(self._irradiance.run(surface.buffers, source, eta))
+        return self._occlusions.occluded(entering, source.occlusion, surface.samples)
 
     def _entering(
         self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]

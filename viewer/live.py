@@ -182,7 +182,7 @@ class Live:
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
         assets, table = self.assets, scene.material.table_in_use
-        if not (assets.has_mesh(scene.model) and assets.has_surround(scene.environment)):
+        if not (assets.has_detail(scene.model, scene.detail) and assets.has_surround(scene.environment)):
             return False
         mesh, _ = assets.mesh(scene.model)
         if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
@@ -196,6 +196,7 @@ class Live:
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
+        self.assets.detail(scene.model, scene.detail)
         if scene.separate:
             self.assets.bodies(mesh)
         if scene.environment.source is not None:
@@ -263,9 +264,8 @@ class Live:
         seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
         affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
         fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
-        chosen = wanted if automatic else None
-        if fitting < wanted:
-            chosen = min(wanted, max(SMALLEST_DRAFT, fitting))
+        least = min(wanted, max(SMALLEST_DRAFT, fitting))
+        chosen = least if fitting < wanted else wanted if automatic else None
         self._held = scene.model, settings, chosen
         return chosen
 

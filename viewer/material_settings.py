@@ -1,12 +1,20 @@
-"""The scene's table of the material: by name, by coefficients or by colour and mean free path; and its profiles."""
+"""The scene's table of the material: by name, coefficients or colour, what is added to it, and its profiles.
 
+A name of one's own materials (`viewer.own_materials`) becomes their coefficients at once, so that a scene says
+everything itself.
+"""
+
+import functools
+import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from core import materials
 from core.errors import InputError
+from core.mixtures import LEAST_WATER, dilute, mix
 from core.profile_names import DIPOLE, PROFILES, TABLE
+from viewer import own_materials
 from viewer.declaration import check_fields, setting
 
 if TYPE_CHECKING:
@@ -21,7 +29,26 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 # Ways to say what a material is: one of them, whole.
-WAYS = (("name",), ("sigma_s_prime", "sigma_a"), ("diffuse_reflectance", "mean_free_path_mm"))
+WAYS = (
+    ("name",),
+    ("sigma_s_prime", "sigma_a"),
+    ("diffuse_reflectance", "mean_free_path_mm"),
+    ("diffuse_reflectance", "diffuse_mean_free_path_mm"),
+)
+OTHER = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")  # what mix_with is by coefficients
+ADDED = ("mix_with", *OTHER, "mix_share", "water")
+# Keys that exclude each other: choosing one side sets the other to its default. A new material starts pure.
+_NAME, _COEFFICIENTS, _LENGTH, _DIFFUSE_LENGTH = map(set, WAYS)
+_COLOUR = _LENGTH | _DIFFUSE_LENGTH
+RIVALS = (
+    (_NAME, _COEFFICIENTS | _COLOUR | {"eta", *ADDED}),
+    (_COEFFICIENTS, _NAME | _COLOUR),
+    (_COLOUR, _NAME | _COEFFICIENTS),
+    ({"mean_free_path_mm"}, {"diffuse_mean_free_path_mm"}),
+    ({"diffuse_mean_free_path_mm"}, {"mean_free_path_mm"}),
+    ({"mix_with"}, {*OTHER}),
+    ({*OTHER}, {"mix_with"}),
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +60,8 @@ class MaterialSettings:
 
     name: str | None = setting(
         "text", None, optional=True, default_text="marble",
-        why="material of the library (`milkglass materials`), however spaced and capitalised"
+        why="material of the library (`milkglass materials`), however spaced and capitalised; or one of your own: the "
+            "scene then keeps its coefficients"
     )
     sigma_s_prime: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
@@ -45,7 +73,7 @@ class MaterialSettings:
     )
     eta: float | None = setting(
         "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
-        default_text="of the named material, else 1.5", why="relative index of refraction"
+        default_text="of the named material, else 1.5", why="relative index of refraction, before anything is added"
     )
     diffuse_reflectance: Vector | None = setting(
         "number", None, optional=True, length=3, low=0, high=1,
@@ -55,6 +83,35 @@ class MaterialSettings:
     mean_free_path_mm: Vector | None = setting(
         "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
         why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name"
+    )
+    diffuse_mean_free_path_mm: Vector | None = setting(
+        "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
+        why="1 / sigma_tr of R, G, B, how far light gets before it is absorbed; with diffuse_reflectance, instead of "
+            "mean_free_path_mm"
+    )
+    mix_with: str | None = setting(
+        "text", None, optional=True,
+        why="a second material, by name as above; coefficients and index are weighted by volume"
+    )
+    mix_sigma_s_prime: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="reduced scattering of the second material; with mix_sigma_a, instead of mix_with"
+    )
+    mix_sigma_a: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="absorption of the second material; with mix_sigma_s_prime, instead of mix_with"
+    )
+    mix_eta: float | None = setting(
+        "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
+        default_text="that of the first material", why="index of refraction of a second material by coefficients"
+    )
+    mix_share: float = setting(
+        "number", 0.5, low=0, high=1, why="share of the volume that the second material has"
+    )
+    water: float = setting(
+        "number", 0.0, low=LEAST_WATER, high=1,
+        why="share of the volume that is water, which absorbs too: 0.9 is one part in ten; below 0 water is taken "
+            "out, -1 is twice as strong"
     )
     profile: str = setting(
         "text", DIPOLE, choices=PROFILES,
@@ -66,40 +123,84 @@ class MaterialSettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
-        given = [(way, [key for key in way if getattr(self, key) is not None]) for way in WAYS]
-        used = [(way, keys) for way, keys in given if keys]
-        if len(used) > 1:
-            raise InputError(f"material.{used[0][1][0]} and material.{used[1][1][0]} are both given; keep one of them")
+        if self.name is not None:
+            self._take("name", *WAYS[1], "eta")
+        self._check_way()
+        if self.mix_with is not None:
+            self._take("mix_with", *OTHER)
+        if (self.mix_sigma_s_prime is None) != (self.mix_sigma_a is None):
+            keys = OTHER[:2] if self.mix_sigma_a is None else OTHER[1::-1]
+            raise InputError(f"material.{keys[0]} is given without material.{keys[1]}; add it")
+        if self.mix_with is not None and self.mix_sigma_a is not None:
+            raise InputError("material.mix_with and material.mix_sigma_a are both given; keep one of them")
+        if self.profile == TABLE and self.profile_table is None:
+            raise InputError('material.profile is "table" without material.profile_table; add the file')
+        if self.diffuse_reflectance is not None:
+            self.base()  # a colour out of reach is told at once
+        if self.water < 0.0:
+            self.resolve()  # and a concentration
+
+    def _check_way(self) -> None:
+        """Check that one way of saying what the material is has been used, whole."""
+        used = [key for key in dict.fromkeys(itertools.chain(*WAYS)) if getattr(self, key) is not None]
         if not used:
             raise InputError(
                 "material has neither name nor sigma_s_prime and sigma_a, nor diffuse_reflectance and "
                 "mean_free_path_mm; give one of them"
             )
-        way, keys = used[0]
-        if len(keys) < len(way):
-            missing = next(key for key in way if key not in keys)
-            raise InputError(f"material.{keys[0]} is given without material.{missing}; add it")
-        if self.name is not None:
-            object.__setattr__(self, "name", materials.lookup(self.name).name)
-        if self.profile == TABLE and self.profile_table is None:
-            raise InputError('material.profile is "table" without material.profile_table; add the file')
-        if self.diffuse_reflectance is not None:
-            self.resolve()  # a colour out of reach is told at once
+        for pair in itertools.combinations(used, 2):
+            if not any({*pair} <= {*way} for way in WAYS):
+                raise InputError(f"material.{pair[0]} and material.{pair[1]} are both given; keep one of them")
+        way = next(way for way in WAYS if {*used} <= {*way})
+        if len(used) < len(way):
+            missing = next(key for key in way if key not in used)
+            raise InputError(f"material.{used[0]} is given without material.{missing}; add it")
+
+    def _take(self, key: str, sigma_s_prime: str, sigma_a: str, eta: str) -> None:
+        """Write the library's own spelling of a name; in place of an own material's, its coefficients."""
+        found = own_materials.lookup(getattr(self, key))
+        if found.source != own_materials.SOURCE:
+            object.__setattr__(self, key, found.name)
+            return
+        for each in (sigma_s_prime, sigma_a):
+            if getattr(self, each) is not None:
+                raise InputError(f"material.{key} and material.{each} are both given; keep one of them")
+        taken: dict[str, object] = {key: None, sigma_s_prime: found.sigma_s_prime, sigma_a: found.sigma_a}
+        if getattr(self, eta) is None:
+            taken[eta] = found.eta
+        for each, value in taken.items():
+            object.__setattr__(self, each, value)
 
     def resolve(self) -> materials.Material:
-        """Return the material these settings describe."""
+        """Return the material that light meets: `base`, mixed and diluted."""
+        return _resolved(self)
+
+    def other(self) -> materials.Material | None:
+        """Return what is mixed in."""
+        if self.mix_with is not None:
+            return materials.lookup(self.mix_with)
+        if self.mix_sigma_s_prime is None or self.mix_sigma_a is None:
+            return None
+        eta = self.base().eta if self.mix_eta is None else self.mix_eta
+        return materials.Material("custom", self.mix_sigma_s_prime, self.mix_sigma_a, eta, "scene")
+
+    def base(self) -> materials.Material:
+        """Return the material before anything is added."""
         if self.name is not None:
             found = materials.lookup(self.name)
             return found if self.eta is None else replace(found, eta=self.eta)
         eta = self.DEFAULT_ETA if self.eta is None else self.eta
         if self.sigma_s_prime is not None and self.sigma_a is not None:
             return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
-        assert self.diffuse_reflectance is not None  # __post_init__
-        assert self.mean_free_path_mm is not None
-        from core.profiles import material_of_colour  # numerics that what only reads settings need not load
+        assert self.diffuse_reflectance is not None  # _check_way
+        from core import profiles  # numerics that what only reads settings need not load
 
+        colour, lengths = self.diffuse_reflectance, self.mean_free_path_mm
         try:
-            return material_of_colour(self.diffuse_reflectance, self.mean_free_path_mm, eta, self.profile)
+            if lengths is None:
+                assert self.diffuse_mean_free_path_mm is not None
+                lengths = profiles.mean_free_paths(colour, self.diffuse_mean_free_path_mm, eta, self.profile)
+            return profiles.material_of_colour(colour, lengths, eta, self.profile)
         except InputError as error:
             raise InputError(f"material.diffuse_reflectance, {error}") from None
 
@@ -122,3 +223,14 @@ class MaterialSettings:
         path = self.table_in_use
         table = None if path is None else (read or read_profile_table)(path)
         return profiles(self.resolve(), self.profile, table)
+
+
+@functools.lru_cache(maxsize=64)  # a window asks many times a frame
+def _resolved(settings: MaterialSettings) -> materials.Material:
+    material, other = settings.base(), settings.other()
+    if other is not None:
+        material = mix(material, other, settings.mix_share)
+    try:
+        return material if settings.water == 0.0 else dilute(material, settings.water)
+    except InputError as error:
+        raise InputError(f"material.water = {settings.water:g} is too strong: {error}") from None

@@ -1,7 +1,8 @@
 """The table of `milkglass materials`: for eyes on a terminal, one full line a material in a pipe."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -9,9 +10,11 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from core import dipole, materials
+from core import dipole, materials, single_scattering
+from core.errors import InputError
 from core.materials import Material
 from core.tonemap import srgb
+from viewer import library, own_materials
 
 Array = npt.NDArray[np.float64]
 
@@ -20,26 +23,53 @@ UNLIMITED = 10_000
 NARROWEST = 80
 
 
-def show(name: str | None) -> None:
-    """Print one material channel by channel, or the whole library."""
+def run(name: str | None, only: str, source: str | None, target: str | None) -> None:
+    """Print a table, or exchange one's own materials with files and say so."""
+    if source is None and target is None:
+        show(name, only)
+    else:
+        Console().out(exchange(source, target), highlight=False)
+
+
+def show(name: str | None, only: str = "all") -> None:
+    """Print one material channel by channel, or those of the library that a filter of `viewer.library` keeps."""
+    if name is not None and only != "all":
+        raise InputError(f"--only {only} chooses from the whole library; leave out {name!r}")
     console = Console()
     console = Console(width=max(console.width, NARROWEST) if console.is_terminal else UNLIMITED)
-    table = library_table(console.width) if name is None else material_table(materials.lookup(name))
+    if name is not None:
+        table: RenderableType = material_table(own_materials.lookup(name))
+    elif listed := library.found(only):
+        table = library_table(console.width, listed)
+    else:
+        table = Text("none yet: the window keeps a material under a name, and --import takes those of a file")
     with console.capture() as captured:
         console.print(table)
     # Rich pads every line to the widest.
     console.out("\n".join(line.rstrip() for line in captured.get().splitlines()), highlight=False)
 
 
-def library_table(width: int) -> Table:
+def exchange(source: str | None, target: str | None) -> str:
+    """Import one's own materials from a file, export them to another, and say what was done."""
+    said = []
+    if source is not None:
+        new = own_materials.import_from(Path(source))
+        said.append(f"{len(new)} materials from {source} are now in {own_materials.file()}")
+    if target is not None:
+        kept = own_materials.export_to(Path(target))
+        said.append(f"{len(kept)} materials of your own went to {target}")
+    return "; ".join(said)
+
+
+def library_table(width: int, listed: Sequence[Material]) -> Table:
     """Return one row a material: coefficients in 1/mm, lengths in mm, each for r, g and b.
 
     Where `width` characters are too few, r, g and b stand below each other, without source, eta and
     1/sigma_tr.
     """
-    table = _library_table(stacked=False)
+    table = _library_table(listed, stacked=False)
     fits = Console(width=UNLIMITED).measure(table).minimum <= width
-    return table if fits else _library_table(stacked=True)
+    return table if fits else _library_table(listed, stacked=True)
 
 
 def material_table(material: Material) -> RenderableType:
@@ -63,13 +93,14 @@ def material_table(material: Material) -> RenderableType:
     common.add_row("colour under white light", _swatch(reflectance))
     common.add_row("source", material.source)
     common.add_row("validity", _validity(material))
+    common.add_row("single scattering", single_scattering.statement(material))
     return Group(channels, common)
 
 
-def _library_table(stacked: bool) -> Table:
+def _library_table(listed: Sequence[Material], stacked: bool) -> Table:
     path = "mfp" if stacked else "mean free path"
     headings = ["name", "source", "eta", "sigma_s'", "sigma_a", path, "1/sigma_tr", "R_d", "colour"]
-    rows = [_row(material, "\n" if stacked else " ") for material in materials.library()]
+    rows = [_row(material, "\n" if stacked else " ") for material in listed]
     if stacked:
         del headings[6], headings[1:3]
         for row in rows:
@@ -77,8 +108,8 @@ def _library_table(stacked: bool) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, heading in enumerate(headings):
         # A whole name may break between its words, a number never.
-        widest = max(len(line) for row in rows for line in str(row[i]).splitlines())
-        broken = max(len(word) for row in rows for word in str(row[i]).split())
+        widest = max((len(line) for row in rows for line in str(row[i]).splitlines()), default=0)
+        broken = max((len(word) for row in rows for word in str(row[i]).split()), default=0)
         table.add_column(heading, min_width=max(len(heading), broken if stacked and i == 0 else widest))
     table.add_column("validity")
     for row in rows:

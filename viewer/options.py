@@ -1,7 +1,7 @@
 """Options that `view` and `render` share, and the scene they describe: scene file < --set < named options."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -9,7 +9,8 @@ import typer
 
 from core.errors import InputError
 from viewer.declaration import Setting, nearest, settings_of
-from viewer.scene import Change, Scene, apply_set, changed
+from viewer.material_settings import ADDED
+from viewer.scene import Change, Scene, apply_set, changed, parse_set
 from viewer.settings import LIGHT_KINDS, TABLES, Light
 from viewer.settings_surround import BUILTIN_PROBES
 
@@ -56,13 +57,18 @@ FLAGS = (
 _METAVARS = {"number": "NUMBER", "integer": "N", "text": "NAME", "path": "FILE"}
 
 
-def scene_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command all shared options; it receives the scene they describe as its first argument."""
+def scene_options(
+    command: Callable[..., None], leave_out: Collection[str] = (), start: Scene | None = None
+) -> Callable[..., None]:
+    """Give a command all shared options; it receives the scene they describe as its first argument.
+
+    Those whose parameters are to be left out, it has not. `start` is what the options change where no scene file is.
+    """
     own = list(inspect.signature(command).parameters.values())[1:]
-    shared = _parameters()
+    shared = [parameter for parameter in _parameters() if parameter.name not in leave_out]
 
     def with_scene(**values: Any) -> None:
-        scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared})
+        scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared}, start)
         command(scene, **values)
 
     with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
@@ -73,23 +79,28 @@ def scene_options(command: Callable[..., None]) -> Callable[..., None]:
     return with_scene
 
 
-def scene_from_options(values: Mapping[str, Any]) -> Scene:
-    """Return the scene that option values by parameter name describe; None or empty means not given.
+def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) -> Scene:
+    """Return the scene that option values by parameter name describe; None, empty or absent means not given.
+
+    `start` is what they change where they name no scene file.
 
     Raises
     ------
     InputError
         Naming the option or the scene file's key, the problem and the fix.
     """
-    scene = Scene.load(values["scene"]) if values["scene"] is not None else Scene()
-    # Two steps, so that --material wins over coefficients given by --set instead of meeting them.
+    scene = Scene.load(values["scene"]) if values["scene"] is not None else start or Scene()
+    # Two steps, so that --material wins over coefficients given by --set instead of meeting them; what --set adds to
+    # a material is added to that one.
     scene = apply_set(scene, values["set"] or [])
-    changes = [
+    added = [change for change in parse_set(values["set"] or []) if change.key in ADDED]
+    changes = added if values["material"] is not None else []
+    changes += [
         _environment(value) if flag.option == "--environment" else Change(flag.table, flag.key, value, flag.option)
-        for flag, value in ((flag, _parsed(flag, values[flag.parameter])) for flag in FLAGS)
+        for flag, value in ((flag, _parsed(flag, values.get(flag.parameter))) for flag in FLAGS)
         if value is not None
     ]
-    if values["model"] is not None:
+    if values.get("model") is not None:
         if Path(values["model"]).suffix.lower() == ".toml":
             raise InputError(f"{values['model']} is a scene file, not a model; write --scene before it")
         changes.append(Change("model", "path", values["model"], "MODEL"))

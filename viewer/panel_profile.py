@@ -1,6 +1,7 @@
 """The panel's rows for the diffusion profile, and for a material given by colour and mean free path."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,20 +10,26 @@ from core.profile_names import DIPOLE, TABLE
 from core.profiles import reflectance
 from viewer.declaration import settings_of
 from viewer.gui import icons, imgui
-from viewer.material_settings import MaterialSettings
-from viewer.panel_controls import Controls, explained
+from viewer.material_settings import WAYS, MaterialSettings
+from viewer.panel_controls import TYPE_HINT, Controls, explained
+from viewer.panel_library import origin_of
 from viewer.session import Session
 from viewer.sliders import significant
 
 NO_PROFILE = "Transport diffusion solves the object's own equation and has no profile; ewald and layered have."
-COEFFICIENTS, COLOUR = "coefficients", "colour and mean free path"
+COEFFICIENTS, COLOUR, DIFFUSE = "coefficients", "colour and mean free path", "colour and diffuse mean free path"
 WAYS_TIP = (
     "Scattering and absorption coefficients; or a colour under white light and a mean free path, which the profile's "
-    "own reflectance turns into coefficients."
+    "own reflectance turns into coefficients. The diffuse mean free path, 1 / σtr, is how far light gets before it is "
+    "absorbed."
 )
+LENGTH_KEYS = {
+    COLOUR: ("mean_free_path_mm", "mean free path"),
+    DIFFUSE: ("diffuse_mean_free_path_mm", "diffuse m.f.p."),
+}
 LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
 LONGEST = 1e6  # mm: of a channel without matter
-TYPE = "Ctrl+click to type a number."
+LEAST_ABSORBED = 1e-9  # 1 - albedo: without absorption a diffuse mean free path would be infinite
 REREAD_TIP = "Read the file again if it has changed. So does coming back to the window."
 MUCH = 0.02  # share of the flux in the tail of a table that is told
 
@@ -63,10 +70,12 @@ class ProfilePanel:
     def way(self) -> bool:
         """Draw what the material is given by; True where that is a colour and a mean free path."""
         session, controls = self._session, self._controls
-        shown = COEFFICIENTS if session.scene.material.diffuse_reflectance is None else COLOUR
+        material = session.scene.material
+        shown = DIFFUSE if material.diffuse_mean_free_path_mm is not None else COLOUR
+        shown = COEFFICIENTS if material.diffuse_reflectance is None else shown
         controls.begin_row("Given by")
         if imgui.begin_combo("##material.way", shown):
-            for choice in (COEFFICIENTS, COLOUR):
+            for choice in (COEFFICIENTS, COLOUR, DIFFUSE):
                 clicked, _ = imgui.selectable(choice, choice == shown)
                 controls.mark(f"material.way={choice}")
                 if clicked and choice != shown:
@@ -78,30 +87,41 @@ class ProfilePanel:
     def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
         """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""
         material = self._session.scene.material
-        assert material.diffuse_reflectance is not None
-        assert material.mean_free_path_mm is not None
-        values, lengths = material.diffuse_reflectance, material.mean_free_path_mm
+        way = COLOUR if material.diffuse_mean_free_path_mm is None else DIFFUSE
+        key, label = LENGTH_KEYS[way]
+        origin = origin_of(self._session)
+        start: dict[str, Any] = {}
+        if origin is not None:
+            given = {key: getattr(origin, key) for key in (*WAYS[1], "eta")}
+            given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
+            start = given_by(MaterialSettings(**given), way)
         for i, channel in enumerate(channels):
-            self._slider("diffuse_reflectance", "colour", i, channel, values, f"{values[i]:.3f}")
+            value = (material.diffuse_reflectance or ())[i]
+            self._slider("diffuse_reflectance", "colour", i, channel, f"{value:.3f}", start)
         for i, channel in enumerate(channels):
-            text = f"{significant(lengths[i])} mm"
-            self._slider("mean_free_path_mm", "mean free path", i, channel, lengths, text, LENGTHS)
+            self._slider(key, label, i, channel, f"{significant(getattr(material, key)[i])} mm", start, LENGTHS)
 
     def _slider(
-        self, key: str, label: str, i: int, channel: tuple[str, tuple[float, float, float]],
-        values: tuple[float, float, float], text: str, ends: tuple[float, float] | None = None,
+        self, key: str, label: str, i: int, channel: tuple[str, tuple[float, float, float]], text: str,
+        start: dict[str, Any], ends: tuple[float, float] | None = None,
     ) -> None:  # fmt: skip
         controls, material = self._controls, self._session.scene.material
         letter, tint = channel
-        name, label = f"material.{key}.{letter}", f"{label} {letter}"
-        controls.begin_row(label)
+        name, label, values = f"material.{key}.{letter}", f"{label} {letter}", getattr(material, key)
+        controls.begin_row(label, True)
         low, high = ends or (0.0, 1.0)
         new = controls.sliders.number(name, values[i], low, high, text, logarithmic=ends is not None, colour=tint)
-        controls.end_row(name, label, f"{explained(settings_of(material)[key], None)}\n{TYPE}")
-        if new is not None:
+
+        def put(value: float) -> None:
             changed = [*values]
-            changed[i] = new
-            self._session.edit("material", **{key: tuple(changed)}, eta=material.resolve().eta)
+            changed[i] = value
+            self._session.edit("material", **{key: tuple(changed)}, eta=material.base().eta)
+
+        if new is not None:
+            put(new)
+        first = start[key][i] if start else values[i]
+        tip = f"{explained(settings_of(material)[key], None)}\n{TYPE_HINT}"
+        controls.end_row(name, label, tip, lambda: put(first), values[i] != first)
 
 
 def _spare() -> float:
@@ -109,14 +129,20 @@ def _spare() -> float:
     return -float(imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x)
 
 
-def given_by(settings: MaterialSettings, way: str) -> dict[str, object]:
+def given_by(settings: MaterialSettings, way: str) -> dict[str, Any]:
     """Return the keys that say the same material in another way, or as nearly as it can."""
-    material = settings.resolve()
+    material = settings.base()
     if way == COEFFICIENTS:
         return {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a, "eta": material.eta}
-    colour = tuple(min(1.0, reflectance(float(a), material.eta, settings.profile)) for a in material.alpha_prime)
-    lengths = tuple(np.minimum(material.mean_free_path, LONGEST).tolist())
-    return {"diffuse_reflectance": colour, "mean_free_path_mm": lengths, "eta": material.eta}
+    most = 1.0 if way == COLOUR else 1.0 - LEAST_ABSORBED
+    albedos = np.minimum(material.alpha_prime, most)
+    lengths = material.mean_free_path if way == COLOUR else material.mean_free_path / np.sqrt(3.0 * (1.0 - albedos))
+    colour = tuple(min(1.0, reflectance(float(a), material.eta, settings.profile)) for a in albedos)
+    return {
+        "diffuse_reflectance": colour,
+        LENGTH_KEYS[way][0]: tuple(np.minimum(lengths, LONGEST).tolist()),
+        "eta": material.eta,
+    }
 
 
 def profile_reflectance(settings: MaterialSettings) -> tuple[float, float, float]:

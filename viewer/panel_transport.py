@@ -5,6 +5,7 @@ from viewer.finished import Finished
 from viewer.live import Live
 from viewer.panel_controls import Controls
 from viewer.quality import DEFAULT_ERROR_TARGET
+from viewer.scale import below_nodes
 
 NEW_LIGHT: tuple[str, ...] = ("deposit", "convolution")  # stages of transport
 NEW_MATERIAL: tuple[str, ...] = ("spectra", "convolution")
@@ -32,6 +33,8 @@ def draw_transport(controls: Controls, live: Live) -> None:
     if solution is not None:
         controls.note(solved(solution, live.finished.complete))
     controls.note(chosen(live.finished, live.stage_times))
+    if (missed := below_nodes(controls.session.scene, lit)) is not None:
+        controls.note(missed)
 
 
 def solves(live: Live) -> bool:

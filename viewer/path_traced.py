@@ -93,7 +93,11 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
 def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> Comparison:
     """Render a scene and trace it; see `trace`."""
     renderer = Renderer(headless_context())
-    mesh = renderer.light(scene).model.mesh
+    lit = renderer.light(scene)
+    if lit.detail is not None:
+        off = "--set detail.albedo=off --set detail.normal_strength=0"
+        raise InputError(f"--path-traced does not know the colours and relief of a surface; add {off}")
+    mesh = lit.model.mesh
     if not is_closed(row_sums(mesh)):
         raise InputError("--path-traced needs a closed mesh that is wound outwards")
     return trace(scene, mesh, renderer.render(scene, seed=seed), path, paths, seed)

@@ -27,6 +27,7 @@ class Picture:
     warnings: tuple[str, ...]
     quality: Quality
     log_average: float  # luminance that the picture itself asks to be exposed for
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,7 @@ class Still:
     timings: dict[str, float]
     warnings: tuple[str, ...]
     quality: Quality
+    remarks: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
         """Write ``.png``, whole or not at all; otherwise as `Frame.save`."""
@@ -68,6 +70,8 @@ class Frame:
         What the model's flaws do to the picture, and what its transport misses.
     quality : Quality
         Method and resolution of transport, with the error to expect.
+    remarks : tuple of str
+        What transport resolves less finely than the material asks for.
     """
 
     radiance: Float32
@@ -82,6 +86,7 @@ class Frame:
     timings: dict[str, float]
     warnings: tuple[str, ...]
     quality: Quality
+    remarks: tuple[str, ...] = ()
 
     def channels(self) -> dict[str, Float32]:
         """EXR channel name -> (H, W) float32."""
@@ -132,6 +137,7 @@ def read_frame(picture: Picture, timings: dict[str, float], last: bool = False) 
         timings=timings,
         warnings=picture.warnings,
         quality=picture.quality,
+        remarks=picture.remarks,
     )
 
 

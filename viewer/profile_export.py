@@ -25,7 +25,7 @@ def write_profile(path: Path, material: MaterialSettings, read: Callable[[Path],
     InputError
         If the material's own table cannot be read, or the file cannot be written.
     """
-    text = table_text(material.profiles(read), f"{material.profile} of {material.name or 'a custom material'}")
+    text = table_text(material.profiles(read), f"{material.profile} of {material.resolve().name}")
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{secrets.token_hex(8)}.csv")
     try:

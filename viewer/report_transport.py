@@ -79,6 +79,8 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the scene has no light"
     if not any(scene.material.resolve().sigma_s_prime):
         return "the material does not scatter"
+    if lit.detail is not None:
+        return "photons do not know the colours and the relief of the model's surface"
     if lit.separated is not None and lit.quality.method != "diffusion":
         return "bodies that are separate are compared with transport diffusion only"
     return None

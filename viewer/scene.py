@@ -8,28 +8,26 @@
 ()
 """
 
-import contextlib
 import dataclasses
 import os
-import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import tomli_w
-
 from core.errors import InputError
 from viewer import lights as kinds
+from viewer import toml_files
 from viewer.camera import place_camera
 from viewer.declaration import Setting, is_required, nearest, settings_of, shown
 from viewer.lights import LIGHT_KINDS, DirectionalLight, Light, PointLight, RectangleLight, SphereLight, SpotLight
-from viewer.material_settings import WAYS
+from viewer.material_settings import RIVALS
 from viewer.settings import (
     DEFAULT_LIGHTS,
     TABLES,
     CameraSettings,
+    DetailSettings,
     DisplaySettings,
     EnvironmentSettings,
     MaterialSettings,
@@ -39,21 +37,16 @@ from viewer.settings import (
 )
 
 __all__ = [
-    "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
+    "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
     "MaterialSettings", "ModelSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings", "SphereLight",
     "SpotLight", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
-_NAME, _COEFFICIENTS, _COLOUR = map(set, WAYS)
 _RIVALS = {
     "model": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
     "environment": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
-    "material": (
-        (_NAME, _COEFFICIENTS | _COLOUR | {"eta"}),
-        (_COEFFICIENTS, _NAME | _COLOUR),
-        (_COLOUR, _NAME | _COEFFICIENTS),
-    ),
+    "material": RIVALS,
 }
 
 
@@ -67,6 +60,7 @@ class Scene:
     model: ModelSettings = field(default_factory=ModelSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
     material: MaterialSettings = field(default_factory=lambda: MaterialSettings(name="marble"))
+    detail: DetailSettings = field(default_factory=DetailSettings)
     specular: SpecularSettings = field(default_factory=SpecularSettings)
     lights: tuple[Light, ...] | None = None
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
@@ -117,11 +111,10 @@ class Scene:
         """
         path = Path(path)
         try:
-            document = tomllib.loads(path.read_bytes().decode("utf-8"))
+            data = path.read_bytes()
         except OSError as error:
             raise InputError(f"{path}: cannot read the scene file ({error.strerror or error})") from error
-        except (ValueError, RecursionError) as error:  # no UTF-8, no TOML, numbers of thousands of digits
-            raise InputError(f"{path}: not a TOML file ({_one_line(error)})") from error
+        document = toml_files.parse(data, path)
         try:
             return _from_document(document, path.parent)
         except InputError as error:
@@ -138,19 +131,7 @@ class Scene:
 
     def save(self, path: str | Path) -> None:
         """Write a scene file, whole or not at all; paths in it become relative to it where possible."""
-        # Through a link, write what it points to, and leave the link.
-        target = Path(os.path.realpath(path))
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        try:
-            temporary.write_bytes(_to_toml(self, Path(os.path.abspath(path)).parent).encode("utf-8"))
-            os.replace(temporary, target)
-        except OSError as error:
-            raise InputError(f"{path}: cannot write the scene file ({error.strerror or error})") from error
-        except UnicodeEncodeError as error:
-            raise InputError(f"{path}: cannot hold a file name that is not UTF-8 text; rename it") from error
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
+        toml_files.write(path, _to_toml(self, Path(os.path.abspath(path)).parent), "the scene file")
 
 
 def default_scene() -> Scene:
@@ -178,11 +159,14 @@ def changed(scene: Scene, changes: Iterable[Change]) -> Scene:
         new.setdefault(change.table, {})[change.key] = value
     tables = {}
     for table, values in new.items():
-        for chosen, dropped in _RIVALS.get(table, ()):
-            if chosen & values.keys():
-                values = dict.fromkeys(dropped - values.keys()) | values
+        dropped = {key for chosen, rivals in _RIVALS.get(table, ()) if chosen & values.keys() for key in rivals}
+        values = {key: _default(table, key) for key in dropped - values.keys()} | values
         tables[table] = replace(getattr(scene, table), **values)
     return replace(scene, **tables)
+
+
+def _default(table: str, key: str) -> Any:
+    return next(each.default for each in dataclasses.fields(TABLES[table]) if each.name == key)
 
 
 def apply_set(scene: Scene, assignments: Sequence[str]) -> Scene:
@@ -190,7 +174,12 @@ def apply_set(scene: Scene, assignments: Sequence[str]) -> Scene:
 
     Values are TOML; text may stand without quotes. Relative paths are relative to the working directory.
     """
-    return changed(scene, [_parse_assignment(assignment) for assignment in assignments])
+    return changed(scene, parse_set(assignments))
+
+
+def parse_set(assignments: Sequence[str]) -> list[Change]:
+    """Return the changes that assignments such as "display.key=0.2" make."""
+    return [_parse_assignment(assignment) for assignment in assignments]
 
 
 def _parse_assignment(assignment: str) -> Change:
@@ -271,18 +260,12 @@ def _to_toml(scene: Scene, base: Path) -> str:
             document[name] = _content(content, base)
         elif content is not None:
             document[name] = [{"kind": light.KIND} | _content(light, base) for light in content]
-    # Vectors of numbers on one line: one key a line is what people edit.
-    vector = re.compile(r"\[\n((?: +-?[0-9][^\n]*,\n)+)\]")
-    return vector.sub(lambda match: f"[{' '.join(match[1].split()).rstrip(',')}]", tomli_w.dumps(document))
+    return toml_files.dumps(document)
 
 
 def _content(table: Any, base: Path) -> dict[str, Any]:
-    values = {key: getattr(table, key) for key in settings_of(table)}
-    return {
-        key: _relative(value, base) if isinstance(value, Path) else value
-        for key, value in values.items()
-        if value is not None
-    }
+    given = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
+    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in given.items()}
 
 
 def _relative(path: Path, base: Path) -> str:
@@ -293,7 +276,3 @@ def _relative(path: Path, base: Path) -> str:
     # ".." leaves a linked folder through another parent than the one we counted from.
     leaves_link = relative.parts[:1] == ("..",) and os.path.realpath(base) != str(base)
     return (path if leaves_link else relative).as_posix()
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

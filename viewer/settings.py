@@ -18,6 +18,7 @@ from viewer.lights import RectangleLight as RectangleLight
 from viewer.lights import SphereLight as SphereLight
 from viewer.lights import SpotLight as SpotLight
 from viewer.material_settings import MaterialSettings as MaterialSettings  # one of the tables
+from viewer.settings_detail import DetailSettings as DetailSettings
 from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
 from viewer.settings_surround import SpecularSettings as SpecularSettings
 
@@ -55,6 +56,14 @@ class ModelSettings:
         default_text="separate with diffusion where there are up to 64, else joined",
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
+    )
+    texture: Path | None = setting(
+        "path", None, optional=True,
+        why="picture (.png, .jpg) over the model's texture coordinates, in place of the file's own colours"
+    )
+    normal_map: Path | None = setting(
+        "path", None, optional=True,
+        why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
 
     def __post_init__(self) -> None:
@@ -173,7 +182,7 @@ class DisplaySettings:
 TABLES = {
     table.TABLE: table
     for table in (
-        ModelSettings, CameraSettings, MaterialSettings, SpecularSettings, EnvironmentSettings,
+        ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
         TransportSettings, DisplaySettings
     )
 }

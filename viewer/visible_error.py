@@ -71,6 +71,8 @@ class Illumination:
         Of the environment.
     visible : callable, optional
         Share of the environment's light that reaches points (n, 3) with normals (n, 3): (n, 3), as in the picture.
+    detail : callable, optional
+        Of a surface with colours or relief: sources with the normals that light meets, and factors (n, 3) on E.
     """
 
     lights: tuple[Light, ...]
@@ -78,6 +80,7 @@ class Illumination:
     to_probe: Array
     intensity: float
     visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
+    detail: Callable[[Sources], tuple[Sources, Array]] | None = None
 
     @classmethod
     def of(
@@ -95,7 +98,9 @@ class Illumination:
 
     def irradiance(self, occluder: Occluder, sources: Sources, eta: float) -> Array:
         """E that enters at sources, (n, 3): shadows cast by rays, the environment occluded as in pictures."""
-        entering = np.zeros((len(sources), 3))
+        entering, factors = np.zeros((len(sources), 3)), np.float64(1.0)
+        if self.detail is not None:
+            sources, factors = self.detail(sources)  # type: ignore[assignment]
         where = sources.points, sources.normals, sources.face_normals
         for light in self.lights:
             if not is_sharp(light):
@@ -106,7 +111,7 @@ class Illumination:
                 entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
         if self.table is not None:
             entering += self.surrounding(sources.normals, sources.points)
-        return entering
+        return np.asarray(factors * entering)
 
     def surrounding(self, normals: Array, points: Array | None = None) -> Array:
         """E of the environment that there is, (n, 3): by unit normals alone, or occluded at points (n, 3) too."""

@@ -1,0 +1,205 @@
+"""Image-based material editing: the object of a photograph in another material, under the light around it.
+
+After Khan et al. 2006, as figure 3 of the paper does: photograph -> height -> surface (`viewer.photo_geometry`),
+background -> light (`core.photo_surround`), then the renderer's own pipeline, and back into the photograph
+(`viewer.edit_composite`).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter
+
+from core.environment import Probe, irradiance_table, lookup
+from core.mesh import Mesh
+from core.photo_depth import SMOOTHING
+from core.photo_light import light_around
+from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
+from core.tonemap import luminance
+from viewer.assets import Assets, LoadedMesh
+from viewer.frame import Renderer
+from viewer.gl import read_rgba
+from viewer.lighting import Progress
+from viewer.photo import Photo, Region
+from viewer.photo_geometry import Geometry, frame_object, make_geometry
+from viewer.picture import Frame, read_frame
+from viewer.scene import Scene
+from viewer.settings import DisplaySettings, ModelSettings
+
+Array = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+
+SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
+NODES = 48  # of diffusion along the object, unless it is told: what they miss is far less than an estimated shape does
+KEY = DisplaySettings().key  # where the photograph's own exposure is kept
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """An object in another material, not yet in its photograph; pixels are the rendered ones of `geometry.framing`.
+
+    Attributes
+    ----------
+    photo : Photo
+    geometry : Geometry
+    radiance : (h, w, 3) float32
+        Rendered, multiplied by coverage.
+    coverage : (h, w) float32
+        By the rendered surface.
+    frame : Frame, optional
+        All of what was rendered, where it was asked for.
+    exposure : float
+        The radiance times this is that of the photograph, see `core.photo_surround.scene_radiance`.
+    white : float
+        Of the tone map.
+    behind : (h, w, 3) float32
+        Linear RGB of the background, filled in where the object was.
+    timings : dict
+        Stage -> ms.
+    warnings : tuple of str
+    """
+
+    photo: Photo
+    geometry: Geometry
+    radiance: Float32
+    coverage: Float32
+    frame: Frame | None
+    exposure: float
+    white: float
+    behind: Float32
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+
+
+class PhotoAssets(Assets):
+    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its light."""
+
+    def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
+        super().__init__()
+        self._mesh, self._path, self._light = geometry.mesh, path, light
+
+    def mesh(self, settings: ModelSettings) -> LoadedMesh:
+        """Return the object."""
+        return self._mesh, ()
+
+    def probe(self, source: Path | str) -> Probe:
+        """Return the photograph's light, or another light probe."""
+        return self._light if source == self._path else super().probe(source)
+
+    def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
+        """Return what they are: the object is closed by construction."""
+        return np.full(1, -0.5)
+
+
+def edit(
+    photo: Photo,
+    scene: Scene,
+    context: moderngl.Context,
+    *,
+    strength: float = 1.0,
+    smoothing: float = SMOOTHING,
+    depth: Path | None = None,
+    samples: int = 1,
+    parts: bool = True,
+    progress: Progress = lambda _: None,
+) -> Edited:
+    """Render the object of a photograph in a scene's material and light.
+
+    Parameters
+    ----------
+    photo : Photo
+    scene : Scene
+        Its model's shape, camera and picture size are the photograph's; without an environment of its own, the
+        photograph's background is one.
+    context : moderngl.Context
+    strength, smoothing, depth : as of `viewer.photo_geometry.make_geometry`
+    samples : int
+        Of a pixel; the mask smooths the outline anyway.
+    parts : bool
+        Whether to keep what the radiance is made of.
+    progress : as of `viewer.frame.render`
+
+    Raises
+    ------
+    InputError
+        What cannot be rendered; one sentence.
+    """
+    timings: dict[str, float] = {}
+    clock = perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        timings[stage], clock = 1e3 * (perf_counter() - clock), perf_counter()
+
+    progress("estimating the depth")
+    framing = frame_object(photo, scene.model.size_mm)
+    geometry = make_geometry(photo, framing, scene.display.white, strength=strength, smoothing=smoothing, depth=depth)
+    lap("depth and surface")
+    progress("looking at the surround")
+    white = scene.display.white
+    light = photo_light(photo, geometry, white)
+    lap("light")
+    placed = placed_scene(scene, photo, geometry)
+    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
+    # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
+    own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
+    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True)
+    timings |= renderer.timings
+    rendered = read_rgba(picture.composite.textures["radiance"])
+    radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
+    exposure = scene.display.key / KEY
+    if not own:
+        irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
+        exposure *= _match(light, irradiance, float(covered.sum()), geometry, placed)
+    frame = read_frame(picture, renderer.timings, last=True) if parts else None
+    lap("rendering")
+    behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    lap("background")
+    kept = exposure, white, behind, timings, picture.warnings
+    return Edited(photo, geometry, radiance, covered, frame, *kept)
+
+
+def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
+    """Return the scene with the photograph's camera, and its light where there is no other environment."""
+    rows, columns = geometry.framing.size
+    environment = scene.environment
+    if not environment.given:
+        environment = replace(environment, path=photo.path)
+    transport = scene.transport
+    if transport.method == "diffusion" and transport.resolution is None and transport.error_target is None:
+        transport = replace(transport, resolution=NODES)
+    display = replace(scene.display, image_size=(columns, rows), background="black")
+    return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
+
+
+def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
+    """Return the light on the object, in the photograph's radiance, see `core.photo_light`."""
+    h, w = photo.size
+    block = max(1, max(h, w) // SURROUND_SIDE)
+    region = Region(0, 0, -(-h // block) * block, -(-w // block) * block)
+    colour, coverage = photo.reduced(region, block)
+    weight, around = clear_of(coverage), None
+    if weight.any():
+        outline = photo.outline
+        centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
+        around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
+    return Probe.from_pixels(light_around(around, geometry.shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+
+
+def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
+    """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
+    return np.asarray(maximum_filter(coverage, 5) == 0.0)
+
+
+def _match(light: Probe, irradiance: Float32, pixels: float, geometry: Geometry, scene: Scene) -> float:
+    """Factor that makes the irradiance of a picture, (h, w, 3) times coverage, as bright as that of the photograph."""
+    front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
+    # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
+    table = irradiance_table(light.sh, scene.material.resolve().eta)
+    wanted = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
+    rendered = float(luminance(irradiance).sum()) / max(pixels, 1.0)
+    return wanted / rendered if rendered > 0.0 else 0.0

@@ -1,0 +1,186 @@
+"""`milkglass edit`: the object of a photograph in another material."""
+
+import os
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from core.errors import InputError
+from viewer.options import scene_options
+from viewer.scene import EnvironmentSettings, Scene, SpecularSettings
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from viewer.edit import Edited
+    from viewer.lighting import Progress
+
+# What the photograph decides is no option here. Rays for the surround's shadows would take longer than all the rest.
+FROM_PHOTO = (
+    "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
+    "orthographic", "background",
+)  # fmt: skip
+START = Scene(
+    environment=EnvironmentSettings(occluded=False),
+    specular=SpecularSettings(1.0, 80.0, "normalized"),
+)
+BACKGROUNDS = ("filled", "seen", "transparent")
+DEPTH_OUTPUTS = (".png", ".exr", ".npy")
+
+
+def _edit(
+    scene: Scene,
+    photo: Annotated[str, typer.Argument(metavar="PHOTO", help="Photograph: PNG, JPEG, TIFF, WebP or BMP.")],
+    mask: Annotated[str, typer.Option(metavar="FILE", help="Picture of the same size, white on the object.")],
+    output: Annotated[
+        list[str], typer.Option(metavar="FILE", help=".png (as many bits as the photo) or .exr (layers); may repeat.")
+    ],
+    depth: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Depth map instead of an estimate, larger is nearer: .png, or .exr, .npy in mm."
+        ),
+    ] = None,
+    depth_output: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
+    ] = None,
+    depth_strength: Annotated[
+        float, typer.Option(metavar="S", min=0.05, max=5.0, help="Factor on the depth; 1 makes a disc a hemisphere.")
+    ] = 1.0,
+    depth_smoothing: Annotated[
+        float,
+        typer.Option(metavar="S", min=0.01, max=1.0, help="Scale of light and dark that shapes it, in object radii."),
+    ] = 0.12,
+    background: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(BACKGROUNDS), help="Behind soft edges: filled in, or as seen; or no photo at all."
+        ),
+    ] = "filled",
+    samples: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")] = 1,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
+) -> None:
+    """Give the object of a photograph another material."""
+    check(scene, photo, mask, output, depth, depth_output, background)
+    parts = any(Path(name).suffix.lower() == ".exr" for name in output)
+    edited = _run(scene, photo, mask, depth, depth_strength, depth_smoothing, samples, parts)
+    for warning in edited.warnings:
+        typer.echo(f"milkglass: warning: {warning}.", err=True)
+    _save(edited, output, depth_output, background)
+    if verbose:
+        for stage, milliseconds in edited.timings.items():
+            typer.echo(f"{stage:28} {milliseconds:8.1f} ms")
+
+
+_edit.__name__ = "edit"
+edit = scene_options(_edit, FROM_PHOTO, START)
+
+
+def check(
+    scene: Scene,
+    photo: str,
+    mask: str,
+    outputs: list[str],
+    depth: str | None,
+    depth_output: str | None,
+    background: str,
+) -> None:
+    """Refuse what cannot be written or would overwrite an input, before any work."""
+    from viewer.images import check_output
+
+    if background not in BACKGROUNDS:
+        raise InputError(f"--background {background} must be one of {', '.join(BACKGROUNDS)}")
+    written = [*outputs] if depth_output is None else [*outputs, depth_output]
+    for output in outputs:
+        check_output(output, (".png", ".exr"))
+    if depth_output is not None:
+        check_output(depth_output, DEPTH_OUTPUTS)
+    read = {"photograph": photo, "mask": mask, "depth map": depth, "environment": scene.environment.path}
+    for i, output in enumerate(written):
+        for role, path in read.items():
+            if path is not None and os.path.realpath(path) == os.path.realpath(output):
+                raise InputError(f"{output} would overwrite the {role}; choose another name")
+        if os.path.realpath(output) in map(os.path.realpath, written[:i]):
+            raise InputError(f"{output} is to be written twice; choose another name")
+
+
+def _run(
+    scene: Scene,
+    photo: str,
+    mask: str,
+    depth: str | None,
+    strength: float,
+    smoothing: float,
+    samples: int,
+    parts: bool,
+) -> "Edited":
+    from rich.console import Console
+
+    from viewer.edit import edit as edited
+    from viewer.gl import headless_context
+    from viewer.photo import load_photo
+
+    loaded = load_photo(Path(photo), Path(mask))
+    given = None if depth is None else Path(depth)
+    console = Console(stderr=True)
+
+    def work(say: "Progress" = lambda _: None) -> "Edited":
+        return edited(
+            loaded, scene, headless_context(), strength=strength, smoothing=smoothing, depth=given, samples=samples,
+            parts=parts, progress=say,
+        )  # fmt: skip
+
+    if not console.is_terminal:
+        return work()
+    with console.status("starting") as status:
+        return work(status.update)
+
+
+def _save(edited: "Edited", outputs: list[str], depth_output: str | None, background: str) -> None:
+    from viewer.edit_composite import Compositor
+    from viewer.images import write_exr_bands, write_png
+
+    compositor = Compositor(edited, "filled" if background == "transparent" else background)
+    picture = None
+    for output in outputs:
+        if Path(output).suffix.lower() == ".png":
+            if picture is None:
+                picture = compositor.picture(transparent=background == "transparent")
+            write_png(output, picture, edited.photo.profile)
+        else:
+            names, bands = compositor.layers()
+            write_exr_bands(output, names, edited.photo.size, bands)
+    if depth_output is not None:
+        _save_depth(edited, Path(depth_output))
+
+
+def _save_depth(edited: "Edited", path: Path) -> None:
+    """Write the height of every pixel of the photograph; a PNG from its lowest to its highest."""
+    import numpy as np
+
+    from viewer.images import write_exr, write_png
+
+    depth = edited.geometry.depth_mm(edited.photo.whole)
+    if path.suffix.lower() == ".exr":
+        write_exr(path, {"Z": depth})
+    elif path.suffix.lower() == ".npy":
+        _save_npy(path, depth)
+    else:
+        span = max(float(depth.max() - depth.min()), 1e-9)
+        write_png(path, np.rint((depth - depth.min()) * (65535.0 / span)).astype(np.uint16)[..., None])
+
+
+def _save_npy(path: Path, depth: "npt.NDArray[np.float32]") -> None:
+    import numpy as np
+
+    temporary = path.with_name(f".{secrets.token_hex(8)}.npy")
+    try:
+        np.save(temporary, depth)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}); check the free space") from error
+    finally:
+        temporary.unlink(missing_ok=True)
