@@ -15,12 +15,15 @@ from tests import area_lights
 from tests.occluding import Places
 from tests.rendering import inside, random_samples, relative_rms, scene_of
 from tests.shapes import ball, cube
+from tests.skins import picture, write_ball
 from viewer.buffers import MeshBuffers, SampleBuffers
+from viewer.frame import Renderer
 from viewer.irradiance_pass import SampleIrradiancePass
 from viewer.lamps import Lamps
 from viewer.live import Detail
 from viewer.report_transport import obstacle
 from viewer.scene import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight, apply_set
+from viewer.settings import ModelSettings
 from viewer.soft_shadows import SoftShadow
 from viewer.visible_error import Illumination
 
@@ -169,6 +172,20 @@ def test_reports_cast_rays_to_all_of_a_light(renderer_of, shapes, name):
     expected = area_lights.irradiance(shapes["knot"], places, SIZED[name], ETA)
     found = Illumination.of((SIZED[name],), ETA).irradiance(Occluder(shapes["knot"]), sources, ETA)
     assert np.abs(found[:, 0] - expected).mean() < 0.02 * expected.mean()
+
+
+def test_colours_and_relief_meet_a_small_light_as_a_sharp_one(context, tmp_path):
+    pixels = np.random.default_rng(2).integers(60, 255, (8, 8, 3)).astype(np.uint8)
+    model = ModelSettings(path=write_ball(tmp_path / "ball.glb", picture(pixels)), size_mm=20.0)
+    renderer = Renderer(context)
+    sharp, small = (
+        renderer.render(replace(scene_of("detail.albedo=before", lights=(light,)), model=model), samples=1)
+        for light in (DirectionalLight((0.3, 0.4, 1.0)), DirectionalLight((0.3, 0.4, 1.0), angle_deg=0.1))
+    )
+    seen = inside(sharp)
+    assert np.all(relative_rms(small.irradiance[seen], sharp.irradiance[seen]) < 0.02)
+    assert np.all(relative_rms(small.specular[seen], sharp.specular[seen]) < 0.02)
+    assert np.std(sharp.irradiance[seen]) > 0.2
 
 
 def test_photons_come_from_sharp_directional_lights(renderer_of):
