@@ -18,7 +18,10 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
     float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
     // The lobe of a light below the horizon would shine through the surface.
     if (dot(normal, arrival.to_light) <= 0.0 || lobe <= 0.0) return vec3(0.0);
-    return u_lamp_strength * mirrored(normal, to_eye) * pow(lobe, u_shininess) * arrival.irradiance;
+    // The lobe over all directions that it stands for, nearly: variances add (cos^n has 1 / n), and its integral stays.
+    float exponent = u_shininess / (1.0 + u_shininess * arrival.spread);
+    float weight = u_lamp_strength * mirrored(normal, to_eye) * (exponent + 1.0) / (u_shininess + 1.0);
+    return weight * pow(lobe, exponent) * arrival.irradiance;
 }
 
 // Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees, over

@@ -11,6 +11,7 @@
 #include "highlights.glsl"
 #include "visible.glsl"
 #include "detail.glsl"
+#include "lamplight.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
@@ -47,15 +48,11 @@ void main() {
         specular = environment_highlight(shading.xyz, to_eye, lobe);
         specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
     } else {
-        Arrival arrival = arrive(position.xyz, normal);
-        irradiance = shading.a * entering(arrival, shading.xyz);
-        cosine = max(dot(normal, arrival.to_light), 0.0);
-        specular = lamp_highlight(arrival, shading.xyz, to_eye);
-        float above = above_surface(normal, shading.xyz, arrival.to_light);
-        irradiance *= above;
-        specular *= above;
-        if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
-            behind = light_behind(position.xyz, normal, normal_and_body.a);
+        Lamplight light = lamplight(position.xyz, normal, shading, to_eye, normal_and_body.a);
+        irradiance = light.irradiance;
+        specular = light.specular;
+        cosine = light.cosine;
+        behind = light.behind;
     }
     irradiance *= tint_entering(pixel);
     behind.irradiance *= tint_behind(position.xyz - behind.thickness * normal);

@@ -147,11 +147,11 @@ class Renderer:
         samples = SurfaceSamples(none, none, none[:, 0])
         return replace(lit, coordinates=none, flux=none, lights=(), samples=samples)
 
-    def light(self, scene: Scene, progress: Progress = lambda _: None) -> LitScene:
-        """Load, sample and light a scene: everything that transport needs, on the CPU."""
+    def light(self, scene: Scene, progress: Progress = lambda _: None, draft: bool = False) -> LitScene:
+        """Load, sample and light a scene, as a draft with fewer sub-lights: all that transport needs, on the CPU."""
         check_image_size(self.context, scene.display.image_size)
         leave_framebuffer(self.context)  # what was drawn last may be replaced
-        return self._lighting.light(scene, progress)
+        return self._lighting.light(scene, progress, draft)
 
     def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] = lambda _: True) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.

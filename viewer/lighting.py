@@ -28,13 +28,13 @@ from viewer.camera import Camera, place_camera
 from viewer.detail import DetailStages, Surface, SurfaceDetail
 from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
-from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp
+from viewer.irradiance_pass import LightSource, SampleIrradiancePass
+from viewer.lamps import Lamps
 from viewer.layers_pass import LayersPass
 from viewer.occlusion import Occlusion, OcclusionStages
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
-from viewer.settings import EnvironmentSettings, Light, ModelSettings
-from viewer.shadows_pass import ShadowsPass
+from viewer.settings import EnvironmentSettings, ModelSettings
 from viewer.surround import Surround, casts_shadows
 
 Float32 = npt.NDArray[np.float32]
@@ -119,17 +119,20 @@ class Lighting:
         self._assets = assets
         self._effort = effort
         self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
-        self._shadows = ShadowsPass(context)
+        self._lamps = Lamps(context, stages)
         self._irradiance = SampleIrradiancePass(context)
-        self._surround = Surround(context, stages, assets, self._shadows)
+        self._surround = Surround(context, stages, assets, self._lamps)
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
         self._details = DetailStages(context, stages, assets)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
-    def light(self, scene: Scene, say: Progress) -> LitScene:
-        """Run the first half of the pipeline; `say` is told as each long step begins."""
+    def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
+        """Run the first half of the pipeline; `say` is told as each long step begins.
+
+        As a `draft`, lights with a size get by with less.
+        """
         run, material = self._run, scene.material.resolve()
 
         say("loading the model")
@@ -169,8 +172,9 @@ class Lighting:
         say("casting shadows")
         on_model = model.mesh, model.buffers
         occlusion = self._occlusions.of(scene.environment, self._surround.rest, *on_model, say)
-        around, lobes = self._surround.sources(scene.environment, material.eta, *on_model, marks, occlusion)
-        sources = (*self._lamps(scene, model, marks), *around)
+        around, lobes = self._surround.sources(scene.environment, material.eta, *on_model, marks, occlusion, draft)
+        lamps = enumerate(scene.effective_lights(), start=1)
+        sources = (*(self._lamps.source(light, f"light {i}", *on_model, marks, draft) for i, light in lamps), *around)
 
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
@@ -239,18 +243,6 @@ class Lighting:
     def _load(self, settings: ModelSettings) -> Model:
         mesh, warnings = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), warnings)
-
-    def _lamps(self, scene: Scene, model: Model, bodies: moderngl.Buffer | None) -> list[LightSource]:
-        """Directional and point lights, each with its shadow map, which tells bodies apart if they are given."""
-
-        def cast(light: Light) -> LightSource:
-            shadow = self._shadows.render(model.buffers, model.mesh, light, bodies)
-            return lamp(light, shadow, self._no_probe)
-
-        return [
-            self._run(f"shadow of light {i}", [model, light, bodies], lambda light=light: cast(light))  # type: ignore[misc]
-            for i, light in enumerate(scene.effective_lights(), start=1)
-        ]
 
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """E of each light at every sample, (n, 3) float32."""

@@ -79,8 +79,11 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
         raise InputError(f"--path-traced {path} would write over --output; choose another name")
     if scene.environment.given or not scene.effective_lights():
         raise InputError("--path-traced knows directional lights only; give the scene one, and no environment")
-    if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
-        raise InputError("--path-traced knows directional lights only; remove the point lights")
+    for light in scene.effective_lights():
+        if not isinstance(light, DirectionalLight):
+            raise InputError(f"--path-traced knows directional lights only; remove the {light.KIND} lights")
+        if light.angle_deg > 0.0:
+            raise InputError("--path-traced knows sharp lights only; set angle_deg of the directional ones to 0")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
     if importlib.util.find_spec("mitsuba") is None:

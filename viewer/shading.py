@@ -183,7 +183,8 @@ class Shading:
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
-        self._irradiance.run(gbuffer, lit.sources, gather, scene.specular, highlights, camera, light)
+        seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
+        self._irradiance.run(*seen, light, i, len(offsets))
         self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
 
     def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
