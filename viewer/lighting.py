@@ -131,7 +131,7 @@ class Lighting:
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins.
 
-        As a `draft`, lights with a size get by with less.
+        As a `draft`, lights with a size get by with less, and sources in an environment with its soft shadows.
         """
         run, material = self._run, scene.material.resolve()
 
@@ -171,8 +171,12 @@ class Lighting:
 
         say("casting shadows")
         on_model = model.mesh, model.buffers
-        occlusion = self._occlusions.of(scene.environment, self._surround.rest, *on_model, say)
-        around, lobes = self._surround.sources(scene.environment, material.eta, *on_model, marks, occlusion, draft)
+        environment = scene.environment
+        if draft and self._occlusions.known(environment, model.mesh):
+            # Its windows and lamps stay in it: a turn is then a product, not a shadow map for each of them.
+            environment = replace(environment, extract=False)
+        occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
+        around, lobes = self._surround.sources(environment, material.eta, *on_model, marks, occlusion, draft)
         lamps = enumerate(scene.effective_lights(), start=1)
         sources = (*(self._lamps.source(light, f"light {i}", *on_model, marks, draft) for i, light in lamps), *around)
 

@@ -77,6 +77,10 @@ class OcclusionStages:
     def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
         self._context, self._run, self._assets = context, stages.run, assets
 
+    def known(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
+        """Whether what keeps an environment's light from a mesh is wanted, and there or to be waited for."""
+        return needs_visibility(environment) and (self._assets.bakes or self._assets.has_visibility(mesh))
+
     def of(
         self,
         environment: EnvironmentSettings,
@@ -89,7 +93,7 @@ class OcclusionStages:
 
         `rest` gives the probe without what shines as lamps, which have shadow maps.
         """
-        if not needs_visibility(environment) or not (self._assets.bakes or self._assets.has_visibility(mesh)):
+        if not self.known(environment, mesh):
             return None
 
         def report(share: float) -> None:
