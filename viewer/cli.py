@@ -78,8 +78,10 @@ def view(
         str | None, typer.Option(metavar="FILE", help="Record the interaction: frames and events.")
     ] = None,
     play: Annotated[str | None, typer.Option(metavar="FILE", help="Replay a recording, without a display too.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="FILE", help="Photograph whose object is edited.")] = None,
+    mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
-    """Show a model in a window."""
+    """Show a model in a window, or the object of a photograph in another material."""
     if play is not None:
         from viewer import replay
 
@@ -87,6 +89,11 @@ def view(
         return
     if not has_display():
         raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
+    if photo is not None or mask is not None:
+        from viewer import photo_command
+
+        photo_command.run(context.params)
+        return
     path = context.params["scene"]
     _run_window(scene, None if path is None else Path(path), None if record is None else Path(record))
 
