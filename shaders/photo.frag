@@ -48,6 +48,10 @@ void main() {
         o_colour = vec4(srgb(shown), edge.r);
         return;
     }
+    if (edge.r == 1.0) {
+        o_colour = vec4(srgb(shown), 1.0);
+        return;
+    }
     vec3 behind = linear(photo.rgb);
     if (u_behind == BEHIND_FILLED) behind = mix(behind, textureLod(t_behind, place, 0.0).rgb, edge.g);
     o_colour = vec4(srgb(mix(behind, shown, edge.r)), max(photo.a, edge.r));

@@ -3,7 +3,7 @@
 // the first level of a pyramid that photo.frag fills gaps from. Mirrors viewer/edit_composite.py.
 
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
-uniform sampler2D t_trust;     // r, row 0 at the top
+uniform sampler2D t_trust;     // r, row 0 at the top; of any size
 uniform float u_exposure;
 
 out vec4 o_colour;  // rgb weighted by a, a weight
@@ -14,6 +14,7 @@ void main() {
     ivec2 place = ivec2(gl_FragCoord.xy);
     vec4 radiance = texelFetch(t_radiance, place, 0);
     float coverage = min(radiance.a, 1.0);
-    float trust = coverage * texelFetch(t_trust, ivec2(place.x, textureSize(t_trust, 0).y - 1 - place.y), 0).r;
+    vec2 at = gl_FragCoord.xy / vec2(textureSize(t_radiance, 0));
+    float trust = coverage * textureLod(t_trust, vec2(at.x, 1.0 - at.y), 0.0).r;
     o_colour = vec4(trust * min(u_exposure * radiance.rgb / max(radiance.a, 1e-6), MOST), trust);
 }

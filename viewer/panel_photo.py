@@ -41,7 +41,6 @@ class PhotoPanel:
         strength, smoothing, behind, _ = self._defaults
         self._number("strength", "Depth strength", STRENGTH, strength, Reach(0.2, 3.0, True, "%.2f"))
         self._number("smoothing", "Depth smoothing", SMOOTHING, smoothing, Reach(0.02, 0.5, True, "%.3f"))
-        controls.setting("model.size_mm", "Size")
         if not self._session.scene.environment.given:
             controls.setting("environment.intensity", "Its light")
             controls.setting("environment.rotation_deg", "Light turned")

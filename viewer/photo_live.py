@@ -54,10 +54,16 @@ class PhotoLive(Live):
         made, behind, run = self.shown[0], self._work.behind, self.renderer.stages.run
         textures = run("photograph's textures", [made], lambda: self._pass.upload(made))
         exposure, radiance = self.exposure(), picture.composite.textures["radiance"]
+        pyramid = run("pyramid targets", [radiance.size], lambda: self._pass.pyramid(radiance.size))
+        run(
+            "pyramid",
+            [picture.composite, textures, exposure, pyramid],
+            lambda: self._pass.fill(radiance, textures, exposure, pyramid),
+        )
         run(
             "photograph",
             [picture.composite, textures, exposure, behind],
-            lambda: self._pass.render(radiance, made, textures, exposure, behind, self._target),
+            lambda: self._pass.render(pyramid, made, textures, behind, self._target),
         )
         self._count(self.renderer.stages.timings)
         transparent = behind == "transparent" or made.photo.alpha is not None
@@ -90,9 +96,16 @@ class PhotoLive(Live):
         made = self._work.assets.made_of(lit.model.mesh)
         if made is None:  # the other half of a split view, left behind by several
             return None
-        rows, columns = made.geometry.framing.size
+        assert self._work.made is not None
+        scale = drawn.display.image_size[1] / self._work.made.geometry.framing.size[0]
+        size = scaled(made.geometry.framing.size[::-1], scale)
         # Each object has a camera of its own, and that of the newest would show an older one beside its place.
-        drawn = replace(drawn, camera=made.geometry.camera, display=replace(drawn.display, image_size=(columns, rows)))
+        drawn = replace(drawn, camera=made.geometry.camera, display=replace(drawn.display, image_size=size))
         self.shown = made, drawn
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), gather
+
+
+def scaled(size: tuple[int, int], scale: float) -> tuple[int, int]:
+    """Return a size times a factor, in whole pixels."""
+    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))

@@ -23,7 +23,6 @@ class MadeTextures:
     trust: moderngl.Texture
     behind: moderngl.Texture
     edges: moderngl.Texture
-    pyramid: moderngl.Framebuffer
 
 
 class PhotoPass:
@@ -56,34 +55,36 @@ class PhotoPass:
 
     def upload(self, made: Made) -> MadeTextures:
         """Upload what does not change with the material."""
-        pyramid = self._context.texture(made.geometry.framing.size[::-1], 4, dtype="f2")
-        pyramid.repeat_x = pyramid.repeat_y = False
         return MadeTextures(
             _uploaded(self._context, _trust(made.geometry)),
             _uploaded(self._context, made.behind.astype(np.float16)),
             _uploaded(self._context, made.edges),
-            self._context.framebuffer([pyramid]),
         )
 
-    def render(
-        self,
-        radiance: moderngl.Texture,
-        made: Made,
-        textures: MadeTextures,
-        exposure: float,
-        behind: str,
-        out: moderngl.Framebuffer,
+    def pyramid(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        """Make the first level of a pyramid for radiance of (width, height)."""
+        texture = self._context.texture(size, 4, dtype="f2")
+        texture.repeat_x = texture.repeat_y = False
+        return self._context.framebuffer([texture])
+
+    def fill(
+        self, radiance: moderngl.Texture, textures: MadeTextures, exposure: float, pyramid: moderngl.Framebuffer
     ) -> None:
-        """Draw the photograph with an object of this radiance, weighted by coverage; `behind` of `SHOWN_BEHIND`."""
+        """Draw all levels of an object's radiance, which is weighted by coverage."""
         self._context.enable_only(moderngl.NOTHING)
-        textures.pyramid.use()
+        pyramid.use()
         self._object.set({"t_radiance": radiance, "t_trust": textures.trust, "u_exposure": exposure})
         self._first.render(vertices=3)
-        pyramid = textures.pyramid.color_attachments[0]
-        assert isinstance(pyramid, moderngl.Texture)
         leave_framebuffer(self._context)
-        pyramid.build_mipmaps()
-        pyramid.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+        texture = _texture(pyramid)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+
+    def render(
+        self, pyramid: moderngl.Framebuffer, made: Made, textures: MadeTextures, behind: str, out: moderngl.Framebuffer
+    ) -> None:
+        """Draw the photograph with an object whose radiance is in all levels; `behind` of `SHOWN_BEHIND`."""
+        self._context.enable_only(moderngl.NOTHING)
         region = made.geometry.framing.region
         out.use()
         self._photo.set(
@@ -91,7 +92,7 @@ class PhotoPass:
                 "t_photo": self.photograph,
                 "t_edges": textures.edges,
                 "t_behind": textures.behind,
-                "t_object": pyramid,
+                "t_object": _texture(pyramid),
                 "u_region": tuple(
                     side / self._block for side in (region.left, region.top, region.width, region.height)
                 ),
@@ -100,6 +101,12 @@ class PhotoPass:
             }
         )
         self._second.render(vertices=3)
+
+
+def _texture(framebuffer: moderngl.Framebuffer) -> moderngl.Texture:
+    texture = framebuffer.color_attachments[0]
+    assert isinstance(texture, moderngl.Texture)
+    return texture
 
 
 def shown_pixels(photo: Photo) -> npt.NDArray[np.uint8]:

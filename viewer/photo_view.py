@@ -1,6 +1,7 @@
 """The part of the window that shows a photograph: its object in another material, the brush and the box on it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import moderngl
@@ -15,7 +16,7 @@ from viewer.gui import ACCENT, Gui, imgui
 from viewer.images import PixelsInt
 from viewer.imgui_renderer import ImguiRenderer
 from viewer.live import Detail
-from viewer.photo_live import PhotoLive
+from viewer.photo_live import PhotoLive, scaled
 from viewer.photo_mouse import PhotoMouse
 from viewer.photo_pass import PhotoPass
 from viewer.photo_work import PhotoWork, shown_block
@@ -94,7 +95,12 @@ class PhotoView(ViewArea):
 
     def _sized(self, scene: Scene) -> Scene:
         sized = super()._sized(scene)
-        return sized if self._work.made is None else self._work.placed(sized)
+        if self._work.made is None:
+            return sized
+        placed = self._work.placed(sized)
+        scale = sized.display.image_size[0] / self.size[0]  # less than 1 while something moves
+        size = scaled(placed.display.image_size, scale)
+        return replace(placed, display=replace(placed.display, image_size=size))
 
     def _draw_scene(self) -> None:
         if self._work.made is not None:
