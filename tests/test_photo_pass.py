@@ -9,6 +9,7 @@ import pytest
 from core.errors import InputError
 from tests.driving import Driver
 from tests.photographing import ball_photo, small_photo, write_photo
+from viewer.cli import main
 from viewer.edit import edit
 from viewer.edit_command import START
 from viewer.edit_composite import Compositor
@@ -195,6 +196,7 @@ def test_pictures_and_masks_are_saved(window, tmp_path: Path) -> None:
         ({"camera_azimuth": 3.0}, "--camera-azimuth and --photo"),
         ({"model": "dragon.ply"}, "MODEL and --photo"),
         ({"record": "events"}, "--record and --photo"),
+        ({"play": "events"}, "--play and --photo"),
         ({"material": "jad"}, "jade"),
     ],
 )
@@ -208,9 +210,12 @@ def test_bad_options_are_one_sentence(given, said, tmp_path: Path, monkeypatch) 
     assert "\n" not in str(raised.value)
 
 
-def test_options_describe_the_scene_of_edit(tmp_path: Path, monkeypatch) -> None:
+def test_options_describe_the_scene_of_edit(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     small_photo(tmp_path)
+    monkeypatch.setattr("viewer.cli.has_display", lambda: False)
+    assert main(["view", "--photo", "photo.png", "--mask", "mask.png"]) == 2
+    assert "milkglass edit PHOTO" in capsys.readouterr().err
     work, scene = work_and_scene(OPTIONS | {"mask": "mask.png", "material": "jade"})
     assert work.tool is None
     assert scene.material.name == "jade"

@@ -82,6 +82,11 @@ def view(
     mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
     """Show a model in a window, or the object of a photograph in another material."""
+    if photo is not None or mask is not None:
+        from viewer import photo_command
+
+        photo_command.run(context.params, has_display())
+        return
     if play is not None:
         from viewer import replay
 
@@ -89,11 +94,6 @@ def view(
         return
     if not has_display():
         raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
-    if photo is not None or mask is not None:
-        from viewer import photo_command
-
-        photo_command.run(context.params)
-        return
     path = context.params["scene"]
     _run_window(scene, None if path is None else Path(path), None if record is None else Path(record))
 

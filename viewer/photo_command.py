@@ -13,11 +13,13 @@ from viewer.photo_work import PhotoWork
 from viewer.scene import Scene
 
 
-def run(options: Mapping[str, Any]) -> None:
+def run(options: Mapping[str, Any], has_display: bool) -> None:
     """Show what the options of `view` describe in a window until it is closed; errors as `work_and_scene`."""
+    work, scene = work_and_scene(options)
+    if not has_display:
+        raise InputError("there is no display for a window; write a picture with `milkglass edit PHOTO --mask MASK`")
     from viewer import window
 
-    work, scene = work_and_scene(options)
     path = options["scene"]
     window.run(scene, path=None if path is None else Path(path), photo=work)
 
@@ -33,10 +35,11 @@ def work_and_scene(options: Mapping[str, Any]) -> tuple[PhotoWork, Scene]:
     photo, mask = options["photo"], options["mask"]
     if photo is None:
         raise InputError(f"--mask {mask} is the mask of nothing: name the photograph with --photo")
-    for name in (*FROM_PHOTO, "record"):
+    for name in (*FROM_PHOTO, "record", "play"):
         if options.get(name) is not None:
             option = "MODEL" if name == "model" else f"--{name.replace('_', '-')}"
-            why = "recordings hold none" if name == "record" else "object, camera and size are the photograph's"
+            is_recording = name in ("record", "play")
+            why = "recordings hold none" if is_recording else "object, camera and size are the photograph's"
             raise InputError(f"{option} and --photo do not go together ({why}); leave one of them out")
     loaded = load_photo(Path(photo), None if mask is None else Path(mask))
     if mask is not None:
