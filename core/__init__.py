@@ -30,7 +30,8 @@ Beside it ``materials`` (coefficients), ``profiles`` (R_d: ``dipole``, ``better_
 ``fresnel``, ``stages`` (run only what changed), ``sculpture`` and ``implicit`` (the built-in object), ``boxes`` and
 ``rays`` (for bodies), ``probe_maps``, ``probe_blur`` and ``spherical_harmonics`` (light probes); and to judge it all,
 ``reference`` (equation (1) summed directly in float64, visibility by rays), ``reference_sources`` (where its sources
-lie), ``hierarchical`` (the sum with an octree) and ``accuracy`` (the error to expect). ``photon_walk`` is the truth of
+lie), ``reference_environment`` (an environment that the object is in the way of, by rays), ``hierarchical`` (the sum
+with an octree) and ``accuracy`` (the error to expect). ``photon_walk`` is the truth of
 transport that equation (1) itself is judged by: Monte Carlo, in the ``photon_shapes`` slab, sphere and closed mesh, and
 in a ``half_space``, where profiles are judged. Numbers in brackets are the equations of Echevarria et al.,
 "Screen-space subsurface scattering rendering", CEIG 2010.

@@ -14,8 +14,7 @@ Another light or another turn of it costs one product a point; see `core.spheric
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -25,15 +24,17 @@ from core.spherical_harmonics import basis, order_of_length
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
+Float16 = npt.NDArray[np.float16]
 Bytes = npt.NDArray[np.uint8]
 
 ETA = 1.5  # that shares are for
 ORDER = 10  # on the dragon, Uffizi: 5.2 % rms at 4, 1.8 at 8, 1.5 at 10, 1.4 at 16
 LEAST_ORDER = 4
-LOBE_ORDER = 8  # of visibility itself: lobes of shininess 80 are right to 2 % rms below a ball, 300 to 5 %
+LOBE_ORDER = 8  # of what blocks highlights; dragon, Uffizi, shininess 80: 8.6 % rms at 6, 7.0 at 8, 6.4 at 10
+LEAST_LOBE = 1e-3  # of a lobe above the horizon
 MOST_BYTES = 256 << 20  # of all vectors of all points: a mesh too large for them gets a lower order
 PATTERNS = 64  # turns of the set of directions, so that neighbours do not share its errors: bands become faint noise
-ROWS = 1024  # points handled at a time
+ROWS = 512  # points handled at a time
 DARK = 1e-6  # of the mean radiance: below it nothing is to be shared
 
 
@@ -57,6 +58,10 @@ class Sight:
         """How many, over the whole sphere."""
         return 8 * int(self.bits.shape[1])
 
+    def seen(self, points: npt.NDArray[np.intp]) -> Bytes:
+        """1 for each direction that leads out of some points, (m, directions)."""
+        return np.unpackbits(self.bits[points], axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
@@ -73,20 +78,31 @@ class Visibility:
     whole: Float32
     visible: Float32
     sight: Sight
+    _kept: list[Float16] = field(default_factory=list, init=False, repr=False)
 
-    @cached_property
-    def lobes(self) -> tuple[Float32, Float32]:
-        """Coefficients of the hemisphere above each point, and of what it sees of it, to LOBE_ORDER at most.
+    def blocked(self, go_on: Callable[[], object] = lambda: None) -> Float16:
+        """Coefficients of what is in the way above each point, (n, (L + 1)^2), L at most LOBE_ORDER.
 
-        Made when they are first asked for, in half the time of `transfer`.
+        Made when they are first asked for, in half the time of `transfer`; `go_on` as there. Exactly 0 where nothing is
+        in the way.
         """
+        if self._kept:
+            return self._kept[0]
         order = min(LOBE_ORDER, order_of_length(self.whole.shape[1]))
-        return _project(self.sight, order, lambda cosines: (cosines > 0.0).astype(np.float32))
+        result = np.empty((len(self.whole), (order + 1) ** 2), np.float16)
+        for points, weights, harmonics in _weighted(self.sight, order, lambda cosines: (cosines > 0.0).astype("f4")):
+            go_on()
+            result[points] = (weights * (1 - self.sight.seen(points))) @ harmonics
+        self._kept.append(result)
+        return result
 
     def shares(self, sh: Array) -> Float32:
         """Visible share of the light of a probe at every point, (n, 3) in [0, 1]; `sh` (k, 3) in world space."""
         used = sh[: self.whole.shape[1]].astype(np.float32)
-        whole, visible = self.whole[:, : len(used)] @ used, self.visible[:, : len(used)] @ used
+        # Turned round, these take two thirds of the time.
+        whole, visible = (
+            np.ascontiguousarray((used.T @ own[:, : len(used)].T).T) for own in (self.whole, self.visible)
+        )
         least = np.float32(DARK * max(float(np.abs(sh[0]).max()), 1e-30))
         # Light that a short vector makes negative is none: all of nothing is visible.
         return np.clip(np.where(whole > least, visible / np.maximum(whole, least), 1.0), 0.0, 1.0)
@@ -94,13 +110,22 @@ class Visibility:
     def lobe_shares(self, directions: npt.ArrayLike, shininess: float) -> Float32:
         """Visible share of a Phong lobe max(0, w.r)^shininess about unit directions r (n, 3): (n,) in [0, 1].
 
-        Below the horizon nothing counts, on either side of the ratio.
+        Below the horizon nothing counts, on either side of the ratio. shaders/highlights_vertices.vert does the same.
         """
-        order = order_of_length(self.lobes[0].shape[1])
-        weights = np.repeat(phong_zonal(shininess, order), 2 * np.arange(order + 1) + 1)
-        values = (basis(directions, order) * weights).astype(np.float32)
-        whole, visible = (np.einsum("nk,nk->n", values, lobe) for lobe in self.lobes)
-        return np.clip(np.where(whole > 1e-3, visible / np.maximum(whole, 1e-3), 1.0), 0.0, 1.0)
+        order = order_of_length(self.blocked().shape[1])
+        factors = phong_zonal(shininess, order)
+        values = basis(directions, order) * np.repeat(factors, 2 * np.arange(order + 1) + 1)
+        blocked = np.einsum("nk,nk->n", values, self.blocked().astype(np.float64))
+        heights = np.einsum("nk,nk->n", np.asarray(directions, np.float64), self.sight.normals)
+        whole = np.polynomial.legendre.legval(heights, factors * hemisphere_zonal(order))
+        return np.asarray(np.clip(1.0 - blocked / np.maximum(whole, LEAST_LOBE), 0.0, 1.0), np.float32)
+
+
+def hemisphere_zonal(order: int) -> Array:
+    """Coefficients of P_l(n.w) that are 1 above the horizon and 0 below it, l = 0..order: (order + 1,)."""
+    # (2l + 1) / 2 int_0^1 P_l = (P_{l-1}(0) - P_{l+1}(0)) / 2.
+    at_zero = [float(np.polynomial.legendre.legval(0.0, np.eye(order + 2)[ell])) for ell in range(order + 2)]
+    return np.array([0.5] + [0.5 * (at_zero[ell - 1] - at_zero[ell + 1]) for ell in range(1, order + 1)])
 
 
 def phong_zonal(shininess: float, order: int) -> Array:
@@ -157,13 +182,16 @@ def blocks(n: int) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
 def order_for(n: int) -> int:
     """Order of the transfer vectors of n points that keeps all that is known of them within MOST_BYTES."""
     for order in range(ORDER, LEAST_ORDER, -1):
-        if 8 * n * ((order + 1) ** 2 + (min(order, LOBE_ORDER) + 1) ** 2) <= MOST_BYTES:
+        if n * (8 * (order + 1) ** 2 + 2 * (min(order, LOBE_ORDER) + 1) ** 2) <= MOST_BYTES:
             return order
     return LEAST_ORDER
 
 
-def transfer(sight: Sight, order: int | None = None) -> Visibility:
-    """Project what the points see on spherical harmonics; a second or two of a processor for 50,000 of them."""
+def transfer(sight: Sight, order: int | None = None, go_on: Callable[[], object] = lambda: None) -> Visibility:
+    """Project what the points see on spherical harmonics; a second or two of a processor for 50,000 of them.
+
+    `go_on` is called every few hundredths of a second and may raise.
+    """
     table = _kernel_table()
     scale, half = np.float32(len(table) - 2), np.float32(1.5)
 
@@ -172,26 +200,29 @@ def transfer(sight: Sight, order: int | None = None) -> Visibility:
         return table[np.maximum(cosines, 0.0, out=cosines).astype(np.int32)]
 
     order = order_for(len(sight.normals)) if order is None else order
-    return Visibility(*_project(sight, order, entering), sight)
+    whole, visible = (np.empty((len(sight.normals), (order + 1) ** 2), np.float32) for _ in range(2))
+    for points, weights, harmonics in _weighted(sight, order, entering):
+        go_on()
+        whole[points] = weights @ harmonics
+        np.multiply(weights, sight.seen(points), out=weights)
+        visible[points] = weights @ harmonics
+    return Visibility(whole, visible, sight)
 
 
-def _project(sight: Sight, order: int, weigh: Callable[[Float32], Float32]) -> tuple[Float32, Float32]:
-    """Integrals of weights of the cosine times Y_lm over all directions, and over those that lead out."""
-    n, count = len(sight.normals), sight.directions
-    whole, visible = (np.empty((n, (order + 1) ** 2), np.float32) for _ in range(2))
+def _weighted(
+    sight: Sight, order: int, weigh: Callable[[Float32], Float32]
+) -> Iterator[tuple[npt.NDArray[np.intp], Float32, Float32]]:
+    """Some points at a time: their indices, weights of the cosines (m, directions), Y_lm dw (directions, k)."""
+    count = sight.directions
     at, (x, y, z), harmonics = -1, np.empty((3, 0), np.float32), np.empty(0, np.float32)
-    for pattern, points in blocks(n):
+    for pattern, points in blocks(len(sight.normals)):
         if pattern != at:
             at, exact = pattern, pattern_directions(count, pattern)
             x, y, z = exact.T.astype(np.float32)
             harmonics = (basis(exact, order) * (4.0 * np.pi / count)).astype(np.float32)
         normals = sight.normals[points]
         # Three products written out take a third of the time of a matrix product of so few columns.
-        weights = weigh(normals[:, :1] * x + normals[:, 1:2] * y + normals[:, 2:] * z)
-        whole[points] = weights @ harmonics
-        np.multiply(weights, np.unpackbits(sight.bits[points], axis=1), out=weights)
-        visible[points] = weights @ harmonics
-    return whole, visible
+        yield points, weigh(normals[:, :1] * x + normals[:, 1:2] * y + normals[:, 2:] * z), harmonics
 
 
 def _kernel_table(size: int = 4096) -> Float32:

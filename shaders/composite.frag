@@ -5,6 +5,7 @@
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
 #include "bodies.glsl"
+#include "detail.glsl"
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;     // a: body
@@ -95,6 +96,7 @@ void main() {
         ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
         : gather(coordinates).rgb + local.rgb;
     exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
+    exitance *= tint_leaving(pixel);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;

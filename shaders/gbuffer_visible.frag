@@ -1,16 +1,21 @@
 #version 330
 // As gbuffer_bodies.frag, with the share of the environment's light that the surface is not in the way of.
 #include "gbuffer.glsl"
+#include "visible.glsl"
 in vec3 v_position;
 in vec3 v_normal;
 flat in float v_body;
-in vec4 v_visible;
+in vec3 v_visible;
+in vec3 v_behind;
+in vec4 v_lobe;
 layout(location = 0) out vec4 o_position;
 layout(location = 1) out vec4 o_normal;
-layout(location = 2) out vec4 o_visible;  // rgb: of irradiance; a: of the highlight's lobe
+layout(location = 2) out vec4 o_visible;  // a: the same on the other side of a sheet, see visible.glsl
+layout(location = 3) out vec4 o_lobe;     // of the highlight, see highlights_vertices.vert; not where there is none
 
 void main() {
     o_position = vec4(v_position, 1.0);
     o_normal = vec4(unit_normal(v_normal), v_body);
-    o_visible = v_visible;
+    o_visible = vec4(v_visible, packed_share(v_behind));
+    o_lobe = v_lobe;
 }

@@ -18,7 +18,10 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
     float lobe = max(0.0, dot(reflect(-to_eye, normal), arrival.to_light));
     // The lobe of a light below the horizon would shine through the surface.
     if (dot(normal, arrival.to_light) <= 0.0 || lobe <= 0.0) return vec3(0.0);
-    return u_lamp_strength * mirrored(normal, to_eye) * pow(lobe, u_shininess) * arrival.irradiance;
+    // The lobe over all directions that it stands for, nearly: variances add (cos^n has 1 / n), and its integral stays.
+    float exponent = u_shininess / (1.0 + u_shininess * arrival.spread);
+    float weight = u_lamp_strength * mirrored(normal, to_eye) * (exponent + 1.0) / (u_shininess + 1.0);
+    return weight * pow(lobe, exponent) * arrival.irradiance;
 }
 
 // Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees, over
@@ -28,8 +31,10 @@ float above_horizon(float sine) {
     return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));
 }
 
-vec3 environment_highlight(vec3 normal, vec3 to_eye) {
+// lobe: what is visible of it, see highlights_vertices.vert.
+vec3 environment_highlight(vec3 normal, vec3 to_eye, vec4 lobe) {
     vec3 mirror = reflect(-to_eye, normal);
     float weight = u_surround_strength * mirrored(normal, to_eye) * above_horizon(dot(mirror, normal));
+    weight *= clamp(lobe.a + dot(lobe.rgb, mirror), 0.0, 1.0);
     return weight * u_light_colour * latlong_table(t_highlights, u_environment_rotation * mirror);
 }

@@ -1,7 +1,6 @@
 // Irradiance that enters the surface, (2): E = integral of F_t L cos over the hemisphere, for one light.
 // Surface samples and pixels call the same function.
 #include "fresnel.glsl"
-#include "shadows.glsl"
 #include "latlong.glsl"
 
 const int DIRECTIONAL = 0;  // u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence
@@ -15,27 +14,15 @@ uniform mat3 u_environment_rotation;  // world to probe
 uniform sampler2D t_environment;
 uniform float u_eta;
 
-// What arrives from a light: its direction and the irradiance on a surface that faces it, shadow included.
+// What arrives from a light, or from one of the sub-lights of a light with a size.
 struct Arrival {
     vec3 to_light;
-    vec3 irradiance;
+    vec3 irradiance;  // on a surface that faces it
+    float distance;   // to it, mm; 1 of a directional light
+    float spread;     // variance of the directions that it stands for, radians^2
 };
 
-// position: world, mm; normal: unit, outward. Not for ENVIRONMENT.
-Arrival arrive(vec3 position, vec3 normal) {
-    Arrival arrival = Arrival(u_light_vector, u_light_colour);
-    float distance = 1.0;
-    if (u_light_kind == POINT) {
-        vec3 to_light = u_light_vector - position;
-        // A light on the surface itself would be infinitely bright; 1e-6 mm is nearer than any scene means.
-        distance = max(length(to_light), 1e-6);
-        arrival.to_light = to_light / distance;
-        arrival.irradiance /= distance * distance;
-    }
-    if (dot(normal, arrival.to_light) > 0.0)
-        arrival.irradiance *= shadow_visibility(position, normal, arrival.to_light, distance);
-    return arrival;
-}
+#include "arrival.glsl"
 
 // Irradiance of an arrival on a surface; linear RGB, same unit as the light's.
 vec3 entering(Arrival arrival, vec3 normal) {

@@ -9,11 +9,16 @@
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
+#include "visible.glsl"
+#include "detail.glsl"
+#include "lamplight.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
-uniform sampler2D t_visible;   // rgb: visible share of the environment's light; a: of the highlight's lobe
+uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a sheet
+uniform sampler2D t_lobe;      // of the highlight's
 uniform bool u_occluded;       // whether t_visible is there
+uniform bool u_occluded_lobe;  // whether t_lobe is there
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 
 layout(location = 0) out vec4 o_irradiance;
@@ -26,24 +31,31 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
+    vec4 shading = shading_normal(pixel, normal);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     vec3 irradiance, specular = vec3(0.0);
     Behind behind = NOTHING_BEHIND;
     float cosine = 1.0;
     if (u_light_kind == ENVIRONMENT) {
-        irradiance = environment_irradiance(normal);
-        if (u_occluded) irradiance *= texelFetch(t_visible, pixel, 0).rgb;
+        irradiance = shading.a * environment_irradiance(shading.xyz);
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
-        float visibility = u_occluded ? texelFetch(t_visible, pixel, 0).a : 1.0;
-        specular = visibility * environment_highlight(normal, to_eye);
+        if (u_occluded) {
+            vec4 visible = texelFetch(t_visible, pixel, 0);
+            irradiance *= visible.rgb;
+            behind.irradiance *= unpacked_share(visible.a);
+        }
+        vec4 lobe = u_occluded_lobe ? texelFetch(t_lobe, pixel, 0) : vec4(0.0, 0.0, 0.0, 1.0);
+        specular = environment_highlight(shading.xyz, to_eye, lobe);
+        specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
     } else {
-        Arrival arrival = arrive(position.xyz, normal);
-        irradiance = entering(arrival, normal);
-        cosine = max(dot(normal, arrival.to_light), 0.0);
-        specular = lamp_highlight(arrival, normal, to_eye);
-        if (u_sheet_reach > 0.0 && dot(normal, arrival.to_light) < 0.0)
-            behind = light_behind(position.xyz, normal, normal_and_body.a);
+        Lamplight light = lamplight(position.xyz, normal, shading, to_eye, normal_and_body.a);
+        irradiance = light.irradiance;
+        specular = light.specular;
+        cosine = light.cosine;
+        behind = light.behind;
     }
+    irradiance *= tint_entering(pixel);
+    behind.irradiance *= tint_behind(position.xyz - behind.thickness * normal);
     vec3 local, other = vec3(0.0);
     if (u_diffusion) {
         vec2 depths = depths_at(position.xyz, normal_and_body.a);

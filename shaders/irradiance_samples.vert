@@ -7,7 +7,11 @@ in vec3 a_normal;
 out vec3 v_irradiance;
 
 void main() {
-    v_irradiance = u_light_kind == ENVIRONMENT
-        ? environment_irradiance(a_normal)
-        : entering(arrive(a_position, a_normal), a_normal);
+    if (u_light_kind == ENVIRONMENT) {
+        v_irradiance = environment_irradiance(a_normal);
+        return;
+    }
+    v_irradiance = vec3(0.0);
+    for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i))
+        v_irradiance += entering(arrive(i, a_position, a_normal), a_normal);
 }

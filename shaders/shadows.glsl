@@ -16,6 +16,8 @@ vec2 shadow_tiles() {
     return u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
 }
 
+mat4 shadow_to_clip(int view) { return u_shadow_world_to_clip[view]; }
+
 // position: world, mm; normal, to_light: unit; distance: to the light, 1 for a directional one. Returns [0, 1].
 float shadow_visibility(vec3 position, vec3 normal, vec3 to_light, float distance) {
     float texel = u_shadow_texel * distance;

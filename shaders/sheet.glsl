@@ -4,22 +4,23 @@
 // the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport.py
 // applies to the irradiance over there (translucent shadow maps, Dachsbacher and Stamminger 2003, used for a remainder).
 
-uniform sampler2D t_shadow_depth;         // the texture of t_shadow, its depths
+#include "shadow_entry.glsl"
+
 uniform bool u_separate_shadow;           // whether bodies scatter light each alone
 uniform sampler2D t_shadow_body;          // then: the body that t_shadow_depth is of
-uniform mat4 u_shadow_clip_to_world[6];
 uniform sampler2D t_sheet;                // factor over thickness, RGB; one row
 uniform float u_sheet_reach;              // thickness of its last texel, mm; 0: no local term
 
 // Texture coordinates of a place (NDC) of one of the shadow map's views.
 vec2 shadow_uv(int view, vec2 place) {
-    return (0.5 * place + 0.5 + vec2(view % 3, view / 3)) / shadow_tiles();
+    int columns = int(shadow_tiles().x);
+    return (0.5 * place + 0.5 + vec2(view % columns, view / columns)) / shadow_tiles();
 }
 
 // Point where light enters, world space, that the shadow map knows at a place of one of its views (NDC).
 vec3 light_entry(int view, vec2 place) {
     float depth = textureLod(t_shadow_depth, shadow_uv(view, place), 0.0).r;
-    vec4 entry = u_shadow_clip_to_world[view] * vec4(place, 2.0 * depth - 1.0, 1.0);
+    vec4 entry = shadow_to_world(view) * vec4(place, 2.0 * depth - 1.0, 1.0);
     return entry.xyz / entry.w;
 }
 
@@ -43,13 +44,11 @@ struct Behind {
 };
 const Behind NOTHING_BEHIND = Behind(vec3(0.0), 0.0, 1.0);
 
-// normal: outward at `position`, facing away from the light. body: the one that `position` is of.
-Behind light_behind(vec3 position, vec3 normal, float body) {
-    bool point = u_light_kind == POINT;
-    vec3 to_light = point ? normalize(u_light_vector - position) : u_light_vector;
+// i: sub-light, to_light: towards it. normal: outward at `position`, facing away from it. body: that `position` is of.
+Behind light_behind(int i, vec3 position, vec3 normal, vec3 to_light, float body) {
     vec2 texel = 2.0 * shadow_tiles() / vec2(textureSize(t_shadow_depth, 0));
-    for (int view = 0; view < u_shadow_views; ++view) {
-        vec4 clip = u_shadow_world_to_clip[view] * vec4(position, 1.0);
+    for (int view = i * u_shadow_views; view < (i + 1) * u_shadow_views; ++view) {
+        vec4 clip = shadow_to_clip(view) * vec4(position, 1.0);
         if (clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(clip.w)))) continue;
         vec2 place = clip.xy / clip.w;
         // What another body's surface catches does not go on in this one, which lies in its shadow.
@@ -65,14 +64,14 @@ Behind light_behind(vec3 position, vec3 normal, float body) {
         other = normalize(other) * sign(dot(other, to_light));
         // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
         float parallel = smoothstep(0.6, 0.95, -dot(normal, other));
-        float distance = point ? max(length(u_light_vector - entry), 1e-6) : 1.0;
+        Arrival arrival = unshadowed(i, entry);
         // Along a grazing ray the sides are far apart, however thin it looks from here.
         float near = 1.0 - smoothstep(0.5, 1.0, way / u_sheet_reach);
         float sheet = parallel * near
-            * flatness(view, place, entry, other, 0.25 * u_sheet_reach, texel / (u_shadow_texel * distance));
+            * flatness(view, place, entry, other, 0.25 * u_sheet_reach, texel / (u_shadow_texel * arrival.distance));
         // The lesser cosine: at the edge of the light both sides fade, as they do where they are parallel.
         float cosine = clamp(dot(other, to_light), 0.0, -dot(normal, to_light));
-        vec3 irradiance = fresnel_transmittance(u_eta, cosine) * cosine * u_light_colour / (distance * distance);
+        vec3 irradiance = fresnel_transmittance(u_eta, cosine) * cosine * arrival.irradiance;
         return Behind(sheet * irradiance, thickness, cosine);
     }
     return NOTHING_BEHIND;

@@ -17,7 +17,7 @@ from viewer.scene import Scene
 from viewer.settings import DisplaySettings, MaterialSettings, ModelSettings, TransportSettings
 
 STEP = 0.02  # seconds between frames
-SIZE = (900, 2050)  # window: tall, so that the whole panel shows; the picture itself is small
+SIZE = (900, 2250)  # window: tall, so that the whole panel shows; the picture itself is small
 PICTURE = (72, 64)
 
 

@@ -3,10 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-from core import fresnel
 from core.mesh import Mesh, face_cross
-from core.probe_maps import resample_latlong
 from core.rays import RayMesh
+from core.reference_environment import occluded_irradiance
 
 Array = npt.NDArray[np.float64]
 
@@ -31,27 +30,32 @@ class Places:
 def irradiance(
     mesh: Mesh, places: Places, probe: npt.NDArray[np.floating], eta: float, rotations=(0.0,), height: int = 60
 ) -> Array:
-    """E (rotations, n, 3): a jittered ray a texel of the probe, averaged to `height` rows; turns are whole texels."""
-    rng, width = np.random.default_rng(11), 2 * height
-    averaged = resample_latlong(probe, height).astype(np.float64)
-    shifts = [round(rotation / 360.0 * width) for rotation in rotations]
-    light = np.stack([np.roll(averaged, -shift, axis=1).reshape(-1, 3) for shift in shifts])
-    edges = np.cos(np.pi * np.arange(height + 1) / height)
-    column, row = (grid.ravel() for grid in np.meshgrid(np.arange(width), np.arange(height)))
-    d_omega = (edges[row] - edges[row + 1]) * (2.0 * np.pi / width)
-    rays, result = RayMesh(mesh.vertices, mesh.faces), np.empty((len(shifts), len(places.points), 3))
-    for i, (point, normal, plane) in enumerate(zip(places.points, places.normals, places.face_normals, strict=True)):
-        y = edges[row] + (edges[row + 1] - edges[row]) * rng.random(len(row))
-        phi = 2.0 * np.pi * ((column + rng.random(len(row))) / width - 0.5)
-        ways = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=1)
-        cosine = ways @ normal
-        above = np.flatnonzero(cosine > 0.0)
-        ways = ways[above] - 2.0 * np.minimum(ways[above] @ plane, 0.0)[:, None] * plane
-        origin = point + 1e-4 * mesh.radius * plane
-        face, _ = rays.first(np.broadcast_to(origin, ways.shape), ways)
-        weight = cosine[above] * fresnel.transmittance(eta, cosine[above]) * d_omega[above] * (face < 0)
-        result[:, i] = np.einsum("k,rkc->rc", weight, light[:, above])
-    return result
+    """E (rotations, n, 3) by rays; turns are whole texels."""
+    where = places.points, places.normals, places.face_normals
+    return occluded_irradiance(mesh, *where, probe, eta, rotations, height)
+
+
+def highlights(
+    mesh: Mesh, places: Places, mirrored: Array, probe: npt.NDArray[np.floating], shininess: float, side: int = 20
+) -> Array:
+    """Mean radiance in the lobe max(0, w.r)^n about each mirrored ray r (n, 3), where nothing is in the way: (n, 3)."""
+    rng = np.random.default_rng(12)
+    u, v = ((np.stack(np.mgrid[:side, :side]) + rng.random((len(mirrored), 2, side, side))) / side).swapaxes(0, 1)
+    mu, phi = (u ** (1.0 / (shininess + 1.0)))[..., None], 2.0 * np.pi * v[..., None]
+    first = np.cross(np.where(np.abs(mirrored[:, :1]) < 0.5, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]), mirrored)
+    first = (first / np.linalg.norm(first, axis=1, keepdims=True))[:, None, None]
+    r, second = mirrored[:, None, None], np.cross(mirrored[:, None, None], first)
+    ways = (mu * r + np.sqrt(1.0 - mu * mu) * (np.cos(phi) * first + np.sin(phi) * second)).reshape(len(r), -1, 3)
+    above = np.einsum("nkc,nc->nk", ways, places.normals) > 0.0
+    height, width = probe.shape[:2]
+    row = np.minimum((np.arccos(np.clip(ways[..., 1], -1.0, 1.0)) / np.pi * height).astype(int), height - 1)
+    column = ((np.arctan2(ways[..., 0], -ways[..., 2]) / (2.0 * np.pi) + 0.5) * width).astype(int) % width
+    below = np.minimum(np.einsum("nkc,nc->nk", ways, places.face_normals), 0.0)
+    ways = ways - 2.0 * below[..., None] * places.face_normals[:, None]
+    origins = places.points + 1e-4 * mesh.radius * places.face_normals
+    rays = RayMesh(mesh.vertices, mesh.faces)
+    blocked = rays.occluded(np.repeat(origins, ways.shape[1], axis=0), ways.reshape(-1, 3)).reshape(above.shape)
+    return np.asarray((probe[row, column].astype(np.float64) * (above & ~blocked)[..., None]).mean(axis=1))
 
 
 def rms(actual: npt.ArrayLike, expected: Array) -> float:

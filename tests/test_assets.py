@@ -9,11 +9,11 @@ from viewer.settings import ModelSettings
 def test_meshes_are_kept_and_the_oldest_goes(tmp_path):
     models = [ModelSettings(path=write_knot(tmp_path / f"{i}.ply")) for i in range(3)]
     assets = Assets(keep=2)
-    first = assets.mesh(models[0])
-    assert assets.mesh(models[0]) is first
+    first, _ = assets.mesh(models[0])
+    assert assets.mesh(models[0])[0] is first
     assets.mesh(models[1])
     models[0].path.unlink()
-    assert assets.mesh(models[0]) is first  # deleted, yet still here
+    assert assets.mesh(models[0])[0] is first  # deleted, yet still here
     assets.mesh(models[2])
     assert assets.has_mesh(models[0])
     assert not assets.has_mesh(models[1])

@@ -41,11 +41,13 @@ def test_the_table_of_shaders_is_complete():
     """Every shader belongs to a program of shaders/README.md, every include to a shader."""
     listed = {file for files in PROGRAMS.values() for file in files}
     included = {
-        name for path in SHADERS.glob("*.*") for name in re.findall(r'^#include "(.+)"$', path.read_text(), re.M)
+        name
+        for path in SHADERS.glob("*.*")
+        for name in re.findall(r'^#(?:include|replace "[^"]+") "(.+)"$', path.read_text(), re.M)
     }
     on_disk = {path.name for path in SHADERS.iterdir() if path.suffix in (".vert", ".frag", ".glsl")}
     assert listed | included == on_disk
-    assert {Path(name).suffix for name in included} == {".glsl"}
+    assert {Path(name).suffix for name in included - listed} == {".glsl"}
 
 
 def test_the_renderer_builds_the_programs_of_the_table(context, monkeypatch, shapes):
@@ -79,6 +81,15 @@ def test_a_part_included_by_two_parts_appears_once(tmp_path, monkeypatch):
     (tmp_path / "d.glsl").write_text("d\n")
     monkeypatch.setattr(gl.resources, "files", lambda package: tmp_path)
     assert gl.shader_source("a.frag").split() == ["first", "d", "b", "c", "last"]
+
+
+def test_a_part_takes_the_place_of_another(tmp_path, monkeypatch):
+    (tmp_path / "a.frag").write_text('#version 330\nfirst\n#include "b.glsl"\nlast\n')
+    (tmp_path / "b.glsl").write_text("b\n")
+    (tmp_path / "c.glsl").write_text("c\n")
+    (tmp_path / "other.frag").write_text('#version 330\n#replace "b.glsl" "c.glsl"\n#include "a.frag"\n')
+    monkeypatch.setattr(gl.resources, "files", lambda package: tmp_path)
+    assert gl.shader_source("other.frag").split() == ["#version", "330", "first", "c", "last"]
 
 
 # Uniforms

@@ -9,7 +9,7 @@ from viewer.scene import apply_set
 from viewer.view_drawing import developed
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
-LIT = {"shadow of light 1", "shadow of light 2", "irradiance of light 1", "irradiance of light 2", "flux"}
+LIT = {f"{what}light {i}" for what in ("", "shadow of ", "irradiance of ") for i in (1, 2)} | {"flux"}
 SEPARATED = {"body marks", "body layers", "body windows", "body samples", "body flux", "bodies", "separate transport"}
 TRANSPORT = {"transport", "weights", "deposit", "spectra", "convolution", "layer volume", "local", "local table"}
 

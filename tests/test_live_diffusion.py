@@ -20,7 +20,7 @@ from viewer.transport_job import PRESENTABLE
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 SOURCES = {f"sources of {channel}" for channel in "RGB"}
 SOLVED = {"solution", "layer volume", "mean fluence", "pixel tables"} | SOURCES | PIXELS
-MOVED = {"shadow of light 1", "irradiance of light 1", "flux", "flux of light 1", "entry of light 1"}
+MOVED = {"shadow of light 1", "light 1", "irradiance of light 1", "flux", "flux of light 1", "entry of light 1"}
 OWN = ["material.sigma_s_prime=[1.0,2.0,3.0]", "material.sigma_a=[0.1,0.2,0.3]", "material.eta=1.61"]  # jade's eta
 MATERIALS = ("jade", "ketchup", "Skimmilk", "marble", "Skin1")
 SECTIONS = ("Error", "Model")

@@ -18,6 +18,7 @@ from tests.solids import ball as part
 from tests.solids import block, mesh_of
 from viewer import visibility
 from viewer.bench_lights import sky_pixels
+from viewer.bench_occlusion_error import occlusion_errors
 from viewer.frame import Renderer
 from viewer.images import write_exr
 from viewer.settings import EnvironmentSettings, ModelSettings
@@ -75,6 +76,20 @@ def test_pixels_and_samples_have_the_irradiance_of_rays(context, sky):
     ratio = frame.irradiance[seen].sum() / without.irradiance[seen].sum()
     assert ratio < 0.95
     assert (frame.irradiance[seen] <= without.irradiance[seen] * (1.0 + 1e-5)).all()
+
+
+def test_lamps_of_a_probe_and_its_rest_together_have_the_irradiance_of_rays(context):
+    """Shadow maps for what is taken out of it, visibility for what stays."""
+    renderer, window = MeshRenderer(context, shaded_ball()), EnvironmentSettings(builtin="window")
+    scene = replace(scene_of(), lights=(), environment=window)
+    assert len(renderer.light(scene).sources) > 1
+    for error, flux in occlusion_errors(renderer, scene, 300, [0.0, 120.0]):
+        assert error < 0.06
+        assert abs(flux) < 0.015
+    without = replace(scene, environment=replace(window, occluded=False))
+    ((error, flux),) = occlusion_errors(renderer, without, 300, [0.0])
+    assert error > 0.06
+    assert flux > 0.025
 
 
 def test_what_no_scene_needs_is_not_baked(context, sky, monkeypatch):

@@ -14,7 +14,9 @@ from core.errors import InputError
 from tests.rendering import BACK, FRONT, MeshRenderer, scene_of, seen_at, surface_points
 from tests.shapes import ball
 from tests.solids import mesh_of, sheet
+from tests.test_occlusion import shaded_ball
 from viewer import cli, images
+from viewer.bench_lights import sky_pixels
 from viewer.deviation import Deviation
 from viewer.error_map import FOOT, error_map
 from viewer.report import error_report, map_path
@@ -165,6 +167,22 @@ def test_environment_alone_is_measured(renderer_of, tmp_path):
     scene = replace(scene, environment=EnvironmentSettings(tmp_path / "white.exr"))
     assert Probe.from_pixels(np.ones((16, 32, 3), np.float32)).mean_radiance == pytest.approx(1.0)
     assert max(error_report(renderer_of("ball"), scene, points=30).content["error"]["rms"]) < 0.01
+
+
+def test_an_occluded_environment_is_compared_with_rays(context, tmp_path):
+    images.write_exr(tmp_path / "sky.exr", dict(zip("RGB", np.moveaxis(sky_pixels(), -1, 0), strict=True)))
+    scene = scene_of("display.image_size=[64, 64]", "environment.rotation_deg=75", lights=())
+    renderer = MeshRenderer(context, shaded_ball())
+    found = {}
+    for occluded in (True, False):
+        environment = replace(scene.environment, path=tmp_path / "sky.exr", occluded=occluded)
+        content = error_report(renderer, replace(scene, environment=environment), points=10).content
+        found[occluded] = content["environment"]
+    assert max(found[True]["rms"]) < 0.05
+    assert min(found[True]["rms_not_occluded"]) > 0.2
+    assert found[True]["flux_ratio"] == pytest.approx([1.0] * 3, abs=0.02)
+    assert found[False] == {"lamps": found[True]["lamps"], "occluded": False}
+    assert "environment" not in error_report(renderer, scene_of("display.image_size=[64, 64]"), points=10).content
 
 
 # The error against transport

@@ -34,7 +34,7 @@ from viewer.settings_docs import settings_markdown
         (lambda: TransportSettings(layers=10**400), "transport.layers must be a whole number"),
         (lambda: SpecularSettings(strength=10**400), "specular.strength must be a number"),
         (lambda: Scene(camera=3), "camera must be a CameraSettings, not a int"),
-        (lambda: Scene(lights=(3,)), "lights must be a tuple of DirectionalLight and PointLight"),
+        (lambda: Scene(lights=(3,)), "lights must be a tuple of DirectionalLight, PointLight, Sphere"),
         (lambda: Scene(lights=DirectionalLight((0.0, 1.0, 0.0))), "lights must be a tuple"),
         (lambda: ModelSettings(path="a\0b"), "model.path must be a file name"),
     ],

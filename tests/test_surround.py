@@ -84,6 +84,19 @@ def test_what_runs_again(renderer_of, tmp_path):
     assert np.all(dark.radiance == 0.0)
 
 
+def test_while_a_probe_is_turned_its_sources_cast_no_shadow_maps(renderer_of, tmp_path):
+    renderer, around = renderer_of("knot"), environment(tmp_path, *SPOTS)
+    renderer.light(lit_by(around))
+    renderer.stages.begin()
+    turned = lit_by(replace(around, rotation_deg=40.0))
+    draft = renderer.light(turned, draft=True)
+    assert not [stage for stage in renderer.stages.timings if stage.startswith("shadow")]
+    exact = renderer.light(turned)
+    assert len(draft.sources) == 1
+    assert len(exact.sources) == 3
+    assert draft.flux.sum(axis=0) == pytest.approx(exact.flux.sum(axis=0), rel=0.02)
+
+
 def test_no_highlight_no_prefiltering(renderer_of, tmp_path):
     renderer = renderer_of("ball")
     frame = renderer.render(lit_by(environment(tmp_path, SPOTS[1]), "specular.strength=0"), samples=1)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from core.environment import Probe, irradiance_table, irradiance_zonal, lookup, to_probe_frame
+from core.rays import RayMesh
 from core.refine import refined
 from core.spherical_harmonics import basis, rotated
-from core.visibility import DARK, Sight, phong_zonal, transfer
-from core.visibility_bake import Cancelled, bake, directions_for, flat_normals
+from core.visibility import DARK, ROWS, Sight, blocks, phong_zonal, transfer
+from core.visibility_bake import LIFTS, RAYS_AT_A_TIME, THREADS, Cancelled, bake, directions_for, flat_normals
 from tests.occluding import Places, irradiance, rms
 from tests.shapes import ball, cube, torus_knot
 from tests.solids import ball as part
@@ -162,6 +163,41 @@ def test_it_is_given_up_at_once():
     with pytest.raises(Cancelled):
         bake(mesh, stop_early, cancelled)
     assert time.perf_counter() - asked < 1.0  # a tenth of a second on a machine that has nothing else to do
+
+
+def test_few_rays_are_cast_between_two_looks_at_whether_to_go_on(monkeypatch):
+    """So that giving up takes as long as they do, whatever else the machine does: 0.02 s of a processor."""
+    rays, seen, cancelled = [], [], threading.Event()
+    cast = RayMesh.occluded
+
+    def count(self, origins, directions):
+        (seen if cancelled.is_set() else rays).append(len(origins))
+        return cast(self, origins, directions)
+
+    monkeypatch.setattr(RayMesh, "occluded", count)
+    with pytest.raises(Cancelled):
+        bake(ball(subdivisions=6), lambda share: cancelled.set() if share > 0.05 else None, cancelled)
+    # One start at each lift; the one that each thread was at when it was given up, and the next that had passed.
+    assert max(rays) <= 1.02 * RAYS_AT_A_TIME  # half of all directions are above a horizon, nearly
+    assert len(seen) <= 2 * len(LIFTS) * THREADS
+    assert len(rays) > 5
+
+
+def test_harmonics_are_given_up_between_few_points():
+    sight, asked = Sight(ball(subdivisions=4).normals, np.zeros((2562, 32), np.uint8)), []
+
+    def go_on():
+        asked.append(1)
+        if len(asked) == 3:
+            raise Cancelled
+
+    visibility = transfer(sight, 4)
+    for made in (lambda: transfer(sight, go_on=go_on), lambda: visibility.blocked(go_on)):
+        asked.clear()
+        with pytest.raises(Cancelled):
+            made()
+        assert len(asked) == 3
+    assert max(len(points) for _, points in blocks(10**5)) <= ROWS
 
 
 def test_progress_ends_at_one():

@@ -10,7 +10,7 @@ from viewer.app import read_pixels
 from viewer.events import MouseButton, MouseMoved
 from viewer.scene import Scene
 
-SIZE = (900, 2700)  # every section open and nothing scrolled
+SIZE = (900, 2850)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -119,6 +119,29 @@ def sliders(state: str, **shares: float) -> list[Control]:
     return [Control(name, name, slide(name, share), state) for name, share in names.items()]
 
 
+def at(share: float) -> Callable[[str], Use]:
+    return lambda box: slide(box, share)
+
+
+def left(box: str) -> Use:
+    return drag(box, (-45.0, 0.0))
+
+
+# Of lights: key, name of the control, how it is used, whether it has a reset.
+OF_ALL = [
+    ("position_mm", "X", left, True),
+    ("intensity", "intensity", at(0.9), True),
+    ("on", "toggle", at(0.5), False),
+]
+TARGET = [("target_mm", f"Target {axis}", left, True) for axis in "XYZ"]
+SIZED = {
+    "sphere": [("radius_mm", "radius_mm", at(0.9), True)],
+    "rectangle": [
+        *TARGET, ("size_mm", "Width", at(0.9), True), ("size_mm", "Height", at(0.9), True),
+        ("roll_deg", "roll_deg", at(0.7), True),
+    ],
+    "spot": [TARGET[0], ("cone_deg", "cone_deg", at(0.1), True), ("softness", "softness", at(0.9), True)],
+}  # fmt: skip
 CONTROLS = [
     *sliders(
         "plain", model__size_mm=0.3, material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
@@ -157,6 +180,10 @@ CONTROLS = [
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
     Control("model.up", "model.up", choose("model.up", "z")),
     Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
+    Control("detail.albedo", "detail.albedo", choose("detail.albedo", "after"), "skin"),
+    Control("detail.normal_strength", "detail.normal_strength", slide("detail.normal_strength", 0.9), "skin"),
+    Control("model.texture", "model.texture", open_file("model.texture", "texture.png"), "skin"),
+    Control("model.normal_map", "model.normal_map", open_file("model.normal_map", "bumps.png"), "skin"),
     Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
     Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),
@@ -190,4 +217,14 @@ CONTROLS = [
     Control("point.intensity", "lights.0.colour", pick_colour("lights.0.colour"), "point"),
     Control("point.intensity", "lights.0.intensity", slide("lights.0.intensity", 0.9), "point"),
     Control("point.on", "lights.0.toggle", slide("lights.0.toggle", 0.5), "point", has_reset=False),
+    Control("directional.angle_deg", "lights.0.angle_deg", slide("lights.0.angle_deg", 0.9)),
+    *(
+        Control(f"{kind}.{key}", f"lights.0.{box}", use(f"lights.0.{box}"), kind, has_reset)
+        for kind, controls in SIZED.items()
+        for key, box, use, has_reset in (*controls, *OF_ALL)
+    ),
+    *(
+        Control(f"{kind}.fixed_to", "lights.0.fixed_to", choose("lights.0.fixed_to", "camera"), state)
+        for kind, state in (("directional", "plain"), ("point", "point"), *zip(SIZED, SIZED, strict=True))
+    ),
 ]  # fmt: skip

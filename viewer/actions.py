@@ -11,7 +11,7 @@ from core.errors import InputError
 from core.profile_names import TABLE
 from viewer import navigation
 from viewer.file_dialog import FileDialog, Request
-from viewer.images import PROBE_SUFFIXES, write_png
+from viewer.images import PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from viewer.model import supported_suffixes
 from viewer.own_materials import Materials, export_to, import_from
 from viewer.picture import read_image
@@ -95,7 +95,7 @@ class Actions:
         elif suffix in PROFILE_SUFFIXES:
             opened = self._scatter_by(path)
         elif suffix in supported_suffixes():
-            opened = self._session.edit("model", path=str(path))
+            opened = self._session.edit("model", path=str(path), texture=None, normal_map=None)
         else:
             known = "a mesh, a light probe (.hdr, .exr), a profile (.csv) or a scene (.toml)"
             self._session.fail(f"{path.name} is none of {known} that can be opened here")
@@ -145,6 +145,17 @@ class Actions:
 
     def _open_probe(self) -> None:
         self._ask(Request("Light with a probe", PROBE_SUFFIXES, self.open))
+
+    def _open_texture(self) -> None:
+        self._ask_for("texture")
+
+    def _open_normal_map(self) -> None:
+        self._ask_for("normal_map")
+
+    def _ask_for(self, key: str) -> None:
+        """Ask for a picture on the model."""
+        done = lambda path: self._session.edit("model", **{key: str(path)})  # noqa: E731
+        self._ask(Request(f"Open a {key.replace('_', ' ')}", PICTURE_SUFFIXES, done))
 
     def _open_profile(self) -> None:
         self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))

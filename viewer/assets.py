@@ -17,6 +17,7 @@ import numpy.typing as npt
 from core.accuracy import Roughness, roughness
 from core.bodies import Bodies, find_bodies
 from core.boundary import is_closed, row_sums
+from core.detail import Detail
 from core.environment import Probe
 from core.mesh import Mesh
 from core.probe_highlights import LobeFilter
@@ -25,13 +26,15 @@ from core.probe_sources import ProbeSource, extract
 from core.samples import SurfaceSamples, surface_samples
 from core.spectra import Profiles
 from viewer.images import read_radiance
-from viewer.model import builtin_model, load_model
+from viewer.model import FileModel, builtin_model, read_model
+from viewer.model_look import Look, detail_of
 from viewer.profile_files import ProfileTable, read_profile_table, taken_anew
 from viewer.quality import Quality, choose_quality, survey_spacing
-from viewer.settings import EnvironmentSettings, ModelSettings, TransportSettings
+from viewer.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
 from viewer.visibility import BakedVisibility, bake_visibility
 
-LoadedMesh = tuple[Mesh, str | None]
+LoadedMesh = tuple[Mesh, tuple[str, ...]]
+LoadedDetail = tuple[Detail | None, tuple[str, ...]]
 PartedProbe = tuple[tuple[ProbeSource, ...], Probe]
 
 
@@ -52,8 +55,23 @@ class Assets:
         self._kept: dict[str, OrderedDict[Hashable, Any]] = {}
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
-        """Return a model in world space and what is wrong with it; errors as `viewer.model.load_model`."""
-        return self._get("mesh", shape_of(settings), lambda: _load(settings))  # type: ignore[no-any-return]
+        """Return a model in world space and what is wrong with it; errors as `viewer.model.read_model`."""
+        model = self._model(settings)
+        return model.mesh, model.warnings
+
+    def detail(self, model: ModelSettings, settings: DetailSettings) -> LoadedDetail:
+        """Return the colours and relief of a model that are wanted, and what failed; errors as `detail_of`."""
+
+        def decode() -> LoadedDetail:
+            file, builtin = self._model(model), model.builtin_name
+            name = str(model.path) if builtin is None else f"the built-in {builtin}"
+            return detail_of(file.look, file.mesh, name, *_detail_key(model, settings)[1:])
+
+        return self._get("detail", _detail_key(model, settings), decode)  # type: ignore[no-any-return]
+
+    def look(self, model: ModelSettings) -> Look | None:
+        """Return what a model's file says of its surface, if anything."""
+        return self._model(model).look
 
     def probe(self, source: Path | str) -> Probe:
         """Return a light probe of a file, or a builtin one by its name; errors as `viewer.images.read_radiance`."""
@@ -166,7 +184,8 @@ class Assets:
         cancelled: threading.Event | None = None,
     ) -> BakedVisibility:
         """Return what a mesh's vertices see, see `viewer.visibility`."""
-        compute = lambda: (mesh, bake_visibility(mesh, progress, cancelled))  # noqa: E731
+        ahead = not self.bakes  # a window may want all of it at any time
+        compute = lambda: (mesh, bake_visibility(mesh, progress, cancelled, ahead))  # noqa: E731
         return self._get("visibility", id(mesh), compute)[1]  # type: ignore[no-any-return]
 
     def has_visibility(self, mesh: Mesh) -> bool:
@@ -176,6 +195,10 @@ class Assets:
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
         return self._has("mesh", shape_of(settings))
+
+    def has_detail(self, model: ModelSettings, settings: DetailSettings) -> bool:
+        """Whether `mesh` and `detail` would return at once."""
+        return self.has_mesh(model) and self._has("detail", _detail_key(model, settings))
 
     def has_probe(self, source: Path | str) -> bool:
         """Whether `probe` would return at once."""
@@ -213,13 +236,16 @@ class Assets:
         """Read a file again when it is next asked for."""
         with self._lock:
             for kept in self._kept.values():
-                for key in [key for key in kept if key == path or getattr(key, "path", None) == path]:
+                for key in [key for key in kept if _is_of(key, path)]:
                     del kept[key]
 
     def keep_probes(self) -> None:
         """Let go of all but the probes."""
         with self._lock:
             self._kept = {kind: kept for kind, kept in self._kept.items() if kind == "probe"}
+
+    def _model(self, settings: ModelSettings) -> FileModel:
+        return self._get("mesh", shape_of(settings), lambda: _load(settings))  # type: ignore[no-any-return]
 
     def _spacing_at_hand(self, mesh: Mesh, spacing: float) -> float:
         with self._lock:
@@ -245,12 +271,26 @@ class Assets:
         return value
 
 
+def _is_of(key: Any, path: Path) -> bool:
+    """Whether a key names a file: itself, as a model's, or among others."""
+    if isinstance(key, tuple):
+        return any(_is_of(part, path) for part in key)
+    return key == path or getattr(key, "path", None) == path
+
+
 def shape_of(settings: ModelSettings) -> ModelSettings:
-    """Return what a mesh depends on: the settings of its model, but for the bodies."""
-    return replace(settings, bodies="joined")
+    """Return what a mesh depends on: the settings of its model, but for the bodies and pictures on it."""
+    return replace(settings, bodies="joined", texture=None, normal_map=None)
 
 
-def _load(settings: ModelSettings) -> LoadedMesh:
+def _detail_key(
+    model: ModelSettings, settings: DetailSettings
+) -> tuple[ModelSettings, Path | None, Path | None, bool, bool]:
+    wanted = settings.albedo != "off", settings.normal_strength > 0.0
+    return shape_of(model), model.texture, model.normal_map, *wanted
+
+
+def _load(settings: ModelSettings) -> FileModel:
     if settings.path is None:
-        return builtin_model(settings.size_mm, settings.up), None
-    return load_model(settings.path, settings.size_mm, settings.up)
+        return FileModel(builtin_model(settings.size_mm, settings.up))
+    return read_model(settings.path, settings.size_mm, settings.up)

@@ -22,6 +22,7 @@ from viewer import (
     bench_error,
     bench_error_report,
     bench_occlusion,
+    bench_occlusion_error,
     bench_report,
     bench_rivals,
     bench_speed,
@@ -75,6 +76,8 @@ class Plan:
         ("plate", "marble", "back"),
     )
     picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[5], DEFAULT)
+    # error of the occluded environment on the scene's model
+    occluded_points: int = 1000
     # error against transport itself
     methods: tuple[Scheme, ...] = bench_transport.METHODS
     solids: tuple[str, ...] = tuple(bench_transport.SHAPES)
@@ -84,6 +87,7 @@ class Plan:
 
 FULL = Plan()
 QUICK = Plan(
+    occluded_points=0,
     repeats=8,
     frames=(PAPER, DEFAULT),
     frame_repeats=2,
@@ -132,6 +136,8 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     _speed(plan, scene, report)
     _yardsticks(plan, scene, given, report)
     _errors(plan, given, report)
+    if plan.occluded_points:
+        bench_occlusion_error.report_occlusion(report, scene, plan.occluded_points)
     _against_transport(plan, report)
     report.finish()
 

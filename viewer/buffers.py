@@ -26,14 +26,16 @@ class MeshBuffers:
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
         return self._bound(program, content, bodies)
 
-    def visible(self, program: Program, values: moderngl.Buffer, bodies: moderngl.Buffer) -> moderngl.VertexArray:
-        """Bind a program that reads ``a_visible`` too, four floats a vertex."""
-        content = [
-            (self._positions, "3f", "a_position"),
-            (self._normals, "3f", "a_normal"),
-            (values, "4f", "a_visible"),
-        ]
-        return self._bound(program, content, bodies)
+    def points(self, program: Program) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position`` and ``a_normal`` of each vertex once."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        return self._context.vertex_array(program.program, content)
+
+    def visible(self, program: Program, values: dict[str, tuple[moderngl.Buffer, str]]) -> moderngl.VertexArray:
+        """Bind a program that reads more of each vertex: buffers by attribute, with their formats."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        more = [(buffer, layout, name) for name, (buffer, layout) in values.items()]
+        return self._bound(program, content + more, None)
 
     def _bound(
         self, program: Program, content: list[tuple[moderngl.Buffer, str, str]], bodies: moderngl.Buffer | None

@@ -201,17 +201,13 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
     """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
     from rich.console import Console
 
-    from viewer import frame, memory
+    from viewer import frame, memory, terminal
 
     memory.share_heap()
     only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
     draw = frame.render_image if only_images else frame.render
-    console = Console(stderr=True)
-    if console.is_terminal:
-        with console.status("starting") as status:
-            picture = draw(scene, samples=samples, seed=seed, progress=status.update)
-    else:
-        picture = draw(scene, samples=samples, seed=seed)
+    with terminal.progress_bar(Console(stderr=True)) as tell:
+        picture = draw(scene, samples=samples, seed=seed, progress=tell)
     for warning in picture.warnings:
         _say(f"warning: {warning}")
     return picture
@@ -241,6 +237,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
 
         check_report(report, scene, outputs, reference)
     inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     for output in outputs:
         images.check_output(output, SUFFIXES)
         for role, path in inputs.items():

@@ -1,13 +1,15 @@
 """Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 
 from viewer.camera import Camera
+from viewer.detail import leaving_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.irradiance_pass import PixelLight
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
@@ -29,11 +31,16 @@ class CompositePass:
         self._program = Program(context, "fullscreen.vert", "composite.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
-    def targets(self, size: tuple[int, int], parts: bool) -> Composite:
-        """Allocate radiance, and its parts too if wanted, for (width, height) pixels."""
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "composite_detail.frag")
+        return program, self._context.vertex_array(program.program, [])
+
+    def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
+        """Allocate radiance, and its parts too if wanted, for (width, height) pixels; `depth` as of light."""
         names = OUTPUTS if parts else OUTPUTS[:1]
         textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
-        return Composite(textures, self._context.framebuffer(list(textures.values())))
+        return Composite(textures, over_object(self._context, list(textures.values()), depth))
 
     def render(
         self,
@@ -46,19 +53,19 @@ class CompositePass:
     ) -> None:
         """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
         out.framebuffer.use()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
-        self._program.set(
+        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
+        program.set(
             {
                 "t_position": gbuffer.position,
                 "t_normal": gbuffer.normal,
                 "t_irradiance": light.irradiance,
                 "t_specular": light.specular,
                 **gather.exitance_uniforms(),
+                **leaving_uniforms(gbuffer.detail),
                 "t_local": light.local,
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,
                 "u_weight": weight,
             }
         )
-        self._triangle.render(vertices=3)
+        draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)

@@ -10,7 +10,7 @@ from viewer.settings import CameraSettings
 
 def files(scene: Scene) -> tuple[object, ...]:
     """Everything that has to be read or sampled before a scene can be lit."""
-    return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport
+    return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport, scene.detail
 
 
 def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
@@ -18,7 +18,7 @@ def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
     environment, material = scene.environment, scene.material
     table = material.table_in_use
     scatters = material.resolve(), material.profile, table, version(table)
-    return scene.model, scatters, scene.effective_lights(), environment, scene.transport, occluded
+    return scene.model, scatters, scene.detail, scene.effective_lights(), environment, scene.transport, occluded
 
 
 def turned(camera: CameraSettings) -> CameraSettings:
@@ -46,10 +46,11 @@ def same_light(a: LitScene, b: LitScene) -> bool:
         and all(one is other for one, other in zip(a.lights, b.lights, strict=True))
         and a.sources == b.sources
         and a.bodies is b.bodies
+        and a.detail is b.detail
     )
 
 
 def looks_of(scene: Scene, lit: LitScene) -> tuple[object, ...]:
     """All that a picture depends on, but for its volume and its size."""
     display = replace(scene.display, image_size=(16, 16))
-    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.sources
+    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.detail, lit.sources

@@ -84,7 +84,7 @@ class PhotoAssets(Assets):
 
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
         """Return the object."""
-        return self._mesh, None
+        return self._mesh, ()
 
     def probe(self, source: Path | str) -> Probe:
         """Return the photograph's light, or another light probe."""

@@ -110,15 +110,18 @@ class Renderer:
         parts: bool = False,
         progress: Progress | None = None,
         last: bool = False,
+        tinted: bool = True,
     ) -> Picture:
         """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
 
-        If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak.
+        If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
+        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say)
+        lit = lit if tinted else lit.without_tint()
         if last:
             lit = self._without_transport(lit)
             memory.give_back()
@@ -144,11 +147,11 @@ class Renderer:
         samples = SurfaceSamples(none, none, none[:, 0])
         return replace(lit, coordinates=none, flux=none, lights=(), samples=samples)
 
-    def light(self, scene: Scene, progress: Progress = lambda _: None) -> LitScene:
-        """Load, sample and light a scene: everything that transport needs, on the CPU."""
+    def light(self, scene: Scene, progress: Progress = lambda _: None, draft: bool = False) -> LitScene:
+        """Load, sample and light a scene, as a draft with fewer sub-lights: all that transport needs, on the CPU."""
         check_image_size(self.context, scene.display.image_size)
         leave_framebuffer(self.context)  # what was drawn last may be replaced
-        return self._lighting.light(scene, progress)
+        return self._lighting.light(scene, progress, draft)
 
     def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] = lambda _: True) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.

@@ -98,6 +98,11 @@ class Gather:
         }
 
     @property
+    def is_thin(self) -> bool:
+        """Whether pixels of some parts ask for an environment's light on their other side."""
+        return self._thin_reach > 0.0
+
+    @property
     def _placed(self) -> dict[str, object]:
         """Values for bodies.glsl."""
         return {

@@ -88,18 +88,29 @@ def driver_name(context: moderngl.Context) -> str:
 
 
 def shader_source(name: str) -> str:
-    """Return a shader with its includes, each included once."""
-    return _expand(name, set())
+    """Return a shader with its includes, each included once.
+
+    After a line `#replace "one.glsl" "other.glsl"`, the other is included in place of the one. Of files that are
+    included, the version is left out.
+    """
+    return _expand(name, set(), {})
 
 
-def _expand(name: str, seen: set[str]) -> str:
+def _expand(name: str, seen: set[str], replaced: dict[str, str]) -> str:
     text = (resources.files("shaders") / name).read_text(encoding="utf-8")
+    if seen:  # a variant includes the whole of another
+        text = text.removeprefix(f"#version {GLSL_VERSION}\n")
     seen.add(name)
 
     def include(match: re.Match[str]) -> str:
-        return "" if match[1] in seen else _expand(match[1], seen)
+        if match["other"] is not None:
+            replaced[match["one"]] = match["other"]
+            return ""
+        wanted = replaced.get(match["name"], match["name"])
+        return "" if wanted in seen else _expand(wanted, seen, replaced)
 
-    return re.sub(r'^#include "([\w.]+)"$', include, text, flags=re.MULTILINE)
+    directive = r'^#(?:include "(?P<name>[\w.]+)"|replace "(?P<one>[\w.]+)" "(?P<other>[\w.]+)")$'
+    return re.sub(directive, include, text, flags=re.MULTILINE)
 
 
 class Program:
@@ -163,6 +174,24 @@ def float_texture(context: moderngl.Context, size: tuple[int, int], components: 
 def float_targets(context: moderngl.Context, size: tuple[int, int], count: int) -> list[moderngl.Texture]:
     """Return RGBA textures to render into."""
     return [float_texture(context, size) for _ in range(count)]
+
+
+def over_object(
+    context: moderngl.Context, textures: list[moderngl.Texture], depth: moderngl.Renderbuffer | None
+) -> moderngl.Framebuffer:
+    """Return a framebuffer for `draw_over_object`: depth of a G-buffer is tested, never changed."""
+    framebuffer = context.framebuffer(textures, depth)
+    framebuffer.depth_mask = False
+    return framebuffer
+
+
+def draw_over_object(context: moderngl.Context, triangle: moderngl.VertexArray, has_depth: bool) -> None:
+    """Add a full-screen triangle, at the far plane, where the object is: all else costs nothing if depth is known."""
+    context.enable_only(moderngl.BLEND | (moderngl.DEPTH_TEST if has_depth else 0))
+    context.blend_func = moderngl.ONE, moderngl.ONE
+    context.depth_func = ">"
+    triangle.render(vertices=3)
+    context.depth_func = "<"
 
 
 def read_rgba(texture: moderngl.Texture) -> npt.NDArray[np.float32]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -11,12 +12,14 @@ from pyrr import matrix33
 from core.entry import EnteringLight
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
+from viewer.detail import entering_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
-from viewer.gl import Program, float_targets
+from viewer.gl import Program, draw_over_object, float_targets, over_object
 from viewer.occlusion import Occlusion
-from viewer.settings import DirectionalLight, Light, SpecularSettings
+from viewer.settings import DirectionalLight, PointLight, SpecularSettings
 from viewer.shadows_pass import ShadowMap
+from viewer.soft_shadows import SoftShadow
 
 Float32 = npt.NDArray[np.float32]
 
@@ -33,7 +36,8 @@ class LightSource:
         DIRECTIONAL, POINT or ENVIRONMENT.
     vector, colour : 3-tuples
         See irradiance.glsl.
-    shadow : ShadowMap
+    shadow : ShadowMap or SoftShadow
+        The latter of a light with a size, or a spot light.
     table : texture
         Irradiance over normals, lat-long, of an environment; any texture otherwise.
     rotation : (3, 3) float64
@@ -45,13 +49,23 @@ class LightSource:
     kind: int
     vector: tuple[float, float, float]
     colour: tuple[float, float, float]
-    shadow: ShadowMap
+    shadow: ShadowMap | SoftShadow
     table: moderngl.Texture
     rotation: npt.NDArray[np.float64]
     occlusion: Occlusion | None = None
 
-    def uniforms(self, eta: float) -> dict[str, object]:
-        """Values for irradiance.glsl."""
+    def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
+        """Values for irradiance.glsl, at one of a pixel's samples."""
+        shadow = self.shadow
+        seen = shadow.uniforms(sample, samples) if isinstance(shadow, SoftShadow) else shadow.uniforms()
+        return self._uniforms(eta, seen)
+
+    def sample_uniforms(self, eta: float) -> dict[str, object]:
+        """The same for surface samples."""
+        shadow = self.shadow
+        return self._uniforms(eta, shadow.sample_uniforms() if isinstance(shadow, SoftShadow) else shadow.uniforms())
+
+    def _uniforms(self, eta: float, shadow: dict[str, object]) -> dict[str, object]:
         return {
             "u_light_kind": self.kind,
             "u_light_vector": self.vector,
@@ -59,8 +73,13 @@ class LightSource:
             "t_environment": self.table,
             "u_environment_rotation": self.rotation,
             "u_eta": eta,
-            **self.shadow.uniforms(),
+            **shadow,
         }
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether it is for the shaders of lights with a size."""
+        return isinstance(self.shadow, SoftShadow)
 
     def entering(self, flux: Float32) -> EnteringLight:
         """Light of this source that enters with a flux (n, 3) at the surface samples."""
@@ -70,8 +89,14 @@ class LightSource:
         return EnteringLight(flux, position=self.vector if self.kind == POINT else None)
 
 
-def lamp(light: Light, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
-    """Make a directional or point light's source; `table` is any texture."""
+def soft_lamp(shadow: SoftShadow, table: moderngl.Texture) -> LightSource:
+    """Make the source of a light with a size, or a spot light; `table` is any texture."""
+    lights = shadow.lights
+    return LightSource(lights.kind, lights.vector, lights.colour, shadow, table, np.eye(3))
+
+
+def lamp(light: DirectionalLight | PointLight, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
+    """Make the source of a directional or point light, sharp; `table` is any texture."""
     if isinstance(light, DirectionalLight):
         direction = np.asarray(light.direction, np.float64)
         x, y, z = (direction / np.linalg.norm(direction)).tolist()
@@ -101,12 +126,18 @@ class SampleIrradiancePass:
     """Runs irradiance.glsl over the surface samples."""
 
     def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
         self._program = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
+
+    @cached_property
+    def _soft_program(self) -> Program:
+        return Program(self._context, "irradiance_samples_soft.vert", varyings=("v_irradiance",))
 
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
         """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
-        self._program.set(source.uniforms(eta))
-        return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
+        program = self._soft_program if source.is_soft else self._program
+        program.set(source.sample_uniforms(eta))
+        return np.frombuffer(buffers.transform(program), np.float32).reshape(-1, 3)
 
 
 class PixelIrradiancePass:
@@ -117,10 +148,32 @@ class PixelIrradiancePass:
         self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
         self._triangle = context.vertex_array(self._program.program, [])
 
-    def targets(self, size: tuple[int, int]) -> "PixelLight":
-        """Allocate what `run` fills."""
+    @cached_property
+    def _soft(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_soft.frag")
+
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_detail.frag")
+
+    @cached_property
+    def _soft_detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_soft_detail.frag")
+
+    def _drawn_with(self, soft: bool, detailed: bool) -> tuple[Program, moderngl.VertexArray]:
+        """Return the cheapest program that does."""
+        if soft:
+            return self._soft_detailed if detailed else self._soft
+        return self._detailed if detailed else (self._program, self._triangle)
+
+    def _variant(self, fragment: str) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", fragment)
+        return program, self._context.vertex_array(program.program, [])
+
+    def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
+        """Allocate what `run` fills; `depth` of the G-buffer spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
-        framebuffer = self._context.framebuffer([irradiance, specular, local])
+        framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
     def run(
@@ -132,31 +185,35 @@ class PixelIrradiancePass:
         highlights: moderngl.Texture,
         camera: Camera,
         out: "PixelLight",
+        sample: int = 0,
+        samples: int = 1,
     ) -> None:
-        """Sum E, the Phong highlights and the local exitance of all lights at every pixel.
+        """Sum E, the Phong highlights and the local exitance of all lights at every pixel, in one of its samples.
 
         `highlights` is the environment prefiltered with the lobe, any texture without one.
         """
         out.framebuffer.use()
         out.framebuffer.clear()
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE
         for source in sources:
-            self._program.set(
+            program, triangle = self._drawn_with(source.is_soft, gbuffer.detail is not None)
+            program.set(
                 {
-                    **source.uniforms(gather.eta),
+                    **source.uniforms(gather.eta, sample, samples),
                     **source.shadow.depth_uniforms(),
                     **gather.light_uniforms(),
+                    **entering_uniforms(gbuffer.detail),
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
                     "t_visible": gbuffer.visible or gbuffer.normal,
+                    "t_lobe": gbuffer.lobe or gbuffer.normal,
                     "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
+                    "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                     "u_eye": tuple(camera.eye),
                     **_highlight_uniforms(specular),
                     "t_highlights": highlights,
                 }
             )
-            self._triangle.render(vertices=3)
+            draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
 
 
 def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -23,17 +23,18 @@ from core.stages import Stages
 from core.transport import Transport
 from viewer.assets import Assets, PartedProbe, shape_of
 from viewer.bodies import Separated, Separation, convolvers, separate_by_default
-from viewer.buffers import MeshBuffers, SampleBuffers
+from viewer.buffers import MeshBuffers
 from viewer.camera import Camera, place_camera
+from viewer.detail import DetailStages, Surface, SurfaceDetail
 from viewer.gather import DiffuseTables, Gather
 from viewer.gl import latlong_texture, table_texture, volume_texture
-from viewer.irradiance_pass import LightSource, SampleIrradiancePass, lamp
+from viewer.irradiance_pass import LightSource, SampleIrradiancePass
+from viewer.lamps import Lamps
 from viewer.layers_pass import LayersPass
 from viewer.occlusion import Occlusion, OcclusionStages
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
 from viewer.scene import Scene
-from viewer.settings import EnvironmentSettings, Light, ModelSettings
-from viewer.shadows_pass import ShadowsPass
+from viewer.settings import EnvironmentSettings, ModelSettings
 from viewer.surround import Surround, casts_shadows
 
 Float32 = npt.NDArray[np.float32]
@@ -47,14 +48,6 @@ class Model:
     mesh: Mesh
     buffers: MeshBuffers
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """The samples of a mesh, on both sides."""
-
-    samples: SurfaceSamples
-    buffers: SampleBuffers
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +75,10 @@ class LitScene:
         Where they are to be separate.
     separated : Separated, optional
         Where they are more than one.
+    detail : SurfaceDetail, optional
+        Colours and relief of the surface.
+    troubles : tuple of str
+        What of them could not be had.
     """
 
     model: Model
@@ -100,11 +97,17 @@ class LitScene:
     lobes: LobeFilter | None = None
     bodies: Bodies | None = None
     separated: Separated | None = None
+    detail: SurfaceDetail | None = None
+    troubles: tuple[str, ...] = ()
 
     @property
     def occlusion(self) -> Occlusion | None:
         """What keeps the environment's light from the surface, where that is known."""
         return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
+
+    def without_tint(self) -> "LitScene":
+        """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""
+        return self if self.detail is None else replace(self, detail=replace(self.detail, after=0.0))
 
 
 class Lighting:
@@ -116,16 +119,20 @@ class Lighting:
         self._assets = assets
         self._effort = effort
         self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
-        self._shadows = ShadowsPass(context)
+        self._lamps = Lamps(context, stages)
         self._irradiance = SampleIrradiancePass(context)
-        self._surround = Surround(context, stages, assets, self._shadows)
+        self._surround = Surround(context, stages, assets, self._lamps)
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
+        self._details = DetailStages(context, stages, assets)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
-    def light(self, scene: Scene, say: Progress) -> LitScene:
-        """Run the first half of the pipeline; `say` is told as each long step begins."""
+    def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
+        """Run the first half of the pipeline; `say` is told as each long step begins.
+
+        As a `draft`, lights with a size get by with less, and sources in an environment with its soft shadows.
+        """
         run, material = self._run, scene.material.resolve()
 
         say("loading the model")
@@ -154,7 +161,7 @@ class Lighting:
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
         samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
-        surface = run("sample buffers", [samples], lambda: Surface(samples, SampleBuffers(self._context, samples)))
+        surface, detail, troubles = self._details.surface(scene, samples)
 
         separated = marks = None
         if bodies is not None and count > 1:
@@ -164,9 +171,14 @@ class Lighting:
 
         say("casting shadows")
         on_model = model.mesh, model.buffers
-        occlusion = self._occlusions.of(scene.environment, self._surround.rest, *on_model, say)
-        around, lobes = self._surround.sources(scene.environment, material.eta, *on_model, marks, occlusion)
-        sources = (*self._lamps(scene, model, marks), *around)
+        environment = scene.environment
+        if draft and self._occlusions.known(environment, model.mesh):
+            # Its windows and lamps stay in it: a turn is then a product, not a shadow map for each of them.
+            environment = replace(environment, extract=False)
+        occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
+        around, lobes = self._surround.sources(environment, material.eta, *on_model, marks, occlusion, draft)
+        lamps = enumerate(scene.effective_lights(), start=1)
+        sources = (*(self._lamps.source(light, f"light {i}", *on_model, marks, draft) for i, light in lamps), *around)
 
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
@@ -174,7 +186,9 @@ class Lighting:
         lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
         coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
-        return LitScene(model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated)
+        return LitScene(
+            model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated, detail, troubles
+        )
 
     def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload the result of transport."""
@@ -231,20 +245,8 @@ class Lighting:
         return solver
 
     def _load(self, settings: ModelSettings) -> Model:
-        mesh, warning = self._assets.mesh(settings)
-        return Model(mesh, MeshBuffers(self._context, mesh), () if warning is None else (warning,))
-
-    def _lamps(self, scene: Scene, model: Model, bodies: moderngl.Buffer | None) -> list[LightSource]:
-        """Directional and point lights, each with its shadow map, which tells bodies apart if they are given."""
-
-        def cast(light: Light) -> LightSource:
-            shadow = self._shadows.render(model.buffers, model.mesh, light, bodies)
-            return lamp(light, shadow, self._no_probe)
-
-        return [
-            self._run(f"shadow of light {i}", [model, light, bodies], lambda light=light: cast(light))  # type: ignore[misc]
-            for i, light in enumerate(scene.effective_lights(), start=1)
-        ]
+        mesh, warnings = self._assets.mesh(settings)
+        return Model(mesh, MeshBuffers(self._context, mesh), warnings)
 
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """E of each light at every sample, (n, 3) float32."""
@@ -258,8 +260,8 @@ class Lighting:
         ]
 
     def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Float32:
-        whole = self._irradiance.run(surface.buffers, source, eta)
-        return self._occlusions.occluded(whole, source.occlusion, surface.samples)
+        entering = surface.weighted(self._irradiance.run(surface.buffers, source, eta))
+        return self._occlusions.occluded(entering, source.occlusion, surface.samples)
 
     def _entering(
         self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]

@@ -72,6 +72,7 @@ class Live:
         self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
         self._lit: LitScene | None = None
         self._lit_for: tuple[tuple[object, ...], CameraSettings, bool] | None = None
+        self._shadows: tuple[object, ...] | None = None  # what all of the sub-lights there are were cast for
         self._sent: LitScene | None = None
         self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
         self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
@@ -174,16 +175,14 @@ class Live:
         elif self._load is None and (self._failed is None or files(self._failed) != files(scene)):
             self._load = self._worker.submit(self._read, scene)
             self._load.add_done_callback(lambda _: self._wake())
-        if self._ready is None:
-            return None
-        if self._ready is scene:
-            return scene
-        waiting = replace(self._ready, camera=scene.camera)
-        return replace(waiting, display=replace(self._ready.display, image_size=scene.display.image_size))
+        if self._ready is None or self._ready is scene:
+            return self._ready
+        display = replace(self._ready.display, image_size=scene.display.image_size)
+        return replace(self._ready, camera=scene.camera, display=display)
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
         assets, table = self.assets, scene.material.table_in_use
-        if not (assets.has_mesh(scene.model) and assets.has_surround(scene.environment)):
+        if not (assets.has_detail(scene.model, scene.detail) and assets.has_surround(scene.environment)):
             return False
         mesh, _ = assets.mesh(scene.model)
         if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
@@ -197,6 +196,7 @@ class Live:
     def _read(self, scene: Scene) -> None:
         self._failed = scene
         mesh, _ = self.assets.mesh(scene.model)
+        self.assets.detail(scene.model, scene.detail)
         if scene.separate:
             self.assets.bodies(mesh)
         if scene.environment.source is not None:
@@ -234,19 +234,21 @@ class Live:
             order = scene.transport.assignment or (self._lit.quality.assignment if self._lit is not None else None)
             scene = replace(scene, transport=replace(scene.transport, resolution=coarse, assignment=order))
         self.assets.accept_finer = detail.draft
-        lit = self.renderer.light(scene)
+        shadows = scene.model, scene.effective_lights(), scene.environment
+        few = detail.draft and shadows != self._shadows  # a dragged material keeps the soft shadows that there are
+        self._shadows = None if few else shadows
+        lit = self.renderer.light(scene, draft=few)
         if self._lit is None or not same_light(lit, self._lit):
             if self._job is not None:
                 self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
             self._lit = lit
-        self._lit_for = (key, camera, coarse is not None)
+        self._lit_for = (key, camera, coarse is not None or few)
         return self._lit
 
     def _draft_resolution(self, scene: Scene) -> int | None:
         """Return how many texels transport may have while something moves, None for what the scene asks for.
 
-        It is decided once a drag: where the grid stays, so do all the weights on it. Hence a resolution that would
-        follow the material is held, too.
+        Decided once a drag, so that the grid stays and all weights on it: even one that would follow the material.
         """
         if self._cost is None or self._lit is None:
             return None
@@ -262,9 +264,8 @@ class Live:
         seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
         affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
         fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
-        chosen = wanted if automatic else None
-        if fitting < wanted:
-            chosen = min(wanted, max(SMALLEST_DRAFT, fitting))
+        least = min(wanted, max(SMALLEST_DRAFT, fitting))
+        chosen = least if fitting < wanted else wanted if automatic else None
         self._held = scene.model, settings, chosen
         return chosen
 

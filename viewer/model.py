@@ -5,35 +5,22 @@ drops what a file says about hard edges.
 """
 
 import difflib
-import logging
 import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
 from core.errors import InputError
-from core.mesh import (
-    Array,
-    Flaws,
-    Ints,
-    Mesh,
-    check_size,
-    compact,
-    find_flaws,
-    group_keys,
-    has_no_area,
-    place_in_world,
-    position_groups,
-    repeats_vertex,
-    up_rotation,
-)
-from core.normals import crease_normals, unit, vertex_normals
+from core.mesh import Array, Ints, Mesh, check_size, compact, place_in_world, up_rotation
+from core.normals import unit
 from core.sculpture import sculpture
+from viewer.model_condition import all_degenerate, condition
+from viewer.model_look import Look, LookParts, texture_troubles
 
 # trimesh reads these too, given what `pip install` adds.
 EXTRA_PACKAGES = {
@@ -46,11 +33,23 @@ EXTRA_PACKAGES = {
     "zae": "pycollada pillow",
 }
 
-# Normals of one position that agree to 2^-9 are one vertex.
-NORMAL_BITS = 10
+
+@dataclass(frozen=True, eq=False)
+class FileModel:
+    """A model's mesh, sentences on what is wrong with its file, and how its surface looks, if the file says."""
+
+    mesh: Mesh
+    warnings: tuple[str, ...] = ()
+    look: Look | None = None
 
 
 def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
+    """Read the mesh of a model file alone; returns one sentence on its flaws, or None. See `read_model`."""
+    model = read_model(path, size_mm, up)
+    return model.mesh, next(iter(model.warnings), None)
+
+
+def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
     """Read a model file and place it in world space.
 
     Parts of a scene are joined, each with its transform. Normals of the file are kept, hard edges included,
@@ -67,9 +66,8 @@ def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, s
 
     Returns
     -------
-    mesh : Mesh
-    warning : str or None
-        One sentence on what the file's flaws do to the picture.
+    FileModel
+        Its first warning, if the mesh has flaws, tells what they do to the picture.
 
     Raises
     ------
@@ -79,7 +77,10 @@ def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, s
     path = Path(path)
     check_size(size_mm)
     up_rotation(up)
-    vertices, normals, faces = _join(_read(path))
+    with texture_troubles() as troubles:
+        scene = _read(path)
+    looks = LookParts(path.suffix.lower())
+    vertices, normals, faces, rows = _join(scene, looks)
     if len(faces) == 0:
         raise InputError(f"{path} has no faces (points or lines only); export it as a triangle mesh.")
     _check_vertices(path, vertices, faces)
@@ -87,9 +88,11 @@ def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, s
     apart = ~(corners == corners[:, [1, 2, 0]]).all(axis=2).any(axis=1)
     used, kept = compact(faces[apart], len(vertices))
     if len(kept) == 0:
-        raise InputError(_all_degenerate(path))
+        raise InputError(all_degenerate(path))
     placed = place_in_world(vertices[used], size_mm, up)
-    return _condition(path, placed, normals[used] @ up_rotation(up).T, kept)
+    mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, kept, rows[apart])
+    warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
+    return FileModel(mesh, warnings, looks.look(rows))
 
 
 def builtin_model(size_mm: float, up: str = "y") -> Mesh:
@@ -118,8 +121,8 @@ def _read(path: Path) -> trimesh.Scene:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty; export the model again.")
         with _quiet():
-            # Materials and texture seams are of no use here: textures would cost time, seams our normals.
-            return trimesh.load_scene(path, file_type=suffix[1:], process=False, skip_materials=True, fix_texture=False)
+            # Seams of textures would cost our normals; `viewer.model_look` has them by corners.
+            return trimesh.load_scene(path, file_type=suffix[1:], process=False, fix_texture=False)
     except InputError:
         raise
     except Exception as error:
@@ -142,21 +145,16 @@ def _unsupported(path: Path, suffix: str) -> str:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Hold back what trimesh and its packages log and warn about: the user gets one sentence of ours."""
-    logger = logging.getLogger("trimesh")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(before)
+    """Hold back what trimesh and its packages warn about: the user gets one sentence of ours."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
 
 
-def _join(scene: trimesh.Scene) -> tuple[Array, Array, Ints]:
-    """Vertices, normals (NaN where the file gives none) and faces of all parts, transforms applied."""
+def _join(scene: trimesh.Scene, looks: LookParts) -> tuple[Array, Array, Ints, Ints]:
+    """Vertices, normals (NaN where the file gives none), faces and rows of `looks` of all parts, transforms applied."""
     vertices, normals, faces = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+    rows = [np.empty((0, 3), np.int32)]
     offset = 0
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
@@ -170,9 +168,11 @@ def _join(scene: trimesh.Scene) -> tuple[Array, Array, Ints]:
             vertices.append(v @ linear.T + np.asarray(matrix, np.float64)[:3, 3])
             normals.append(_given_normals(part, linear))
         # A mirror turns faces inside out (glTF 2.0, 3.7.4).
-        faces.append((f[:, ::-1] if np.linalg.det(linear) < 0.0 else f) + offset)
+        order = slice(None, None, -1 if np.linalg.det(linear) < 0.0 else 1)
+        faces.append(f[:, order] + offset)
+        rows.append(looks.add(part, f)[:, order])
         offset += len(v)
-    return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces)
+    return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces), np.concatenate(rows)
 
 
 def _given_normals(part: trimesh.Trimesh, linear: Array) -> Array:
@@ -203,89 +203,3 @@ def _check_vertices(path: Path, vertices: Array, faces: Ints) -> None:
             f"{path} has vertices that are not finite numbers ({len(bad)} of {len(used)}, the first is"
             f" vertex {bad[0]}); repair it or export it again."
         )
-
-
-def _all_degenerate(path: Path) -> str:
-    return f"{path} has no face with an area; export it again, without mesh compression."
-
-
-def _condition(path: Path, vertices: Array, normals: Array, faces: Ints) -> tuple[Mesh, str | None]:
-    """Make a `Mesh` of placed vertices and whatever normals (NaN: none) and faces the file has."""
-    first, group = position_groups(vertices)
-    # Faces without area still close the seams that they were put into, so they count here.
-    found = find_flaws(vertices[first], group[faces])
-    if found.inverted:
-        faces = faces[:, ::-1]
-    faces = faces[~repeats_vertex(group[faces]) & ~has_no_area(vertices, faces)]
-    if len(faces) == 0:
-        raise InputError(_all_degenerate(path))
-    given = np.isfinite(normals[faces]).all(axis=(1, 2))
-    if given.any():
-        sound = found.closed and found.non_manifold_edges == 0 and found.inconsistent_edges == 0
-        faces[given], normals = _reconcile(vertices, normals, faces[given], sound)
-        if not sound:
-            left = find_flaws(vertices[first], group[faces])
-            found = replace(found, inconsistent_edges=left.inconsistent_edges)
-    parts = [_merge_given(group, vertices, normals, faces[given])] if given.any() else []
-    if not given.all():
-        used, own = compact(group[faces[~given]], len(first))
-        parts.append(crease_normals(vertices[first[used]], own))
-    offsets = np.cumsum([0] + [len(part[0]) for part in parts])
-    mesh = Mesh.of(
-        np.concatenate([part[0] for part in parts]),
-        np.concatenate([part[1] for part in parts]),
-        np.concatenate([part[2] + offset for part, offset in zip(parts, offsets, strict=False)]),
-    )
-    return mesh, _warning(path, found)
-
-
-def _reconcile(vertices: Array, normals: Array, faces: Ints, sound: bool) -> tuple[Ints, Array]:
-    """Make the file's normals and the winding of its faces agree; compute those that are zero.
-
-    The winding of a closed, consistent mesh is sure, and normals follow it. Elsewhere the normals are the
-    better witness, and faces that all their normals speak against are turned.
-    """
-    if not sound:
-        u, v, w = (vertices[faces[:, k]] for k in range(3))
-        along = np.einsum("ij,ikj->ik", np.cross(v - u, w - u), normals[faces])
-        faces = np.where((along < 0.0).all(axis=1)[:, None], faces[:, ::-1], faces)
-    computed = vertex_normals(vertices, faces)
-    cosine = np.einsum("ij,ij->i", normals, computed)
-    if sound:
-        used, _ = compact(faces, len(vertices))
-        if np.count_nonzero(cosine[used] < 0.0) * 2 > len(used):
-            normals, cosine = -normals, -cosine
-    wrong = cosine <= 0.0 if sound else ~np.any(normals != 0.0, axis=1)
-    return faces, np.where(wrong[:, None], computed, normals)
-
-
-def _merge_given(group: Ints, vertices: Array, normals: Array, faces: Ints) -> tuple[Array, Array, Ints]:
-    """Merge vertices that agree in position and normal."""
-    used, faces = compact(faces, len(vertices))
-    vertices, normals, group = vertices[used], normals[used], group[used]
-    cells = np.rint((normals + 1.0) * (2**NORMAL_BITS - 1) / 2.0).astype(np.int64)
-    key = group
-    for axis in range(3):
-        key = key << NORMAL_BITS | cells[:, axis]
-    first, merged = group_keys(key)
-    return vertices[first], normals[first], merged[faces]
-
-
-def _warning(path: Path, found: Flaws) -> str | None:
-    """One sentence on what the flaws do to the picture."""
-    parts = []
-    if found.inverted:
-        parts.append("its faces looked inwards and were turned outwards")
-    if found.boundary_edges:
-        parts.append(
-            f"it is not closed ({found.boundary_edges} open edges), so no light enters where surface is"
-            " missing and the picture is too dark there"
-        )
-    if found.non_manifold_edges:
-        parts.append(f"{found.non_manifold_edges} edges join more than two faces, so the shading may show seams there")
-    if found.inconsistent_edges:
-        parts.append(
-            f"faces disagree about which side is outside across {found.inconsistent_edges} edges, so some"
-            " take up no light and look black"
-        )
-    return f"{path}: {'; '.join(parts)}." if parts else None

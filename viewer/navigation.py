@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from viewer.camera import place_camera
+from viewer.lights import turned
 from viewer.scene import Scene
-from viewer.settings import CameraSettings, DirectionalLight, Light
+from viewer.settings import CameraSettings
 
 Array = npt.NDArray[np.float64]
 
@@ -57,14 +58,16 @@ def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
     """Turn lights and probe by a drag: about the up axis, and the lights about the view's horizontal one too."""
     step = TURN * 1000.0 / max(height, 1.0)
     about_up = turn_matrix(np.array([0.0, 1.0, 0.0]), step * dx)
-    right = place_camera(scene.camera, 1.0, (1, 1)).rotation[:, 0]
-    turn = about_up @ turn_matrix(right, step * dy)
+    rotation = place_camera(scene.camera, 1.0, (1, 1)).rotation
+    turn = about_up @ turn_matrix(rotation[:, 0], step * dy)
     lights = scene.all_lights()
     if lights:
-        scene = replace(scene, lights=tuple(_turned(light, turn) for light in lights))
+        of_camera = rotation.T @ turn @ rotation  # the same, of vectors in its axes
+        turns = {"world": turn, "camera": of_camera}
+        scene = replace(scene, lights=tuple(turned(light, turns[light.fixed_to]) for light in lights))
     if scene.environment.given:
-        rotation = wrapped(scene.environment.rotation_deg + step * dx)
-        scene = replace(scene, environment=replace(scene.environment, rotation_deg=rotation))
+        degrees = wrapped(scene.environment.rotation_deg + step * dx)
+        scene = replace(scene, environment=replace(scene.environment, rotation_deg=degrees))
     return scene
 
 
@@ -93,11 +96,3 @@ def direction_of(azimuth_deg: float, elevation_deg: float) -> tuple[float, float
 def wrapped(degrees: float) -> float:
     """Return the same angle in [-180, 180)."""
     return (degrees + 180.0) % 360.0 - 180.0
-
-
-def _turned(light: Light, turn: Array) -> Light:
-    if isinstance(light, DirectionalLight):
-        x, y, z = (np.array(light.direction) @ turn).tolist()
-        return replace(light, direction=(x, y, z))
-    x, y, z = (np.array(light.position_mm) @ turn).tolist()
-    return replace(light, position_mm=(x, y, z))

@@ -1,8 +1,7 @@
 """Environment light that the object itself keeps from its surface: baked once a mesh, then a share for every vertex.
 
 Shares multiply the unoccluded irradiance: interpolated over the faces for pixels (the G-buffer's third texture), and
-for the surface samples on the CPU. Light on the other side of a thin sheet stays unoccluded: its place is not known
-where it is asked for.
+for the surface samples on the CPU. Highlights have shares of their own, see `viewer.highlights_pass`.
 """
 
 from collections.abc import Callable
@@ -39,16 +38,13 @@ class Occlusion:
     buffers : MeshBuffers
         Of that mesh.
     values : buffer
-        Four floats a vertex: shares, and 1: visibility of the highlight's lobe.
-    no_body : buffer
-        A zero for each vertex.
+        Shares, three floats a vertex.
     """
 
     baked: BakedVisibility
     shares: Float32
     buffers: MeshBuffers
     values: moderngl.Buffer
-    no_body: moderngl.Buffer
 
     def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Shares at points (n, 3) of the surface with normals (n, 3): of the nearest vertices that face that way."""
@@ -66,6 +62,10 @@ class Occlusion:
         weights = 1.0 / (distance**2 + (1e-6 * mesh.radius) ** 2)
         return weights / weights.sum(axis=1, keepdims=True), nearest
 
+    def behind(self, context: moderngl.Context) -> moderngl.Buffer:
+        """Shares on the other side, seen against each vertex' normal: three floats each."""
+        return context.buffer(interpolated(*self.baked.opposite, self.shares))
+
     def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
         """Body of each vertex of the refined mesh, one float."""
         return context.buffer(of_vertex[self.baked.refined.sources].astype(np.float32))
@@ -76,6 +76,10 @@ class OcclusionStages:
 
     def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
         self._context, self._run, self._assets = context, stages.run, assets
+
+    def known(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
+        """Whether what keeps an environment's light from a mesh is wanted, and there or to be waited for."""
+        return needs_visibility(environment) and (self._assets.bakes or self._assets.has_visibility(mesh))
 
     def of(
         self,
@@ -89,7 +93,7 @@ class OcclusionStages:
 
         `rest` gives the probe without what shines as lamps, which have shadow maps.
         """
-        if not needs_visibility(environment) or not (self._assets.bakes or self._assets.has_visibility(mesh)):
+        if not self.known(environment, mesh):
             return None
 
         def report(share: float) -> None:
@@ -110,18 +114,15 @@ class OcclusionStages:
 
     def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
         context, run, fine = self._context, self._run, baked.refined
-        n = len(fine.mesh.vertices)
         of_mesh = run(
             "refined mesh",
             [baked, buffers],
             lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
         )
-        no_body = run("no bodies", [baked], lambda: context.buffer(np.zeros(n, np.float32)))
 
         def share() -> Occlusion:
             shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
             # A buffer of its own each time: the last one is drawn from until the light inside has followed.
-            values = context.buffer(np.concatenate([shares, np.ones((n, 1), np.float32)], axis=1))
-            return Occlusion(baked, shares, of_mesh, values, no_body)
+            return Occlusion(baked, shares, of_mesh, context.buffer(shares))
 
         return run("occlusion", [baked, of_mesh, probe, rotation_deg], share)

@@ -11,7 +11,7 @@ from core.errors import InputError
 from viewer.declaration import Setting, nearest, settings_of
 from viewer.material_settings import ADDED
 from viewer.scene import Change, Scene, apply_set, changed, parse_set
-from viewer.settings import LIGHT_KINDS, TABLES, DirectionalLight, Light, PointLight
+from viewer.settings import LIGHT_KINDS, TABLES, Light
 from viewer.settings_surround import BUILTIN_PROBES
 
 
@@ -110,18 +110,41 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
 
 
 def parse_light(text: str) -> Light:
-    """Return the light of "directional:x,y,z[:r,g,b]" or "point:x,y,z[:r,g,b]"."""
+    """Return the light of "KIND:x,y,z[:r,g,b][:key=value ...]", such as "sphere:90,120,80:radius_mm=40"."""
     label = f"--light {text}"
-    kind, *vectors = text.split(":")
+    kind, *parts = text.split(":")
     if kind not in LIGHT_KINDS:
         raise InputError(f"{label}: unknown kind of light; {nearest(kind, LIGHT_KINDS)}")
-    if not 1 <= len(vectors) <= 2:
-        raise InputError(f"{label}: write {kind}:x,y,z or {kind}:x,y,z:r,g,b")
-    numbers = [_numbers(vector, ",", label, "write numbers as 0.4,0.5,1") for vector in vectors]
+    vectors = [part for part in parts if "=" not in part]
+    named = [part for part in parts if "=" in part]
+    if not 1 <= len(vectors) <= 2 or parts != vectors + named:
+        raise InputError(f"{label}: write {kind}:x,y,z or {kind}:x,y,z:r,g,b, then :key=value for more")
+    declared = settings_of(LIGHT_KINDS[kind])
     # Checked here already, with the option's name in the message.
-    keys = list(settings_of(LIGHT_KINDS[kind]).items())[: len(numbers)]
-    given = [declared.checked(vector, f"{label}: {key}") for (key, declared), vector in zip(keys, numbers, strict=True)]
-    return DirectionalLight(*given) if kind == DirectionalLight.KIND else PointLight(*given)
+    values = {
+        key: declared[key].checked(_numbers(vector, ",", label, "write numbers as 0.4,0.5,1"), f"{label}: {key}")
+        for key, vector in zip(declared, vectors, strict=False)
+    }
+    for part in named:
+        key, _, value = (word.strip() for word in part.partition("="))
+        if key not in declared:
+            raise InputError(f"{label}: unknown key {key}; {nearest(key, declared)}")
+        if key in values:
+            raise InputError(f"{label}: {key} is given twice; leave one out")
+        values[key] = declared[key].checked(_light_value(declared[key], value, label), f"{label}: {key}")
+    try:
+        return LIGHT_KINDS[kind](**values)
+    except InputError as error:  # of keys that do not go together
+        raise InputError(f"{label}: {error}") from None
+
+
+def _light_value(declared: Setting, text: str, label: str) -> Any:
+    """Return a light's value as its setting wants it; what is none stays for the setting to refuse."""
+    if declared.length is not None:
+        return _numbers(text, ",", label, "write numbers as 0.4,0.5,1")
+    if declared.kind == "boolean":
+        return {"true": True, "false": False}.get(text, text)
+    return _numbers(text, ",", label, "write a number")[0] if declared.kind == "number" else text
 
 
 def _environment(name: str) -> Change:
@@ -163,9 +186,9 @@ def _parameters() -> list[inspect.Parameter]:
         "--set", metavar="table.key=value", help="Change one key of the scene, as TOML; may be repeated."
     )
     light = typer.Option(
-        "--light", metavar="KIND:x,y,z[:r,g,b]", rich_help_panel="Light",
-        help="directional (towards the light, irradiance) or point (position in mm, intensity); "
-        "may be repeated, replaces the scene's lights.",
+        "--light", metavar="KIND:x,y,z[:r,g,b][:key=value]", rich_help_panel="Light",
+        help="directional (towards the light, irradiance), or point, sphere, rectangle, spot (position in mm, "
+        "intensity); then keys of the scene file such as radius_mm=40; may be repeated, replaces the scene's lights.",
     )  # fmt: skip
     return [
         _parameter("model", str, model),

@@ -8,6 +8,7 @@ from viewer.gui import Gui, icons, imgui
 from viewer.live import Live
 from viewer.live_error import LiveError
 from viewer.panel_controls import RESET_HINT, Box, Controls
+from viewer.panel_detail import draw_detail
 from viewer.panel_environment import EnvironmentPanel
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
@@ -237,6 +238,7 @@ class Panel:
             controls.note(
                 "one body: nothing to separate" if count == 1 else f"{count} bodies, each scatters light alone"
             )
+        draw_detail(session, controls, self.requests, live)
         if path is not None:
             if imgui.button("Built-in sculpture"):
                 model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)

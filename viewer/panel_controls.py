@@ -41,6 +41,7 @@ REACH = {
     "material.eta": Reach(1.0, 2.5, False, "%.3f"),
     "material.mix_share": Reach(0.0, 1.0, False, "%.3f"),
     "material.water": Reach(0.0, 1.0, False, "%.4g"),
+    "detail.normal_strength": Reach(0.0, 3.0, False, "%.2f"),
     "specular.strength": Reach(0.0, 3.0, False, "%.2f"),
     "specular.shininess": Reach(1.0, 2000.0, True, "%.0f"),
     "environment.rotation_deg": Reach(-180.0, 180.0, False, "%.1f"),

@@ -1,23 +1,40 @@
 """The panel's part for the lights: a list, and for each its direction on a small sphere, colour and brightness."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from core.errors import InputError
 from viewer.camera import place_camera
 from viewer.declaration import Setting, settings_of
-from viewer.gui import ACCENT, icons, imgui
+from viewer.gui import icons, imgui
+from viewer.light_ball import draw_ball
+from viewer.light_conversion import as_fixed, as_kind
+from viewer.lights import brightened, brightness
 from viewer.navigation import direction_angles, direction_of, turn_matrix
 from viewer.panel_controls import RESET_HINT, TYPE_HINT, Controls, Reach, explained, plain
 from viewer.session import Session
-from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light, PointLight
+from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light
 
 SPHERE = 4.0  # diameter, in rows
 NEW_LIGHT = DirectionalLight((0.5, 0.7, 0.5))
 BRIGHT = {"irradiance": Reach(0.01, 100.0, True, "%.2f"), "intensity": Reach(100.0, 1e7, True, "%.0f")}
-_KIND = Setting("text", "directional is the sun, point is near and weaker with distance", choices=tuple(LIGHT_KINDS))
+_KIND = Setting(
+    "text", "directional is the sun, the others are near and weaker with distance: a point, a ball or a panel with a "
+    "size, a spot light with a cone", choices=tuple(LIGHT_KINDS),
+)  # fmt: skip
+# What is left after direction or place, colour and brightness: label and reach of each.
+MORE = {
+    "angle_deg": ("Size", Reach(0.0, 40.0, False, "%.1f")),
+    "radius_mm": ("Radius", Reach(1.0, 500.0, True, "%.1f")),
+    "cone_deg": ("Cone", Reach(1.0, 120.0, False, "%.1f")),
+    "softness": ("Soft edge", Reach(0.0, 1.0, False, "%.2f")),
+    "roll_deg": ("Roll", Reach(-180.0, 180.0, False, "%.1f")),
+    "fixed_to": ("Fixed to", None),
+}
+SIZE = Reach(1.0, 1000.0, True, "%.1f")
 
 
 class LightsPanel:
@@ -100,9 +117,51 @@ class LightsPanel:
         )  # fmt: skip
         chosen += [] if kind is None else [kind]
         if chosen:
-            light = _as_kind(light, chosen[-1])
-        new: Light = self._direction(name, light) if isinstance(light, DirectionalLight) else self._place(name, light)
-        return self._colour(name, new)
+            light = as_kind(light, chosen[-1])
+        new = self._direction(name, light) if isinstance(light, DirectionalLight) else light
+        if not isinstance(new, DirectionalLight):
+            new = self._point(name, new, "position_mm", ("X", "Y", "Z"))
+        if hasattr(new, "target_mm"):
+            new = self._point(name, new, "target_mm", ("Target X", "Target Y", "Target Z"))
+        return self._more(name, self._colour(name, new))
+
+    def _more(self, name: str, light: Light) -> Light:
+        """Size, cone and what it turns with."""
+        chosen: dict[str, Any] = {}
+        defaults = {each.name: each.default for each in fields(light)}
+        for key, declared in settings_of(light).items():
+            if key == "size_mm":
+                chosen |= self._sides(name, declared, getattr(light, key), defaults[key])
+            if key not in MORE:
+                continue
+            label, reach = MORE[key]
+            reset = partial(chosen.__setitem__, key, defaults[key])
+            new = self._controls.value(
+                f"{name}.{key}",
+                label,
+                declared,
+                getattr(light, key),
+                default=defaults[key],
+                on_reset=reset,
+                reach=reach,
+            )
+            if new is not None:
+                chosen[key] = new if isinstance(new, str) else plain(new)
+        fixed_to = chosen.pop("fixed_to", light.fixed_to)
+        if fixed_to != light.fixed_to:
+            return as_fixed(light, fixed_to, place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation)
+        return replace(light, **chosen) if chosen else light
+
+    def _sides(self, name: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
+        sides, side = list(value), replace(declared, length=None)
+        for i, label in enumerate(("Width", "Height")):
+            reset = partial(sides.__setitem__, i, default[i])
+            new = self._controls.value(
+                f"{name}.{label}", label, side, value[i], default=default[i], on_reset=reset, reach=SIZE
+            )
+            if new is not None:
+                sides[i] = plain(new)
+        return {"size_mm": tuple(sides)} if tuple(sides) != value else {}
 
     def _direction(self, name: str, light: DirectionalLight) -> DirectionalLight:
         default = _default(name, DirectionalLight, "direction", NEW_LIGHT.direction)
@@ -142,31 +201,35 @@ class LightsPanel:
         self._controls.end_row(name, label, tip, lambda: result.append(default), differs)
         return result[-1] if result else None
 
-    def _place(self, name: str, light: PointLight) -> PointLight:
-        declared = settings_of(light)["position_mm"]
-        position = list(light.position_mm)
-        for axis, letter in enumerate("XYZ"):
+    def _point(self, name: str, light: Any, key: str, labels: tuple[str, str, str]) -> Any:
+        """Draw the rows of a point, one an axis."""
+        declared, position = settings_of(light)[key], list(getattr(light, key))
+        defaults = getattr(as_kind(NEW_LIGHT, light.KIND), key)
+        for axis, label in enumerate(labels):
             reset: list[float] = []
-            default = _as_kind(NEW_LIGHT, PointLight.KIND).position_mm[axis]
-            self._controls.begin_row(letter, True)
+            self._controls.begin_row(label, True)
             flags = imgui.SliderFlags_.none.value
-            changed, new = imgui.drag_float(f"##{name}.{letter}", position[axis], 1.0, 0.0, 0.0, "%.1f mm", flags)
+            changed, new = imgui.drag_float(f"##{name}.{label}", position[axis], 1.0, 0.0, 0.0, "%.1f mm", flags)
             if changed:
                 position[axis] = plain(new)
             tip = f"{explained(declared, None)}\nDrag, or {TYPE_HINT[0].lower()}{TYPE_HINT[1:]}"
-            differs = position[axis] != default
-            self._controls.end_row(f"{name}.{letter}", letter, tip, partial(reset.append, default), differs)
+            differs = position[axis] != defaults[axis]
+            self._controls.end_row(f"{name}.{label}", label, tip, partial(reset.append, defaults[axis]), differs)
             position[axis] = reset[-1] if reset else position[axis]
-        return replace(light, position_mm=(position[0], position[1], position[2]))
+        try:
+            return replace(light, **{key: tuple(position)})
+        except InputError as error:  # a light that would face itself
+            self._session.fail(error)
+            return light
 
     def _colour(self, name: str, light: Light) -> Light:
         """Colour and brightness, whose product is what the scene keeps."""
         key = "irradiance" if isinstance(light, DirectionalLight) else "intensity"
-        declared, value = settings_of(light)[key], getattr(light, key)
-        default = _default(name, type(light), key, getattr(_as_kind(NEW_LIGHT, light.KIND), key))
+        declared, value = settings_of(light)[key], brightness(light)
+        default = _default(name, type(light), key, getattr(as_kind(NEW_LIGHT, light.KIND), key))
         default_colour = tuple(plain(channel / max(default)) for channel in default)
-        brightness = max(value)
-        colour = tuple(channel / brightness for channel in value) if brightness > 0.0 else (1.0, 1.0, 1.0)
+        brightest = max(value)
+        colour = tuple(channel / brightest for channel in value) if brightest > 0.0 else (1.0, 1.0, 1.0)
         chosen: dict[str, Any] = {}
         self._controls.begin_row("Colour", True)
         flags = imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.no_inputs.value
@@ -180,18 +243,16 @@ class LightsPanel:
         )  # fmt: skip
         label = key.capitalize()
         new_brightness = self._controls.value(
-            f"{name}.{key}", label, replace(declared, length=None), brightness, default=max(default),
+            f"{name}.{key}", label, replace(declared, length=None), brightest, default=max(default),
             on_reset=lambda: chosen.update(brightness=max(default)), reach=BRIGHT[key],
         )  # fmt: skip
         if new_brightness is not None:
             chosen["brightness"] = max(new_brightness, 0.0)
         if not chosen:
             return light
-        bright = chosen.get("brightness", brightness)
+        bright = chosen.get("brightness", brightest)
         red, green, blue = (plain(bright * channel) for channel in chosen.get("colour", colour))
-        if isinstance(light, DirectionalLight):
-            return replace(light, irradiance=(red, green, blue))
-        return replace(light, intensity=(red, green, blue))
+        return brightened(light, (red, green, blue))
 
     def _sphere(self, name: str, light: DirectionalLight) -> tuple[float, float, float] | None:
         """Draw the light on a ball seen by the camera; a drag turns it, as a trackball."""
@@ -199,8 +260,10 @@ class LightsPanel:
         corner = imgui.get_cursor_screen_pos()
         imgui.invisible_button(f"##{name}", (side, side))
         rotation = place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation
+        if light.fixed_to == "camera":
+            rotation = np.eye(3)
         direction = np.array(light.direction) / np.linalg.norm(light.direction)
-        _draw_ball((corner.x, corner.y), side, direction @ rotation, light)
+        draw_ball((corner.x, corner.y), side, direction @ rotation, light)
         if not imgui.is_item_active():
             return None
         delta = imgui.get_io().mouse_delta
@@ -210,48 +273,6 @@ class LightsPanel:
         turn = turn_matrix(rotation[:, 1], step * delta.x) @ turn_matrix(rotation[:, 0], step * delta.y)
         x, y, z = (direction @ turn).tolist()
         return plain(x), plain(y), plain(z)
-
-
-def _draw_ball(corner: tuple[float, float], side: float, direction: Any, light: Light) -> None:
-    """Shade a ball by the light: rings of growing brightness around the point that faces it."""
-    draw: Any = imgui.get_window_draw_list()
-    radius = 0.5 * side - 2.0
-    centre = (corner[0] + 0.5 * side, corner[1] + 0.5 * side)
-    draw.add_circle_filled(centre, radius, _colour(0.10, 0.105, 0.115), 48)
-    facing = max(0.0, float(direction[2]))
-    for i in range(12):
-        share = (i + 1) / 12.0
-        inner = radius * (1.0 - share)
-        offset = 0.92 * radius * share
-        grey = (0.10 + 0.42 * share * (0.25 + 0.75 * facing)) if facing > 0.0 else 0.10
-        place = (centre[0] + offset * float(direction[0]), centre[1] - offset * float(direction[1]))
-        draw.add_circle_filled(place, inner, _colour(grey, grey, grey * 1.02), 40)
-    draw.add_circle(centre, radius, _colour(0.33, 0.34, 0.36), 48, 1.0)
-    spot = (centre[0] + 0.9 * radius * float(direction[0]), centre[1] - 0.9 * radius * float(direction[1]))
-    colour = _colour(*ACCENT) if light.on else _colour(0.5, 0.5, 0.5)
-    if direction[2] >= 0.0:
-        draw.add_circle_filled(spot, 5.0, colour)
-    else:
-        draw.add_circle(spot, 4.5, colour, 0, 2.0)
-
-
-def _colour(red: float, green: float, blue: float) -> Any:
-    return imgui.get_color_u32((red, green, blue, 1.0))
-
-
-def _as_kind(light: Light, kind: str) -> Any:
-    """Return a light of another kind that shines about the same from about the same place."""
-    if kind == light.KIND:
-        return light
-    if isinstance(light, DirectionalLight):
-        distance = 200.0  # mm; two of a hand-sized object away
-        x, y, z = (distance * np.array(light.direction) / np.linalg.norm(light.direction)).tolist()
-        red, green, blue = (channel * distance**2 for channel in light.irradiance)
-        return PointLight((plain(x), plain(y), plain(z)), (red, green, blue), light.on)
-    distance = max(float(np.linalg.norm(light.position_mm)), 1.0)
-    direction = light.position_mm if any(light.position_mm) else (0.0, 1.0, 0.0)
-    red, green, blue = (channel / distance**2 for channel in light.intensity)
-    return DirectionalLight(direction, (red, green, blue), light.on)
 
 
 def _default(name: str, kind: type, key: str, otherwise: Any) -> Any:

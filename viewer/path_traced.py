@@ -79,8 +79,11 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
         raise InputError(f"--path-traced {path} would write over --output; choose another name")
     if scene.environment.given or not scene.effective_lights():
         raise InputError("--path-traced knows directional lights only; give the scene one, and no environment")
-    if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
-        raise InputError("--path-traced knows directional lights only; remove the point lights")
+    for light in scene.effective_lights():
+        if not isinstance(light, DirectionalLight):
+            raise InputError(f"--path-traced knows directional lights only; remove the {light.KIND} lights")
+        if light.angle_deg > 0.0:
+            raise InputError("--path-traced knows sharp lights only; set angle_deg of the directional ones to 0")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
     if importlib.util.find_spec("mitsuba") is None:
@@ -90,7 +93,11 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
 def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> Comparison:
     """Render a scene and trace it; see `trace`."""
     renderer = Renderer(headless_context())
-    mesh = renderer.light(scene).model.mesh
+    lit = renderer.light(scene)
+    if lit.detail is not None:
+        off = "--set detail.albedo=off --set detail.normal_strength=0"
+        raise InputError(f"--path-traced does not know the colours and relief of a surface; add {off}")
+    mesh = lit.model.mesh
     if not is_closed(row_sums(mesh)):
         raise InputError("--path-traced needs a closed mesh that is wound outwards")
     return trace(scene, mesh, renderer.render(scene, seed=seed), path, paths, seed)

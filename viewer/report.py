@@ -9,7 +9,7 @@ import os
 import secrets
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from viewer.images import Pixels8, check_output, write_png
 from viewer.irradiance_pass import world_to_probe
 from viewer.lighting import LitScene
 from viewer.picture import read_frame
+from viewer.report_environment import environment_content
 from viewer.report_transport import transport_content
 from viewer.scene import Scene
 from viewer.surround import probe_lamps
@@ -116,7 +117,7 @@ def error_report(
     InputError
         As `Renderer.render`; if the picture does not show the object.
     """
-    picture = renderer.draw(scene, samples=1, parts=True)
+    picture = renderer.draw(scene, samples=1, parts=True, tinted=False)
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)
     start = time.perf_counter()
@@ -133,6 +134,8 @@ def error_report(
     )
     seconds = time.perf_counter() - start
     content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
+    if (around := renderer.parted(scene.environment)) is not None:
+        content["environment"] = environment_content(scene, lit, around, seed)
     if photons:
         scattered = renderer.scatter(lit)
         content["transport_error"] = transport_content(scene, lit, scattered, illumination, photons, seed, walked)
@@ -152,7 +155,8 @@ def lights_of(scene: Scene, around: PartedProbe | None, lit: LitScene | None = N
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
     strong, rest = ((), None) if around is None else around
     lights = (*scene.effective_lights(), *probe_lamps(environment, strong))
-    return Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
+    illumination = Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
+    return illumination if lit is None or lit.detail is None else replace(illumination, detail=lit.detail.on_sources)
 
 
 def _content(
@@ -179,6 +183,7 @@ def _content(
             "sigma_a": list(material.sigma_a),
             "eta": material.eta,
             "profile": None if quality.method == "diffusion" else scene.material.profile,
+            "colours": None if lit.detail is None else scene.detail.albedo,
         },
         "transport": {
             "method": quality.method,

@@ -18,6 +18,7 @@ def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str
 
     check_report_path(path)
     others = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    others |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     named = [(f"--output {output}", output) for output in outputs]
     for written in (path, map_path(path)):
         for role, other in [*named, *((f"the {role}", other) for role, other in others.items() if other is not None)]:
@@ -33,14 +34,13 @@ def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tu
     from viewer.frame import Renderer
     from viewer.gl import headless_context
     from viewer.report import error_report
+    from viewer.terminal import teller
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("starting", total=None)
         renderer = Renderer(headless_context())
-        frame = renderer.render(
-            scene, samples=samples, seed=seed, progress=lambda words: progress.update(task, description=words)
-        )
+        frame = renderer.render(scene, samples=samples, seed=seed, progress=teller(progress, task))
         progress.update(task, description="summing the reference", total=1.0, completed=0.0)
         report = error_report(
             renderer,
@@ -63,6 +63,9 @@ def summary(report: "Report", path: str) -> str:
     if "difference" in report.content:
         what = "Difference of exitance from equation (1), which diffusion does not solve,"
     lines = [f"{what} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
+    if "rms" in (around := report.content.get("environment", {})):
+        rms = _percents(around["rms"])
+        lines.append(f"Irradiance of the occluded environment at {around['points']} points against rays: rms {rms} %.")
     if transport is not None:
         lines.append(_transport_line(transport))
     return "\n".join(lines)

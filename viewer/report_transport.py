@@ -70,12 +70,17 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
     """Why photons cannot tell of a scene, in a few words; None if they can."""
     if scene.environment.given:
         return "photons come from directional lights only, and the scene has an environment"
-    if not all(isinstance(light, DirectionalLight) for light in scene.effective_lights()):
-        return "photons come from directional lights only, and the scene has a point light"
+    for light in scene.effective_lights():
+        if not isinstance(light, DirectionalLight):
+            return f"photons come from directional lights only, and the scene has a {light.KIND} light"
+        if light.angle_deg > 0.0:
+            return "photons come from sharp lights only, and the scene has one with an angle_deg"
     if not scene.effective_lights():
         return "the scene has no light"
     if not any(scene.material.resolve().sigma_s_prime):
         return "the material does not scatter"
+    if lit.detail is not None:
+        return "photons do not know the colours and the relief of the model's surface"
     if lit.separated is not None and lit.quality.method != "diffusion":
         return "bodies that are separate are compared with transport diffusion only"
     return None

@@ -17,29 +17,29 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from core.errors import InputError
+from viewer import lights as kinds
 from viewer import toml_files
+from viewer.camera import place_camera
 from viewer.declaration import Setting, is_required, nearest, settings_of, shown
+from viewer.lights import LIGHT_KINDS, DirectionalLight, Light, PointLight, RectangleLight, SphereLight, SpotLight
 from viewer.material_settings import RIVALS
 from viewer.settings import (
     DEFAULT_LIGHTS,
-    LIGHT_KINDS,
     TABLES,
     CameraSettings,
-    DirectionalLight,
+    DetailSettings,
     DisplaySettings,
     EnvironmentSettings,
-    Light,
     MaterialSettings,
     ModelSettings,
-    PointLight,
     SpecularSettings,
     TransportSettings,
 )
 
 __all__ = [
-    "CameraSettings", "Change", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
-    "MaterialSettings", "ModelSettings", "PointLight", "Scene", "SpecularSettings", "TransportSettings",
-    "apply_set", "changed",
+    "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
+    "MaterialSettings", "ModelSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings", "SphereLight",
+    "SpotLight", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
@@ -60,6 +60,7 @@ class Scene:
     model: ModelSettings = field(default_factory=ModelSettings)
     camera: CameraSettings = field(default_factory=CameraSettings)
     material: MaterialSettings = field(default_factory=lambda: MaterialSettings(name="marble"))
+    detail: DetailSettings = field(default_factory=DetailSettings)
     specular: SpecularSettings = field(default_factory=SpecularSettings)
     lights: tuple[Light, ...] | None = None
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
@@ -74,16 +75,18 @@ class Scene:
         if self.lights is not None:
             lights: object = self.lights
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
-                raise InputError("lights must be a tuple of DirectionalLight and PointLight, or None")
+                raise InputError(f"lights must be a tuple of {kinds.NAMES}, or None")
             object.__setattr__(self, "lights", tuple(lights))
         if self.display.background == "environment" and not self.environment.given:
-            raise InputError(
-                'display.background is "environment" but there is none; set environment.path or environment.builtin too'
-            )
+            fix = "set environment.path or environment.builtin too"
+            raise InputError(f'display.background is "environment" but there is none; {fix}')
 
     def effective_lights(self) -> tuple[Light, ...]:
-        """Return the lights that shine: those given, else the default pair where there is no environment."""
-        return tuple(light for light in self.all_lights() if light.on)
+        """Return the lights that shine, as they are in the world: on, and not black."""
+        shining = tuple(light for light in self.all_lights() if light.on and any(kinds.brightness(light)))
+        if all(light.fixed_to == "world" for light in shining):
+            return shining
+        return tuple(kinds.in_world(light, place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
 
     @property
     def separate(self) -> bool:
@@ -261,12 +264,8 @@ def _to_toml(scene: Scene, base: Path) -> str:
 
 
 def _content(table: Any, base: Path) -> dict[str, Any]:
-    values = {key: getattr(table, key) for key in settings_of(table)}
-    return {
-        key: _relative(value, base) if isinstance(value, Path) else value
-        for key, value in values.items()
-        if value is not None
-    }
+    given = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
+    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in given.items()}
 
 
 def _relative(path: Path, base: Path) -> str:

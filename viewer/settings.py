@@ -10,7 +10,15 @@ from typing import ClassVar
 
 from core.errors import InputError
 from viewer.declaration import check_fields, setting
+from viewer.lights import LIGHT_KINDS as LIGHT_KINDS
+from viewer.lights import DirectionalLight as DirectionalLight
+from viewer.lights import Light as Light
+from viewer.lights import PointLight as PointLight
+from viewer.lights import RectangleLight as RectangleLight
+from viewer.lights import SphereLight as SphereLight
+from viewer.lights import SpotLight as SpotLight
 from viewer.material_settings import MaterialSettings as MaterialSettings  # one of the tables
+from viewer.settings_detail import DetailSettings as DetailSettings
 from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
 from viewer.settings_surround import SpecularSettings as SpecularSettings
 
@@ -48,6 +56,14 @@ class ModelSettings:
         default_text="separate with diffusion where there are up to 64, else joined",
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
+    )
+    texture: Path | None = setting(
+        "path", None, optional=True,
+        why="picture (.png, .jpg) over the model's texture coordinates, in place of the file's own colours"
+    )
+    normal_map: Path | None = setting(
+        "path", None, optional=True,
+        why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
 
     def __post_init__(self) -> None:
@@ -94,51 +110,6 @@ class CameraSettings:
         check_fields(self, self.TABLE)
 
 
-@dataclass(frozen=True)
-class DirectionalLight:
-    """A distant light."""
-
-    TABLE: ClassVar[str] = "lights"
-    KIND: ClassVar[str] = "directional"
-
-    direction: Vector = setting(
-        "number", length=3, low=-1e6, high=1e6, nonzero=True,
-        why="towards the light, in world space; any length"
-    )
-    irradiance: Vector = setting(
-        "number", (3.0, 3.0, 3.0), length=3, low=0, high=1e9,
-        why="R, G, B irradiance at normal incidence; about pi makes a white surface radiance 1"
-    )
-    on: bool = setting("boolean", True, why="whether the light shines; off keeps it for later")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.TABLE)
-
-
-@dataclass(frozen=True)
-class PointLight:
-    """A near light: E = I cos / d^2."""
-
-    TABLE: ClassVar[str] = "lights"
-    KIND: ClassVar[str] = "point"
-
-    position_mm: Vector = setting(
-        "number", unit="mm", length=3, low=-1e9, high=1e9, why="place in world space"
-    )
-    intensity: Vector = setting(
-        "number", (1.2e5, 1.2e5, 1.2e5), length=3, low=0, high=1e15,
-        why="R, G, B radiant intensity; the default gives irradiance 3 at 200 mm"
-    )
-    on: bool = setting("boolean", True, why="whether the light shines; off keeps it for later")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.TABLE)
-
-
-Light = DirectionalLight | PointLight
-LIGHT_KINDS: dict[str, type[DirectionalLight] | type[PointLight]] = {
-    light.KIND: light for light in (DirectionalLight, PointLight)
-}
 # Lit from behind first: what shines through is what tells a translucent object from a painted one.
 DEFAULT_LIGHTS: tuple[Light, ...] = (
     DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
@@ -211,7 +182,7 @@ class DisplaySettings:
 TABLES = {
     table.TABLE: table
     for table in (
-        ModelSettings, CameraSettings, MaterialSettings, SpecularSettings, EnvironmentSettings,
+        ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
         TransportSettings, DisplaySettings
     )
 }

@@ -11,9 +11,11 @@ from core.stages import Stages
 from viewer.bodies import bodies_warnings
 from viewer.camera import jittered, pixel_offsets
 from viewer.composite_pass import Composite, CompositePass
+from viewer.detail import DrawnDetail
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer, GBufferPass
 from viewer.gl import checked, latlong_texture, read_rgba
+from viewer.highlights_pass import HighlightsPass
 from viewer.irradiance_pass import PixelIrradiancePass
 from viewer.lighting import Lighting, LitScene
 from viewer.picture import Picture
@@ -33,8 +35,10 @@ class Shading:
         self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
         self._irradiance = PixelIrradiancePass(context)
+        self._lobes = HighlightsPass(context)
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
+        self._detail = DrawnDetail(context, stages)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
         self._ahead: tuple[tuple[object, ...], int] = ((), 0)  # samples drawn before `shade` asks for them
@@ -83,7 +87,7 @@ class Shading:
             ),
         )
         too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
-        warnings = (*lit.model.warnings, *bodies_warnings(lit.bodies), *lit.quality.warnings)
+        warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
         remarks = () if too_small is None else (too_small,)
         transparent = display.background == "transparent"
@@ -120,8 +124,9 @@ class Shading:
         alpha : (H, W) float32
             1 where the object is.
         position, exitance : (H, W, 3) float32
-            World space, mm; M.
+            World space, mm; M, without what colours do to light that leaves.
         """
+        lit = lit.without_tint()
         textures = self._pixels(scene, lit, gather, pixel_offsets(1), True).textures
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
@@ -143,9 +148,12 @@ class Shading:
     ) -> tuple[Composite, tuple[object, ...]]:
         """Where the pixels go, and everything that they depend on."""
         size = scene.display.image_size
-        targets = self._run("composite targets", [size, parts], lambda: self._composite.targets(size, parts))
+        depth = self._run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        targets = self._run("composite targets", made, lambda: self._composite.targets(size, parts, depth))
         volume = gather.volume, gather.local, gather.diffuse, gather.eta
-        return targets, (targets, offsets, scene.specular, lit.model, scene.camera, size, *lit.sources, *volume)
+        light = lit.model, lit.detail, *lit.sources
+        return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
 
     def _samples_done(self, key: tuple[object, ...]) -> int:
         return self._ahead[1] if self._ahead[0] == key else 0
@@ -155,10 +163,12 @@ class Shading:
     ) -> None:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
-        occlusion = lit.occlusion
-        occluded = occlusion is not None
-        gbuffer = self._seen = run("gbuffer targets", [size, occluded], lambda: self._gbuffer.targets(size, occluded))
-        light = run("light targets", [size], lambda: self._irradiance.targets(size))
+        occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
+        parts = occlusion is not None, lobes is not None
+        depth = run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        gbuffer = self._seen = run("gbuffer targets", made, lambda: self._gbuffer.targets(size, *parts, depth))
+        light = run("light targets", [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.separated is None else lit.separated.marks.buffer
         if lit.separated is not None and occlusion is not None:
@@ -166,13 +176,15 @@ class Shading:
             marks = run("refined marks", [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
         run(
             "gbuffer",
-            [lit.model, gbuffer, clip.tobytes(), marks, occlusion],
-            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion),
+            [lit.model, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion, behind, lobes),
         )
+        gbuffer = replace(gbuffer, detail=self._detail.draw(lit.detail, clip, size))
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
-        self._irradiance.run(gbuffer, lit.sources, gather, scene.specular, highlights, camera, light)
+        seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
+        self._irradiance.run(*seen, light, i, len(offsets))
         self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
 
     def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
@@ -185,6 +197,25 @@ class Shading:
             [lobes, specular.shininess],
             lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
         )
+
+    def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
+        """What is visible of highlights that something may be in the way of, at each vertex."""
+        occlusion, specular = lit.occlusion, scene.specular
+        if occlusion is None or specular.strength == 0.0:
+            return None
+        baked = occlusion.baked
+        blocked = self._run("blocked highlights", [baked], lambda: self._lobes.upload(baked.visibility))
+        return self._run(
+            "occluded highlights",
+            [occlusion.baked, occlusion.buffers, blocked, specular.shininess, lit.camera.eye.tobytes()],
+            lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
+        )
+
+    def _behind(self, lit: LitScene, gather: Gather) -> moderngl.Buffer | None:
+        """What is visible from the other side of thin parts, at each vertex, where there are any."""
+        if (occlusion := lit.occlusion) is None or not gather.is_thin:
+            return None
+        return self._run("occlusion behind", [occlusion], lambda: occlusion.behind(self._context))
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment

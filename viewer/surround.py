@@ -1,7 +1,5 @@
 """Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
 
-from dataclasses import replace
-
 import moderngl
 import numpy as np
 
@@ -13,10 +11,10 @@ from core.stages import Stages
 from viewer.assets import Assets, PartedProbe
 from viewer.buffers import MeshBuffers
 from viewer.gl import latlong_texture
-from viewer.irradiance_pass import LightSource, lamp, surround, world_to_probe
+from viewer.irradiance_pass import LightSource, surround, world_to_probe
+from viewer.lamps import Lamps
 from viewer.occlusion import Occlusion
 from viewer.settings import DirectionalLight, EnvironmentSettings
-from viewer.shadows_pass import ShadowsPass
 
 MAX_IRRADIANCE = 1e9  # that a light may have
 
@@ -24,10 +22,9 @@ MAX_IRRADIANCE = 1e9  # that a light may have
 class Surround:
     """Makes the sources of light of an environment, in one OpenGL context."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, shadows: ShadowsPass) -> None:
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, lamps: Lamps) -> None:
         self._context, self._run = context, stages.run
-        self._assets, self._shadows = assets, shadows
-        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+        self._assets, self._lamps = assets, lamps
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -50,7 +47,7 @@ class Surround:
 
     def sources(
         self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
-        bodies: moderngl.Buffer | None, occlusion: Occlusion | None,
+        bodies: moderngl.Buffer | None, occlusion: Occlusion | None, draft: bool,
     ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
         """Return an environment's sources of light, lamps with shadow maps first, and highlights of what is no lamp.
 
@@ -61,21 +58,10 @@ class Surround:
         run, parts = self._run, self.parted(environment)
         assert parts is not None
         strong, rest = parts
-        found = []
-        for i, light in enumerate(probe_lamps(environment, strong), start=1):
-            # A shadow knows no brightness: another intensity of the environment casts it no second time.
-            shadow = run(
-                f"shadow of probe source {i}",
-                [mesh, replace(light, irradiance=(1.0, 1.0, 1.0)), bodies],
-                lambda light=light: self._shadows.render(buffers, mesh, light, bodies),  # type: ignore[misc]
-            )
-            found.append(
-                run(
-                    f"probe source {i}",
-                    [shadow, light],
-                    lambda light=light, shadow=shadow: lamp(light, shadow, self._no_probe),  # type: ignore[misc]
-                )
-            )
+        found = [
+            self._lamps.source(light, f"probe source {i}", mesh, buffers, bodies, draft)
+            for i, light in enumerate(probe_lamps(environment, strong), start=1)
+        ]
         table = run(
             "environment table",
             [rest, eta],
@@ -84,7 +70,7 @@ class Surround:
         around = run(
             "environment light",
             [table, environment, occlusion],
-            lambda: surround(table, environment.rotation_deg, environment.intensity, self._shadows.none, occlusion),
+            lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
         return [*found, around], run("highlight lobes", [rest], lambda: self._assets.lobes(rest))
 
@@ -101,7 +87,7 @@ def probe_lamps(environment: EnvironmentSettings, sources: tuple[ProbeSource, ..
     for source in sources:
         x, y, z = (np.array(source.direction) @ to_probe.T).tolist()
         red, green, blue = (min(environment.intensity * channel, MAX_IRRADIANCE) for channel in source.irradiance)
-        lights.append(DirectionalLight((x, y, z), (red, green, blue)))
+        lights.append(DirectionalLight((x, y, z), (red, green, blue), angle_deg=source.angle_deg))
     return tuple(lights)
 
 

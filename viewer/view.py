@@ -135,7 +135,7 @@ class ViewArea:
         """Decide how well to draw: less while a drag goes on, best at rest."""
         scene = self._session.scene
         key = (
-            scene.model, scene.camera, scene.material.resolve(), scene.specular, scene.effective_lights(),
+            scene.model, scene.camera, scene.material.resolve(), scene.detail, scene.specular, scene.effective_lights(),
             scene.environment, scene.transport, self.size, self._session.view.show,
         )  # fmt: skip
         if key != self._key:
@@ -198,7 +198,7 @@ class ViewArea:
         """Say what is wrong with the model, and what it cannot have for that, once."""
         assert self.live.finished is not None
         lit = self.live.finished.lit
-        warnings = (*lit.model.warnings, *filter(None, (lit.quality.fallback,)))
+        warnings = (*lit.model.warnings, *lit.troubles, *filter(None, (lit.quality.fallback,)))
         for warning in warnings:
             if warning not in self._warned:
                 path = self._session.scene.model.path

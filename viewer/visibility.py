@@ -3,13 +3,15 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from core.mesh import Mesh
 from core.refine import Refined, refined
 from core.visibility import Visibility, transfer
-from core.visibility_bake import bake
+from core.visibility_bake import Cancelled, bake, opposite_places
 from viewer import visibility_cache
 from viewer.settings import EnvironmentSettings
 
@@ -25,17 +27,42 @@ class BakedVisibility:
     refined: Refined
     visibility: Visibility
 
+    @cached_property
+    def opposite(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+        """Vertices (n, 3) and weights (n, 3) that interpolate where each vertex' normal, backwards, leaves the object.
+
+        Where it leaves it nowhere, the vertex itself.
+        """
+        return opposite_places(self.refined.mesh)
+
 
 def bake_visibility(
-    mesh: Mesh, progress: Callable[[float], object] = lambda _: None, cancelled: threading.Event | None = None
+    mesh: Mesh,
+    progress: Callable[[float], object] = lambda _: None,
+    cancelled: threading.Event | None = None,
+    ahead: bool = False,
 ) -> BakedVisibility:
-    """Refine a mesh and cast rays from its vertices, or find on disk what they met; errors as `core`'s `bake`."""
+    """Refine a mesh and cast rays from its vertices, or find on disk what they met; errors as `core`'s `bake`.
+
+    `ahead` makes at once what highlights and thin sheets would have to wait for when they are first asked for.
+    """
+    stop = cancelled or threading.Event()
+
+    def go_on() -> None:
+        if stop.is_set():
+            raise Cancelled
+
     fine = refined(mesh, LONGEST_EDGE * float(np.ptp(mesh.bounds, axis=0).max()))
+    go_on()
     sight = visibility_cache.read(fine.mesh)
     if sight is None:
-        sight = bake(fine.mesh, progress, cancelled)
+        sight = bake(fine.mesh, progress, stop)
         visibility_cache.write(fine.mesh, sight)
-    return BakedVisibility(fine, transfer(sight))
+    baked = BakedVisibility(fine, transfer(sight, go_on=go_on))
+    if ahead:
+        baked.visibility.blocked(go_on)
+        baked.opposite  # noqa: B018  (it is kept)
+    return baked
 
 
 def needs_visibility(environment: EnvironmentSettings) -> bool:

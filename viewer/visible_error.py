@@ -23,12 +23,15 @@ from core.reference import Occluder, direct_exitance
 from core.reference_sources import Sources, graded_sources, resolved_length
 from core.spectra import Profiles
 from viewer.deviation import Deviation
-from viewer.settings import DirectionalLight, Light
+from viewer.lights import is_sharp
+from viewer.settings import DirectionalLight, Light, PointLight
+from viewer.sub_lights import DIRECTIONAL, sub_lights
 
 Array = npt.NDArray[np.float64]
 
 DEFAULT_POINTS = 300
 BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
+SUB_LIGHTS = 100  # of a light with a size
 RAYS = 1 << 15  # cast at a time: a few ms, during which no other Python thread runs
 
 
@@ -58,7 +61,8 @@ class Illumination:
 
     Attributes
     ----------
-    lights : directional and point lights
+    lights : tuple of Light
+        In world space.
     table : (h, 2h, 3) float array or None
         Irradiance of the environment over normals, F_t included, see `core.environment.irradiance_table`.
     to_probe : (3, 3) float64
@@ -67,6 +71,8 @@ class Illumination:
         Of the environment.
     visible : callable, optional
         Share of the environment's light that reaches points (n, 3) with normals (n, 3): (n, 3), as in the picture.
+    detail : callable, optional
+        Of a surface with colours or relief: sources with the normals that light meets, and factors (n, 3) on E.
     """
 
     lights: tuple[Light, ...]
@@ -74,6 +80,7 @@ class Illumination:
     to_probe: Array
     intensity: float
     visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
+    detail: Callable[[Sources], tuple[Sources, Array]] | None = None
 
     @classmethod
     def of(
@@ -91,16 +98,20 @@ class Illumination:
 
     def irradiance(self, occluder: Occluder, sources: Sources, eta: float) -> Array:
         """E that enters at sources, (n, 3): shadows cast by rays, the environment occluded as in pictures."""
-        entering = np.zeros((len(sources), 3))
+        entering, factors = np.zeros((len(sources), 3)), np.float64(1.0)
+        if self.detail is not None:
+            sources, factors = self.detail(sources)  # type: ignore[assignment]
         where = sources.points, sources.normals, sources.face_normals
         for light in self.lights:
-            if isinstance(light, DirectionalLight):
+            if not is_sharp(light):
+                entering += _soft_irradiance(occluder, sources, light, eta)
+            elif isinstance(light, DirectionalLight):
                 entering += occluder.irradiance(*where, light.direction, light.irradiance, eta)
-            else:
+            elif isinstance(light, PointLight):
                 entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
         if self.table is not None:
             entering += self.surrounding(sources.normals, sources.points)
-        return entering
+        return np.asarray(factors * entering)
 
     def surrounding(self, normals: Array, points: Array | None = None) -> Array:
         """E of the environment that there is, (n, 3): by unit normals alone, or occluded at points (n, 3) too."""
@@ -109,6 +120,21 @@ class Illumination:
         if points is not None and self.visible is not None:
             entering *= self.visible(points, normals)
         return np.asarray(entering)
+
+
+def _soft_irradiance(occluder: Occluder, sources: Sources, light: Light, eta: float) -> Array:
+    """E of a light with a size, or a spot light, at sources (n, 3): a ray to each of many sub-lights."""
+    where = sources.points, sources.normals, sources.face_normals
+    parts = sub_lights(light, SUB_LIGHTS)
+    share, entering = np.array(parts.colour) / len(parts), np.zeros((len(sources), 3))
+    for i, vector in enumerate(parts.vectors):
+        if parts.kind == DIRECTIONAL:
+            entering += occluder.irradiance(*where, vector, share, eta)
+            continue
+        distance2 = np.square(vector - sources.points).sum(axis=1)  # which a point light divides by
+        factor = parts.emission(i, sources.points) * distance2
+        entering += factor[:, None] * occluder.point_irradiance(*where, vector, share, eta)
+    return entering
 
 
 @dataclass(frozen=True, eq=False)

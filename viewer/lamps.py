@@ -1,0 +1,56 @@
+"""Lamps: the shadow maps of lights, sharp or with a size, and what shaders see of them."""
+
+import moderngl
+import numpy as np
+
+from core.mesh import Mesh
+from core.stages import Stages
+from viewer.buffers import MeshBuffers
+from viewer.gl import latlong_texture
+from viewer.irradiance_pass import LightSource, lamp, soft_lamp
+from viewer.lights import DirectionalLight, Light, PointLight, brightened, is_sharp
+from viewer.shadows_pass import ShadowMap, ShadowsPass
+from viewer.soft_shadows import SoftShadow, SoftShadowsPass, far_away
+from viewer.sub_lights import sub_light_count, sub_lights
+
+
+class Lamps:
+    """Makes the sources of lamps, in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages) -> None:
+        self._run = stages.run
+        self._shadows, self._soft_shadows = ShadowsPass(context), SoftShadowsPass(context)
+        self.no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+
+    @property
+    def no_shadow(self) -> ShadowMap:
+        """What casts none."""
+        return self._shadows.none
+
+    def source(
+        self, light: Light, name: str, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None, draft: bool
+    ) -> LightSource:
+        """Return the source of a light in world space; `bodies` as of `viewer.shadows_pass.ShadowsPass.render`.
+
+        Its shadow knows no brightness: a brighter light casts it no second time.
+        """
+        count = 0 if is_sharp(light) else sub_light_count(light, mesh.radius, draft)
+        unit = brightened(light, (1.0, 1.0, 1.0))
+        shadow = self._run(
+            f"shadow of {name}", [mesh, unit, bodies, count], lambda: self._cast(unit, count, mesh, buffers, bodies)
+        )
+        return self._run(name, [shadow, light], lambda: self._lit(light, shadow))
+
+    def _cast(
+        self, light: Light, count: int, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None
+    ) -> ShadowMap | SoftShadow:
+        if count == 0:
+            assert isinstance(light, DirectionalLight | PointLight)
+            return self._shadows.render(buffers, mesh, light, bodies)
+        return self._soft_shadows.render(buffers, mesh, sub_lights(light, count, far_away(mesh)), bodies)
+
+    def _lit(self, light: Light, shadow: ShadowMap | SoftShadow) -> LightSource:
+        if isinstance(shadow, SoftShadow):
+            return soft_lamp(shadow.brightened(light), self.no_probe)
+        assert isinstance(light, DirectionalLight | PointLight)
+        return lamp(light, shadow, self.no_probe)

@@ -1,0 +1,179 @@
+"""Shadow maps of lights with a size: the depth that every sub-light sees, as tiles of one texture."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.mesh import Mesh
+from viewer.buffers import MeshBuffers
+from viewer.gl import Program, checked, float_texture, leave_framebuffer
+from viewer.lights import Light, brightness
+from viewer.quality import longest_side
+from viewer.shadow_views import FAR, soft_view_count, soft_views
+from viewer.sub_lights import PARTS, SubLights
+
+Array = npt.NDArray[np.float64]
+
+TEXELS = 2560  # a side of all tiles together, about
+LARGEST, SMALLEST = 2048, 384  # texels a side of a tile
+TAPS = 64  # of a filter over all sub-lights, about
+LEAST_TAPS, MOST_TAPS = 4, 24
+SAMPLE_TAPS, FEWEST_TAPS = 16, 2  # at a surface sample
+FILTER = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
+THINNEST = 0.0095  # of the longest side: light leaks through thinner walls only
+
+
+@dataclass(frozen=True, eq=False)
+class SoftShadow:
+    """Depth seen from the sub-lights of one light.
+
+    Attributes
+    ----------
+    lights : SubLights
+    texture : depth texture
+        Tiles, row by row, views of a sub-light side by side.
+    table : texture
+        Of sub-lights and matrices, see shadows_soft.glsl.
+    views : int
+        Of a sub-light, 1 or 6.
+    tiles : 2 ints
+        Columns and rows.
+    texel, range
+        As of `viewer.shadow_views.SoftViews`.
+    widest : float
+        How far a filter may reach along a surface, mm.
+    bodies : texture
+        The body at each texel, where bodies are told apart; else any texture.
+    tells_bodies : bool
+    """
+
+    lights: SubLights
+    texture: moderngl.Texture
+    table: moderngl.Texture
+    views: int
+    tiles: tuple[int, int]
+    texel: float
+    range: tuple[float, float]
+    widest: float
+    bodies: moderngl.Texture
+    tells_bodies: bool
+
+    def brightened(self, light: Light) -> "SoftShadow":
+        """Return the same maps for a light that differs in its brightness only; they were cast for one of 1."""
+        red, green, blue = (a * b for a, b in zip(self.lights.colour, brightness(light), strict=True))
+        return replace(self, lights=replace(self.lights, colour=(red, green, blue)))
+
+    def uniforms(self, sample: int = 0, samples: int = 1) -> dict[str, object]:
+        """Values for arrival_soft.glsl and shadows_soft.glsl.
+
+        Samples of a pixel share the sub-lights out among them: all of them together see each as often.
+        """
+        lights = self.lights
+        step = next(step for step in (PARTS, PARTS // 2, 1) if samples % step == 0 and len(lights) % step == 0)
+        return {
+            "u_sub_lights": len(lights),
+            "u_part": (sample % step, step),
+            "u_light_shape": lights.shape,
+            "u_light_axis": lights.axis,
+            "u_cone": lights.cone,
+            "u_light_radius": lights.radius,
+            "t_shadow_depth": self.texture,
+            "t_sub_lights": self.table,
+            "u_shadow_views": self.views,
+            "u_shadow_tiles": self.tiles,
+            "u_shadow_texel": self.texel,
+            "u_shadow_range": self.range,
+            "u_piece": lights.cell * (FILTER if len(lights) > 1 else 1.0),
+            "u_widest": self.widest,
+            "u_taps": int(np.clip(TAPS // len(lights), LEAST_TAPS, MOST_TAPS)),
+        }
+
+    def sample_uniforms(self) -> dict[str, object]:
+        """The same for surface samples: what steps from sub-light to sub-light show, transport smooths anyway."""
+        taps = max(FEWEST_TAPS, SAMPLE_TAPS // len(self.lights))
+        return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
+
+    def depth_uniforms(self) -> dict[str, object]:
+        """Values for sheet.glsl."""
+        return {"u_separate_shadow": self.tells_bodies, "t_shadow_body": self.bodies}
+
+
+class SoftShadowsPass:
+    """Renders the shadow maps of lights with a size."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._largest = int(context.info["GL_MAX_TEXTURE_SIZE"])
+
+    @cached_property
+    def _program(self) -> Program:
+        return Program(self._context, "shadows.vert", "shadows.frag")
+
+    @cached_property
+    def _bodies_program(self) -> Program:
+        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
+
+    @cached_property
+    def _no_bodies(self) -> moderngl.Texture:
+        return float_texture(self._context, (1, 1), 1)
+
+    def render(
+        self, buffers: MeshBuffers, mesh: Mesh, lights: SubLights, bodies: moderngl.Buffer | None = None
+    ) -> SoftShadow:
+        """Render the mesh's depth as the sub-lights see it, and its bodies if given: one float a vertex."""
+        views = soft_view_count(mesh, lights)
+        count = len(lights) * views
+        columns = int(np.ceil(np.sqrt(count)))
+        tiles = columns, -(-count // columns)
+        side = int(np.clip(TEXELS / np.sqrt(count), SMALLEST, LARGEST)) // 8 * 8
+        side = min(side, self._largest // columns)
+        placed = soft_views(mesh, lights, side)
+        matrices = placed.matrices.reshape(-1, 4, 4)
+        size = side * tiles[0], side * tiles[1]
+        texture, seen = self._texture(size), self._no_bodies
+        program, colours = self._program, []
+        if bodies is not None:
+            program, seen = self._bodies_program, float_texture(self._context, size, 1)
+            colours = [seen]
+        framebuffer = self._context.framebuffer(colours, texture)
+        framebuffer.use()
+        framebuffer.clear(depth=1.0)
+        vertices = buffers.positions(program, bodies)
+        self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
+        for i, matrix in enumerate(matrices):
+            framebuffer.viewport = (side * (i % columns), side * (i // columns), side, side)
+            program.set({"u_world_to_clip": matrix})
+            vertices.render()
+        vertices.release()
+        leave_framebuffer(self._context)
+        framebuffer.release()
+        table = self._table(lights, placed.matrices)
+        told, widest = bodies is not None, THINNEST * longest_side(mesh)
+        return SoftShadow(lights, texture, table, views, tiles, placed.texel, placed.range, widest, seen, told)
+
+    def _table(self, lights: SubLights, matrices: Array) -> moderngl.Texture:
+        """(n, 1 + 8 views, 4): see shadows_soft.glsl."""
+        n, views = matrices.shape[:2]
+        # A row of a row vector's matrix is a column of GLSL's.
+        both = np.concatenate([matrices, np.linalg.inv(matrices)], axis=2).reshape(n, 8 * views, 4)
+        angles = 2.399963 * np.arange(n)
+        first = np.concatenate([lights.vectors, angles[:, None]], axis=1)[:, None]
+        values = np.concatenate([first, both], axis=1).astype(np.float32)
+        texture = float_texture(self._context, (values.shape[1], n))
+        texture.write(values.tobytes())
+        return texture
+
+    def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
+        texture = checked(self._context, lambda: self._context.depth_texture(size), "the shadow maps of a light")
+        texture.compare_func = ""
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
+
+def far_away(mesh: Mesh) -> float:
+    """Distance from which on a light's rays count as parallel, mm."""
+    return FAR * mesh.radius
