@@ -24,7 +24,7 @@ from viewer.scene import DirectionalLight, EnvironmentSettings, apply_set
 SCENE = replace(
     apply_set(START, ["transport.method=layered", "transport.layers=4", "transport.resolution=32"]), lights=()
 )
-WINDOW = (620, 1500)
+WINDOW = (600, 420)
 OPTIONS = {"scene": None, "set": None, "material": None, "model": None, "light": None, "photo": "photo.png"}
 
 

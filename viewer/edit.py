@@ -20,10 +20,11 @@ from core.photo_depth import SMOOTHING
 from core.photo_light import light_around
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
-from viewer.assets import Assets, LoadedMesh
+from viewer.assets import Assets
 from viewer.frame import Renderer
 from viewer.gl import read_rgba
 from viewer.lighting import Progress
+from viewer.model import FileModel
 from viewer.photo import Photo, Region
 from viewer.photo_geometry import Geometry, frame_object, make_geometry
 from viewer.picture import Frame, read_frame
@@ -82,10 +83,6 @@ class PhotoAssets(Assets):
         super().__init__()
         self._mesh, self._path, self._light = geometry.mesh, path, light
 
-    def mesh(self, settings: ModelSettings) -> LoadedMesh:
-        """Return the object."""
-        return self._mesh, ()
-
     def probe(self, source: Path | str) -> Probe:
         """Return the photograph's light, or another light probe."""
         return self._light if source == self._path else super().probe(source)
@@ -93,6 +90,9 @@ class PhotoAssets(Assets):
     def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
         """Return what they are: the object is closed by construction."""
         return np.full(1, -0.5)
+
+    def _model(self, settings: ModelSettings) -> FileModel:
+        return FileModel(self._mesh)
 
 
 def edit(

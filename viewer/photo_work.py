@@ -14,10 +14,11 @@ from core.errors import InputError
 from core.mesh import Mesh
 from core.photo_depth import SMOOTHING
 from core.photo_surround import filled
-from viewer.assets import Assets, LoadedMesh
+from viewer.assets import Assets
 from viewer.edit import clear_of, photo_light, placed_scene
 from viewer.edit_composite import softened
 from viewer.live import KEEP
+from viewer.model import FileModel
 from viewer.photo import Photo, Region
 from viewer.photo_cut import Box, cut_out
 from viewer.photo_geometry import PICTURE, Geometry, frame_object, make_geometry
@@ -89,11 +90,6 @@ class PhotoAssets(Assets):
         """Return the object that a mesh is of."""
         return next((made for made in self._made if made.geometry.mesh is mesh), None)
 
-    def mesh(self, settings: ModelSettings) -> LoadedMesh:
-        """Return the surface of an object."""
-        made = next((made for made in self._made if made.path == settings.path), None)
-        return super().mesh(settings) if made is None else (made.geometry.mesh, None)
-
     def has_mesh(self, settings: ModelSettings) -> bool:
         """Whether `mesh` would return at once."""
         return any(made.path == settings.path for made in self._made) or super().has_mesh(settings)
@@ -106,6 +102,10 @@ class PhotoAssets(Assets):
     def has_probe(self, source: Path | str) -> bool:
         """Whether `probe` would return at once."""
         return any(made.light_path == source for made in self._made) or super().has_probe(source)
+
+    def _model(self, settings: ModelSettings) -> FileModel:
+        made = next((made for made in self._made if made.path == settings.path), None)
+        return super()._model(settings) if made is None else FileModel(made.geometry.mesh)
 
     def row_sums(self, mesh: Mesh, separate: bool = False) -> npt.NDArray[np.float64]:
         """Return what they are: the object is closed by construction."""
@@ -193,7 +193,7 @@ class PhotoWork:
         made = self.made
         assert made is not None
         placed = placed_scene(scene, made.photo, made.geometry)
-        model = replace(scene.model, path=made.path, builtin=None)
+        model = replace(scene.model, path=made.path, builtin=None, texture=None, normal_map=None)
         if not scene.environment.given:
             placed = replace(placed, environment=replace(scene.environment, path=made.light_path))
         return replace(placed, model=model)
