@@ -19,6 +19,7 @@ from viewer.photo import load_photo
 from viewer.photo_command import work_and_scene
 from viewer.photo_mouse import FIXED
 from viewer.photo_work import PhotoWork
+from viewer.picture import read_image
 from viewer.scene import DirectionalLight, EnvironmentSettings, apply_set
 
 SCENE = replace(
@@ -103,6 +104,17 @@ def test_material_and_depth_change_the_object_alone(window) -> None:
     assert deeper.light is made.light  # how deep it is read does not change what it is lit by
     assert shown.view.live.shown[0] is deeper
     np.testing.assert_array_equal(shown.picture()[far], before[far])
+
+
+def test_a_split_view_shows_the_photograph_twice(window) -> None:
+    shown = window()
+    before = shown.picture()
+    shown.key("v")
+    shown.session.edit("material", name="ketchup")
+    shown.settle()
+    after, kept = (read_image(live.picture) for live in shown.view.lives())
+    assert close_to(kept, before)
+    assert not close_to(after, before)
 
 
 def test_the_camera_is_the_photographs(window) -> None:

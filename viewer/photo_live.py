@@ -67,7 +67,8 @@ class PhotoLive(Live):
         )
         self._count(self.renderer.stages.timings)
         transparent = behind == "transparent" or made.photo.alpha is not None
-        return replace(picture, image=self._target, transparent=transparent)
+        self.picture = replace(picture, image=self._target, transparent=transparent)
+        return self.picture
 
     def exposure(self) -> float:
         """Return what makes the radiance on screen that of the photograph, see `viewer.edit.Edited`."""
