@@ -27,6 +27,7 @@ LEAST_LIT = 0.25  # of the mean: what a lamp hardly lights says nothing of depth
 _DIRECTIONS = 300
 _ROWS = 16  # of the map that the fit is made on
 _NORMALS = 400
+_FITTED = 1600  # of the normals, to a lamp: with fewer, chance decides on faint ones
 _STEPS = 12
 
 
@@ -78,8 +79,10 @@ def measure_shading(radiance: npt.ArrayLike, height: Array, inside: npt.NDArray[
     if level <= 0.0 or len(seen) < 16:
         return Shading(level, np.zeros(3), some)
     fitted = np.linalg.solve(_square(normal), np.einsum("ni,n->i", _with_one(normal), seen) / len(normal))
+    every = max(1, len(normal) // _FITTED)
+    normal, seen = normal[::every], seen[::every]  # both fits judged by the same
     missed = float(np.square(seen - np.einsum("ni,i->n", _with_one(normal), fitted)).mean())
-    return Shading(level, fitted[1:] / level, some, _fit_lamp(some, seen[::every], LAMP_GAIN * missed))
+    return Shading(level, fitted[1:] / level, some, _fit_lamp(normal, seen, LAMP_GAIN * missed))
 
 
 def without_lamp(radiance: Array, height: Array, inside: npt.NDArray[np.bool_], shading: Shading) -> Array:

@@ -1,7 +1,6 @@
 #version 330
-// Photographic tone reproduction (Reinhard et al. 2002, equations 2 and 4), then sRGB (IEC 61966-2-1).
-// Mirrors core/tonemap.py.
-#include "luminance.glsl"
+// The picture: object and background, tone-mapped alike.
+#include "photographic.glsl"
 #include "latlong.glsl"
 
 const int BACKGROUND_COLOUR = 0;       // u_background, sRGB, not tone-mapped
@@ -20,27 +19,14 @@ uniform bool u_directions;     // t_radiance holds unit vectors, drawn as (n + 1
 
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 
-vec3 tone_map(vec3 radiance) {
-    float scaled = u_exposure * luminance(radiance);
-    return u_exposure * radiance * (1.0 + scaled / (u_white * u_white)) / (1.0 + scaled);
-}
-
-vec3 srgb(vec3 linear) {
-    vec3 x = clamp(linear, 0.0, 1.0);
-    return mix(1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, 12.92 * x, vec3(lessThanEqual(x, vec3(0.0031308))));
-}
-
-vec3 linear(vec3 srgb) {
-    return mix(pow((srgb + 0.055) / 1.055, vec3(2.4)), srgb / 12.92, vec3(lessThanEqual(srgb, vec3(0.04045))));
-}
-
 vec3 background(vec2 pixel) {
     if (u_background_kind != BACKGROUND_ENVIRONMENT) return linear(u_background);
     vec2 clip = 2.0 * pixel / vec2(textureSize(t_radiance, 0)) - 1.0;
     vec4 far = u_clip_to_probe * vec4(clip, 1.0, 1.0);
     vec4 near = u_clip_to_probe * vec4(clip, -1.0, 1.0);
     vec3 direction = normalize(far.xyz / far.w - near.xyz / near.w);
-    return tone_map(u_probe_intensity * textureLod(t_probe, latlong_uv(direction), 0.0).rgb);
+    vec3 radiance = u_probe_intensity * textureLod(t_probe, latlong_uv(direction), 0.0).rgb;
+    return tone_map(radiance, u_exposure, u_white);
 }
 
 void main() {
@@ -48,7 +34,7 @@ void main() {
     vec3 object = vec3(0.0);
     if (radiance.a > 0.0) {
         vec3 mean = radiance.rgb / radiance.a;
-        object = u_directions ? linear(0.5 * mean + 0.5) : clamp(tone_map(mean), 0.0, 1.0);
+        object = u_directions ? linear(0.5 * mean + 0.5) : clamp(tone_map(mean, u_exposure, u_white), 0.0, 1.0);
     }
     if (u_background_kind == BACKGROUND_TRANSPARENT)
         o_colour = vec4(srgb(object), radiance.a);

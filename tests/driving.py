@@ -10,6 +10,7 @@ import numpy.typing as npt
 import trimesh
 
 from viewer.events import Dropped, Event, Key, MouseButton, MouseMoved, Scrolled, Typed
+from viewer.photo_work import PhotoWork
 from viewer.picture import read_image
 from viewer.replay import Headless
 from viewer.scene import Scene
@@ -51,8 +52,10 @@ def small_scene(model: Path) -> Scene:
 class Driver(Headless):
     """A person at the window."""
 
-    def __init__(self, scene: Scene, size: tuple[int, int] = SIZE, *, fixed_size: bool = True) -> None:
-        super().__init__(scene, size)
+    def __init__(
+        self, scene: Scene, size: tuple[int, int] = SIZE, *, fixed_size: bool = True, photo: PhotoWork | None = None
+    ) -> None:
+        super().__init__(scene, size, photo)
         self.app.session.view.fixed_size = fixed_size
         self.session, self.view = self.app.session, self.app.view
         self.settle()

@@ -82,7 +82,7 @@ def test_our_own_picture_of_a_ball_is_found_again(context, tmp_path: Path) -> No
     )  # fmt: skip
     renderer = Renderer(context)
     mesh = ball()
-    renderer._lighting._assets.mesh = lambda settings: (mesh, None)
+    renderer._lighting._assets.mesh = lambda settings: (mesh, ())
     frame = renderer.render(scene, samples=4)
     write_png(tmp_path / "photo.png", frame.image)
     write_png(tmp_path / "mask.png", np.rint(frame.alpha * 255).astype(np.uint8)[..., None])

@@ -67,6 +67,16 @@ def test_a_lamp_is_found() -> None:
     assert rest.mean_radiance.max() < 0.2 * np.max(source.irradiance)
 
 
+def test_a_few_highlights_make_no_lamp() -> None:
+    """Both fits are judged by the same normals: else which of them the highlights fall on decides."""
+    _, mask, normals = ball_photo(200)
+    inside = (mask > 0.0) & (normals[..., 2] > 0.2)
+    for seed in range(12):
+        shiny = np.random.default_rng(seed).random(mask.shape) < 0.01
+        light = (0.4 + 0.2 * normals[..., 1]) * np.where(shiny, 6.0, 1.0)
+        assert measure_shading(light, normals[..., 2] * 60.0, inside).lamp is None
+
+
 def test_a_soft_light_is_a_gradient_and_no_lamp() -> None:
     _, mask, normals = ball_photo(120)
     inside = (mask > 0.0) & (normals[..., 2] > 0.2)

@@ -11,7 +11,8 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from viewer.actions import Actions, Clipboard
+from viewer.actions import Clipboard
+from viewer.contents import make_contents
 from viewer.error_overlay import ErrorOverlay
 from viewer.events import Closed, Drawn, Dropped, Event, Focused, Key, MouseButton
 from viewer.gl import free_dropped
@@ -19,15 +20,15 @@ from viewer.gui import Gui, imgui
 from viewer.imgui_renderer import ImguiRenderer
 from viewer.live_error import LiveError
 from viewer.overlays import Messages, draw_help, draw_status
-from viewer.panel import WIDTH, Panel
+from viewer.panel import WIDTH
 from viewer.panel_controls import Box
 from viewer.panel_error import percent
+from viewer.photo_work import PhotoWork
 from viewer.preferences import Preferences
 from viewer.profile_view import ProfileView
 from viewer.scene import Scene
 from viewer.session import Session
 from viewer.shortcuts import pressed_actions
-from viewer.view import ViewArea
 
 FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
 TOOLTIP_SECONDS = 0.75  # after the pointer has come to rest
@@ -50,6 +51,7 @@ class App:
     clipboard : Clipboard, optional
     clock : callable, optional
         Seconds, from any start.
+    photo : PhotoWork, optional
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class App:
         wake: Callable[[], object] = lambda: None,
         clipboard: Clipboard | None = None,
         clock: Callable[[], float] = time.monotonic,
+        photo: PhotoWork | None = None,
     ) -> None:
         # Objects are freed by the thread that draws, whichever thread drops them.
         context.gc_mode = "context_gc"
@@ -72,12 +75,12 @@ class App:
         self._context = context
         self._gui = Gui()
         self._painter = ImguiRenderer(context)
-        self.view = ViewArea(context, self._gui, self._painter, self.session, wake)
+        graphics, clipboard = (context, self._gui, self._painter), clipboard or Clipboard()
+        parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
+        self.view, self.panel, self.actions = parts
         self.error = LiveError(context, wake)
         self._error_overlay = ErrorOverlay()
-        self.panel = Panel(self.session, self._gui)
         self.profiles = ProfileView(self.session, self.panel.controls, wake)
-        self.actions = Actions(self.session, self.view, self.preferences, clipboard or Clipboard())
         self._messages = Messages()
         self.actions.on_dismiss = self._messages.clear
         self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
@@ -95,7 +98,7 @@ class App:
     @property
     def title(self) -> str:
         """What the window is called."""
-        name = self.session.path.name if self.session.path is not None else _model_name(self.session.scene)
+        name = self.session.path.name if self.session.path is not None else self.session.model_name
         return f"{name}{' *' if self.session.modified else ''} - milkglass"
 
     def handle(self, event: Event) -> None:
@@ -256,12 +259,12 @@ class App:
         left = ""
         if live.finished is not None:
             mesh = live.finished.lit.model.mesh
-            scene = self.session.scene
-            left = f"{_model_name(scene)}   {len(mesh.faces):,} triangles   {scene.model.size_mm:g} mm"
+            size = self.session.scene.model.size_mm
+            left = f"{self.session.model_name}   {len(mesh.faces):,} triangles   {size:g} mm"
         if live.loading:
-            return left, f"loading {_model_name(self.session.scene)} ..."
+            return left, f"loading {self.session.model_name} ..."
         if live.finished is None:
-            return left, "light spreads ..."
+            return left, "light spreads ..." if live.working else ""
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
         baked = live.visibility.progress
         casting = "" if baked is None else f"environment's shadows: {100.0 * baked:.0f} %"
@@ -284,10 +287,6 @@ class App:
         elif self.view.at_rest():
             self.frames_per_second = 0.0
         self._last_frame = now if self.view.changed else None
-
-
-def _model_name(scene: Scene) -> str:
-    return scene.model.path.name if scene.model.path is not None else str(scene.model.builtin_name)
 
 
 def read_pixels(target: moderngl.Framebuffer, size: tuple[int, int]) -> npt.NDArray[np.uint8]:

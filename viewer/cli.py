@@ -78,8 +78,15 @@ def view(
         str | None, typer.Option(metavar="FILE", help="Record the interaction: frames and events.")
     ] = None,
     play: Annotated[str | None, typer.Option(metavar="FILE", help="Replay a recording, without a display too.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="FILE", help="Photograph whose object is edited.")] = None,
+    mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
-    """Show a model in a window."""
+    """Show a model in a window, or the object of a photograph in another material."""
+    if photo is not None or mask is not None:
+        from viewer import photo_command
+
+        photo_command.run(context.params, has_display())
+        return
     if play is not None:
         from viewer import replay
 

@@ -20,10 +20,11 @@ from core.photo_depth import SMOOTHING
 from core.photo_light import light_around
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
-from viewer.assets import Assets, LoadedMesh
+from viewer.assets import Assets
 from viewer.frame import Renderer
 from viewer.gl import read_rgba
 from viewer.lighting import Progress
+from viewer.model import FileModel
 from viewer.photo import Photo, Region
 from viewer.photo_geometry import Geometry, frame_object, make_geometry
 from viewer.picture import Frame, read_frame
@@ -82,10 +83,6 @@ class PhotoAssets(Assets):
         super().__init__()
         self._mesh, self._path, self._light = geometry.mesh, path, light
 
-    def mesh(self, settings: ModelSettings) -> LoadedMesh:
-        """Return the object."""
-        return self._mesh, ()
-
     def probe(self, source: Path | str) -> Probe:
         """Return the photograph's light, or another light probe."""
         return self._light if source == self._path else super().probe(source)
@@ -93,6 +90,9 @@ class PhotoAssets(Assets):
     def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
         """Return what they are: the object is closed by construction."""
         return np.full(1, -0.5)
+
+    def _model(self, settings: ModelSettings) -> FileModel:
+        return FileModel(self._mesh)
 
 
 def edit(
@@ -154,7 +154,8 @@ def edit(
     exposure = scene.display.key / KEY
     if not own:
         irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
-        exposure *= _match(light, irradiance, float(covered.sum()), geometry, placed)
+        mean = float(luminance(irradiance).sum()) / max(float(covered.sum()), 1.0)
+        exposure *= exposure_match(light, geometry, placed, mean)
     frame = read_frame(picture, renderer.timings, last=True) if parts else None
     lap("rendering")
     behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
@@ -195,11 +196,10 @@ def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
     return np.asarray(maximum_filter(coverage, 5) == 0.0)
 
 
-def _match(light: Probe, irradiance: Float32, pixels: float, geometry: Geometry, scene: Scene) -> float:
-    """Factor that makes the irradiance of a picture, (h, w, 3) times coverage, as bright as that of the photograph."""
+def exposure_match(light: Probe, geometry: Geometry, scene: Scene, rendered: float) -> float:
+    """Factor that makes the mean luminance of the irradiance in a picture that of the photograph's own light."""
     front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
     # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
     table = irradiance_table(light.sh, scene.material.resolve().eta)
     wanted = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
-    rendered = float(luminance(irradiance).sum()) / max(pixels, 1.0)
     return wanted / rendered if rendered > 0.0 else 0.0

@@ -15,7 +15,7 @@ from core.tonemap import srgb, tone_map
 from viewer.edit import Edited
 from viewer.images import BAND, PixelsInt
 from viewer.photo import Region
-from viewer.photo_geometry import enlarged
+from viewer.photo_geometry import Geometry, enlarged
 
 Float32 = npt.NDArray[np.float32]
 Array = npt.NDArray[np.float64]
@@ -60,10 +60,7 @@ class Compositor:
     def __init__(self, edited: Edited, behind: str = "filled") -> None:
         self._edited, self._fill = edited, behind == "filled"
         self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
-        # Closer to the outline than that, slopes of an estimate are chance, and mirror it all as a bright seam.
-        steep = edited.geometry.facing() < GRAZING
-        # A little weight, for objects that are nothing but steep.
-        self._known = np.where(steep, np.float32(1e-3), np.float32(1.0)) * edited.coverage
+        self._known = trusted(edited.geometry) * edited.coverage
         mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
 
@@ -161,11 +158,25 @@ class Compositor:
         return Band(place, alpha, behind, touched)
 
 
-def _softened(values: Float32) -> Float32:
-    """Binomial mean over 3 x 3 pixels, without the margin."""
+def trusted(geometry: Geometry) -> Float32:
+    """How much what is rendered counts, (h, w): little where the surface is steep.
+
+    That close to the outline, slopes of an estimate are chance, and mirror it all as a bright seam. A little, for
+    objects that are nothing but steep.
+    """
+    return np.where(geometry.facing() < GRAZING, np.float32(1e-3), np.float32(1.0))
+
+
+def softened(values: Float32) -> Float32:
+    """Binomial mean over 3 x 3 pixels; beyond the border it goes on."""
     for axis in (0, 1):
-        values = convolve1d(values, [0.25, 0.5, 0.25], axis)
-    return values[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
+        values = convolve1d(values, [0.25, 0.5, 0.25], axis, mode="nearest")
+    return values
+
+
+def _softened(values: Float32) -> Float32:
+    """Likewise, without the margin."""
+    return softened(values)[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
 
 
 def _quantised(values: npt.NDArray[np.floating], most: int) -> PixelsInt:

@@ -1,5 +1,6 @@
 """The panel: everything that can be changed, from top to bottom."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from viewer.panel_environment import EnvironmentPanel
 from viewer.panel_error import ErrorPanel
 from viewer.panel_lights import LightsPanel
 from viewer.panel_material import MaterialPanel
+from viewer.panel_photo import CAMERA, PhotoPanel
 from viewer.panel_profile import NO_PROFILE
 from viewer.panel_transport import draw_transport, solves
+from viewer.photo_work import PhotoWork
 from viewer.session import SHOWN, Session
 from viewer.settings import BUILTINS, ModelSettings
 
@@ -39,7 +42,7 @@ class Panel:
         Actions asked for by buttons in this frame.
     """
 
-    def __init__(self, session: Session, gui: Gui) -> None:
+    def __init__(self, session: Session, gui: Gui, photo: PhotoWork | None = None) -> None:
         self.controls = Controls(session, gui)
         self.requests: list[str] = []
         self._session = session
@@ -47,6 +50,7 @@ class Panel:
         self._lights = LightsPanel(session, self.controls)
         self._environment = EnvironmentPanel(session, self.controls, self.requests)
         self._error = ErrorPanel(session, self.controls)
+        self._photo = None if photo is None else PhotoPanel(session, self.controls, photo, self.requests)
         self._was_measuring = False
 
     def draw(self, box: Box, live: Live, error: LiveError, frames_per_second: float, recent: list[str]) -> None:
@@ -64,17 +68,7 @@ class Panel:
         imgui.begin_child("rows")
         self._shown(live)
         self._material.no_profile = NO_PROFILE if solves(live) else None
-        for label, is_open, draw in (
-            ("Material", True, self._material.draw),
-            ("Lights", True, self._lights.draw),
-            ("Environment", False, self._environment.draw),
-            ("Highlights", False, self._environment.highlights),
-            ("Tone mapping", False, self._tone_mapping),
-            ("Light transport", True, lambda: draw_transport(self.controls, live)),
-            ("Error", False, lambda: self._error.draw(error, live)),
-            ("Model", False, lambda: self._model(live)),
-            ("Camera", False, self._camera),
-        ):
+        for label, is_open, draw in self._sections(live, error):
             if label == "Error" and self._session.view.measure and not self._was_measuring:  # a key asked for it
                 imgui.set_next_item_open(True)
                 imgui.set_scroll_here_y(0.0)
@@ -86,6 +80,27 @@ class Panel:
         imgui.end_child()
         imgui.end()
         self._was_measuring = self._session.view.measure
+
+    def _sections(self, live: Live, error: LiveError) -> tuple[tuple[str, bool, Callable[[], object]], ...]:
+        """What folds: a heading, whether it starts open, and what draws it."""
+        photo = self._photo
+        shared: tuple[tuple[str, bool, Callable[[], object]], ...] = (
+            ("Material", True, self._material.draw),
+            ("Lights", True, self._lights.draw),
+            ("Environment", False, self._environment.draw),
+            ("Highlights", False, self._environment.highlights),
+        )
+        transport = ("Light transport", True, lambda: draw_transport(self.controls, live))
+        if photo is not None:
+            return ("Photograph", True, photo.draw), *shared, transport, ("Camera", False, photo.camera)
+        return (
+            *shared,
+            ("Tone mapping", False, self._tone_mapping),
+            transport,
+            ("Error", False, lambda: self._error.draw(error, live)),
+            ("Model", False, lambda: self._model(live)),
+            ("Camera", False, self._camera),
+        )
 
     def _toolbar(self, recent: list[str]) -> None:
         session, controls = self._session, self.controls
@@ -231,14 +246,7 @@ class Panel:
             controls.mark("model.builtin")
 
     def _camera(self) -> None:
-        for key, label in (
-            ("azimuth_deg", "Azimuth"),
-            ("elevation_deg", "Elevation"),
-            ("roll_deg", "Roll"),
-            ("view_angle_deg", "View angle"),
-            ("zoom", "Zoom"),
-            ("orthographic", "Orthographic"),
-        ):
+        for key, label in CAMERA:
             self.controls.setting(f"camera.{key}", label)
 
     def _performance(self, live: Live, frames_per_second: float) -> None:

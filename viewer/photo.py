@@ -114,10 +114,10 @@ class Photo:
         return np.concatenate(colours), np.concatenate(coverages)
 
 
-def load_photo(path: Path, mask_path: Path) -> Photo:
+def load_photo(path: Path, mask_path: Path | None) -> Photo:
     """Read a photograph and its mask.
 
-    The mask is white where the object is; one that has an alpha of its own is opaque there instead.
+    The mask is white where the object is; one that has an alpha of its own is opaque there instead. None: an empty one.
 
     Raises
     ------
@@ -125,7 +125,11 @@ def load_photo(path: Path, mask_path: Path) -> Photo:
         Files that cannot be read, or do not belong together.
     """
     pixels, profile = read_photo(path)
-    mask = _mask(read_photo(mask_path)[0])
+    mask: PixelsInt
+    if mask_path is None:
+        mask_path, mask = Path("the mask"), np.zeros(pixels.shape[:2], np.uint8)
+    else:
+        mask = _mask(read_photo(mask_path)[0])
     if mask.shape != pixels.shape[:2]:
         raise InputError(
             f"{mask_path} measures {mask.shape[1]}x{mask.shape[0]} pixels but {path} {pixels.shape[1]}x"

@@ -9,6 +9,7 @@ import moderngl
 from viewer.app import App
 from viewer.events import Closed, Drawn, Event, Resized, read_recording
 from viewer.gl import headless_context, leave_framebuffer
+from viewer.photo_work import PhotoWork
 from viewer.scene import Scene
 
 
@@ -49,10 +50,10 @@ class Headless:
         The clock's time, seconds, set by recorded frames.
     """
 
-    def __init__(self, scene: Scene, size: tuple[int, int] = (1280, 800)) -> None:
+    def __init__(self, scene: Scene, size: tuple[int, int] = (1280, 800), photo: PhotoWork | None = None) -> None:
         self.now = 0.0
         self._context = headless_context()
-        self.app = App(self._context, scene, clock=lambda: self.now)
+        self.app = App(self._context, scene, clock=lambda: self.now, photo=photo)
         self.target = self._target(size)
         self.app.handle(Resized(size, size))
 

@@ -52,6 +52,7 @@ class View:
     measure: bool = False  # whether the error of what is shown is measured
     error_points: int = DEFAULT_ERROR_POINTS
     error_map: bool = True  # whether a measured error shows over the picture
+    photograph: str | None = None  # its name, where one is what is shown
     profiles: bool = False  # whether the profile's curves show beside the picture
 
 
@@ -95,6 +96,12 @@ class Session:
         self._working: Scene | None = None  # the last scene that could be drawn
         self._undo: list[_Step] = []
         self._redo: list[_Step] = []
+
+    @property
+    def model_name(self) -> str:
+        """What the thing that is shown is called."""
+        model = self.scene.model
+        return self.view.photograph or (str(model.builtin_name) if model.path is None else model.path.name)
 
     # edits
 

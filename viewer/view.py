@@ -44,8 +44,8 @@ class ViewArea:
     def __init__(
         self, context: moderngl.Context, gui: Gui, painter: ImguiRenderer, session: Session, wake: Callable[[], object]
     ) -> None:
-        self.live = Live(context, wake)
-        self._mouse = ViewMouse(session)
+        self.live = self._live(context, wake, None)
+        self._mouse: ViewMouse = ViewMouse(session)
         self.picture: Picture | None = None
         self.size = (SMALLEST, SMALLEST)  # pixels, of the last frame's view
         self.changed = False
@@ -61,6 +61,8 @@ class ViewArea:
         self._per_pixel = 0.0  # ms
         self._map: tuple[object, moderngl.Texture] | None = None
         self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
+
+    _live: Callable[..., Live] = staticmethod(Live)
 
     def steer(self, box: Box, now: float) -> None:
         """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
@@ -208,7 +210,7 @@ class ViewArea:
         session = self._session
         assert session.kept is not None
         if self._other is None:
-            self._other = Live(self._context, self._wake, self.live.assets)
+            self._other = self._live(self._context, self._wake, self.live.assets)
         kept = self._sized(replace(session.kept, camera=session.scene.camera))
         try:
             self._other.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)

@@ -25,6 +25,7 @@ from viewer.events import (
     Typed,
 )
 from viewer.gl import window_context
+from viewer.photo_work import PhotoWork
 from viewer.preferences import Preferences
 from viewer.scene import Scene
 
@@ -40,7 +41,7 @@ _untyped: Any = glfw  # some of its annotations are those of the C functions tha
 FASTEST = 60.0  # frames a second where the display does not say
 
 
-def run(scene: Scene, *, path: Path | None = None, record: Path | None = None) -> None:
+def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: PhotoWork | None = None) -> None:
     """Show a scene in a window until it is closed.
 
     Parameters
@@ -50,13 +51,15 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None) -
         The scene file that it came from, which Ctrl+S writes.
     record : Path, optional
         File to record the interaction in.
+    photo : PhotoWork, optional
+        A photograph whose object is to be shown in the scene's material and light.
 
     Raises
     ------
     InputError
         No display or no OpenGL 3.3; the scene's files or values cannot be used at all.
     """
-    window = Window(scene, path, record)
+    window = Window(scene, path, record, photo)
     try:
         window.loop()
     finally:
@@ -66,7 +69,7 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None) -
 class Window:
     """A GLFW window around an `App`."""
 
-    def __init__(self, scene: Scene, path: Path | None, record: Path | None) -> None:
+    def __init__(self, scene: Scene, path: Path | None, record: Path | None, photo: PhotoWork | None = None) -> None:
         self._preferences = Preferences.load()
         if path is not None:
             self._preferences.opened(path)
@@ -81,6 +84,7 @@ class Window:
             preferences=self._preferences,
             wake=glfw.post_empty_event,
             clipboard=_WindowClipboard(),
+            photo=photo,
         )
         self._pointers: dict[str, Any] = {}
         self._pointer = ""
@@ -215,7 +219,8 @@ _NAMED_KEYS = {
     "BACKSPACE": "backspace", "INSERT": "insert", "DELETE": "delete", "LEFT": "left_arrow", "RIGHT": "right_arrow",
     "UP": "up_arrow", "DOWN": "down_arrow", "HOME": "home", "END": "end", "PAGE_UP": "page_up",
     "PAGE_DOWN": "page_down", "MINUS": "minus", "EQUAL": "equal", "PERIOD": "period", "COMMA": "comma",
-    "SLASH": "slash", "LEFT_CONTROL": "left_ctrl", "RIGHT_CONTROL": "right_ctrl", "LEFT_SHIFT": "left_shift",
+    "SLASH": "slash", "LEFT_BRACKET": "left_bracket", "RIGHT_BRACKET": "right_bracket",
+    "LEFT_CONTROL": "left_ctrl", "RIGHT_CONTROL": "right_ctrl", "LEFT_SHIFT": "left_shift",
     "RIGHT_SHIFT": "right_shift", "LEFT_ALT": "left_alt", "RIGHT_ALT": "right_alt", "LEFT_SUPER": "left_super",
     "RIGHT_SUPER": "right_super",
     **{chr(code): chr(code).lower() for code in range(ord("A"), ord("Z") + 1)},

@@ -1,0 +1,135 @@
+"""A photograph with its object in another material, on the GPU: the window's `viewer.edit_composite`."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from core.tonemap import srgb
+from viewer.edit_composite import BEHIND, trusted
+from viewer.gl import Program, leave_framebuffer
+from viewer.photo import Photo, Region
+from viewer.photo_geometry import Geometry
+from viewer.photo_work import Made, shown_block
+
+SHOWN_BEHIND = (*BEHIND, "transparent")  # their numbers are those of photo.frag
+
+
+@dataclass(frozen=True, eq=False)
+class MadeTextures:
+    """What a photograph's object brings to the GPU."""
+
+    trust: moderngl.Texture
+    behind: moderngl.Texture
+    edges: moderngl.Texture
+
+
+class PhotoPass:
+    """Puts what was rendered into a photograph.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    photo : Photo
+        Shown with a pixel for each square of `viewer.photo_work.shown_block`.
+
+    Attributes
+    ----------
+    photograph : moderngl.Texture
+        sRGB and alpha, row 0 at the top.
+    """
+
+    def __init__(self, context: moderngl.Context, photo: Photo) -> None:
+        self._context = context
+        self._object = Program(context, "fullscreen.vert", "photo_object.frag")
+        self._photo = Program(context, "fullscreen.vert", "photo.frag")
+        self._first = context.vertex_array(self._object.program, [])
+        self._second = context.vertex_array(self._photo.program, [])
+        self._block = shown_block(photo)
+        self.photograph = _uploaded(context, shown_pixels(photo))
+
+    def target(self) -> moderngl.Framebuffer:
+        """Make a framebuffer for a picture."""
+        return self._context.framebuffer([self._context.texture(self.photograph.size, 4)])
+
+    def upload(self, made: Made) -> MadeTextures:
+        """Upload what does not change with the material."""
+        return MadeTextures(
+            _uploaded(self._context, _trust(made.geometry)),
+            _uploaded(self._context, made.behind.astype(np.float16)),
+            _uploaded(self._context, made.edges),
+        )
+
+    def pyramid(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        """Make the first level of a pyramid for radiance of (width, height)."""
+        texture = self._context.texture(size, 4, dtype="f2")
+        texture.repeat_x = texture.repeat_y = False
+        return self._context.framebuffer([texture])
+
+    def fill(
+        self, radiance: moderngl.Texture, textures: MadeTextures, exposure: float, pyramid: moderngl.Framebuffer
+    ) -> None:
+        """Draw all levels of an object's radiance, which is weighted by coverage."""
+        self._context.enable_only(moderngl.NOTHING)
+        pyramid.use()
+        self._object.set({"t_radiance": radiance, "t_trust": textures.trust, "u_exposure": exposure})
+        self._first.render(vertices=3)
+        leave_framebuffer(self._context)
+        texture = _texture(pyramid)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+
+    def render(
+        self, pyramid: moderngl.Framebuffer, made: Made, textures: MadeTextures, behind: str, out: moderngl.Framebuffer
+    ) -> None:
+        """Draw the photograph with an object whose radiance is in all levels; `behind` of `SHOWN_BEHIND`."""
+        self._context.enable_only(moderngl.NOTHING)
+        region = made.geometry.framing.region
+        out.use()
+        self._photo.set(
+            {
+                "t_photo": self.photograph,
+                "t_edges": textures.edges,
+                "t_behind": textures.behind,
+                "t_object": _texture(pyramid),
+                "u_region": tuple(
+                    side / self._block for side in (region.left, region.top, region.width, region.height)
+                ),
+                "u_white": made.wanted.white,
+                "u_behind": SHOWN_BEHIND.index(behind),
+            }
+        )
+        self._second.render(vertices=3)
+
+
+def _texture(framebuffer: moderngl.Framebuffer) -> moderngl.Texture:
+    texture = framebuffer.color_attachments[0]
+    assert isinstance(texture, moderngl.Texture)
+    return texture
+
+
+def shown_pixels(photo: Photo) -> npt.NDArray[np.uint8]:
+    """Return the photograph as it is shown, (h, w, 4), sRGB and alpha."""
+    block = shown_block(photo)
+    rows, columns = (-(-side // block) for side in photo.size)
+    colour, _ = photo.reduced(Region(0, 0, rows * block, columns * block), block)
+    pixels = np.full((rows, columns, 4), 255, np.uint8)
+    pixels[..., :3] = np.rint(255.0 * srgb(colour))
+    if photo.alpha is not None:
+        alpha = photo.alpha[::block, ::block][:rows, :columns]
+        pixels[..., 3] = np.rint(alpha * (255.0 / np.iinfo(alpha.dtype).max))
+    return pixels
+
+
+def _trust(geometry: Geometry) -> npt.NDArray[np.float16]:
+    return trusted(geometry)[..., None].astype(np.float16)
+
+
+def _uploaded(context: moderngl.Context, pixels: npt.NDArray[np.generic]) -> moderngl.Texture:
+    """Upload (h, w, c) as it lies, the first row at v = 0."""
+    height, width, components = pixels.shape
+    kind = "f1" if pixels.dtype == np.uint8 else "f2"
+    texture = context.texture((width, height), components, np.ascontiguousarray(pixels), alignment=1, dtype=kind)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
