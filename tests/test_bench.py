@@ -33,8 +33,8 @@ from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), window=(), yardsticks=(), methods=(), repeats=1, frame_repeats=1, process_repeats=1,
-    image_size=(32, 32), side=16,
+    pictures=(), rivals=(), window=(), yardsticks=(), methods=(), occluded_points=0,
+    repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
 SETTLING = bench_window.FIRST, bench_window.SETTLED
