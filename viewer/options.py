@@ -188,8 +188,8 @@ def _parameters() -> list[inspect.Parameter]:
     light = typer.Option(
         "--light", metavar="KIND:x,y,z...", rich_help_panel="Light",
         help="KIND:x,y,z[:r,g,b][:key=value]; directional (towards the light; irradiance), or point, sphere, "
-        "rectangle, spot (position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be repeated, "
-        "replaces the scene's lights.",
+        "rectangle, spot (position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be "
+        "repeated, replaces the scene's lights.",
     )  # fmt: skip
     return [
         _parameter("model", str, model),
