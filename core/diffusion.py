@@ -266,7 +266,9 @@ class DiffusionTransport(Kernels):
                 ways[channel] = Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
         while True:
             solution = collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
-            self._last = End(boundary, tuple(channels), solution.fluence, coarse)
+            none = np.zeros(len(boundary.patches))
+            reached = tuple(none if channel is None else ways[channel].fluence for channel in channels)
+            self._last = End(boundary, tuple(channels), reached, coarse)
             if max(solution.residuals) <= self.tolerance or not go_on(solution):
                 return solution
             unfinished = [way.advance() for way in ways.values()]  # all of them: each takes its step

@@ -70,6 +70,12 @@ class Channel:
         """Right side, (n,)."""
         return self._gathered(self.sources) + self._local
 
+    def allowed(self, fluence: Array) -> float:
+        """Share of phi, at most 1, with which no more light leaves than scatters: the grid may add a thousandth."""
+        leaving = float(np.einsum("i,i->", self._areas, fluence)) / (2.0 * self.medium.boundary)
+        scattered = float(self._deposited.sum(dtype=np.float64))
+        return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
+
     @property
     def scale(self) -> Array:
         """Of the unknowns of GMRES, phi over it: it evens rows out and saves a product in five."""

@@ -68,12 +68,18 @@ class Solution:
 
 def collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:
     """Gather what the channels have come to."""
-    dark = np.zeros(boundary.grid.shape, np.float32)
+    volumes, fluences = [], []
+    for way in ways:
+        fluence = np.zeros(len(boundary.patches)) if way is None else way.fluence
+        volume = np.zeros(boundary.grid.shape, np.float32) if way is None else way.volume
+        share = 1.0 if way is None else way.channel.allowed(fluence)
+        fluences.append(share * fluence)
+        volumes.append(np.float32(share) * volume)
     return Solution(
         boundary=boundary,
         media=tuple(media),
-        volume=np.stack([*(dark if way is None else way.volume for way in ways), boundary.constant]),
-        fluence=tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in ways),
+        volume=np.stack([*volumes, boundary.constant]),
+        fluence=tuple(fluences),
         residuals=tuple(0.0 if way is None else way.residual for way in ways),
         products=tuple(0 if way is None else way.products for way in ways),
     )

@@ -238,7 +238,7 @@ def test_random_plates_return_no_more_than_entered():
         found = diffuse(mesh_of(block((10.0, 10.0, thickness))), media, 20)
         for channel in range(3):
             share = found.leaving(channel) / found.scattered(channel)
-            assert 0.0 <= share <= 1.002
+            assert 0.0 <= share <= 1.0 + 1e-6
             most = max(most, share)
     assert most > 0.9
 
