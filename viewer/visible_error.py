@@ -31,7 +31,8 @@ Array = npt.NDArray[np.float64]
 
 DEFAULT_POINTS = 300
 BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
-SUB_LIGHTS = 100  # of a light with a size
+SUB_LIGHTS = 100  # of a light with a size; a disc has SUB_LIGHTS_A_DEGREE of its diameter
+SUB_LIGHTS_A_DEGREE = 4
 RAYS = 1 << 15  # cast at a time: a few ms, during which no other Python thread runs
 
 
@@ -125,7 +126,8 @@ class Illumination:
 def _soft_irradiance(occluder: Occluder, sources: Sources, light: Light, eta: float) -> Array:
     """E of a light with a size, or a spot light, at sources (n, 3): a ray to each of many sub-lights."""
     where = sources.points, sources.normals, sources.face_normals
-    parts = sub_lights(light, SUB_LIGHTS)
+    wanted = SUB_LIGHTS_A_DEGREE * light.angle_deg if isinstance(light, DirectionalLight) else np.inf
+    parts = sub_lights(light, int(np.clip(wanted, SUB_LIGHTS_A_DEGREE, SUB_LIGHTS)))
     share, entering = np.array(parts.colour) / len(parts), np.zeros((len(sources), 3))
     for i, vector in enumerate(parts.vectors):
         if parts.kind == DIRECTIONAL:
