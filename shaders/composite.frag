@@ -24,6 +24,11 @@ uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part i
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
 const float LEAST_OWN = 0.25;   // of the equation that a point has for itself; about 1/2 on smooth surfaces
 
+uniform sampler2D t_lobe;       // visible share of the highlight of an environment, see irradiance_pixels.frag
+uniform bool u_occluded_lobe;   // whether it is there
+uniform float u_surround_strength;  // see highlights.glsl
+uniform bool u_fresnel;
+
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
 uniform float u_weight;         // 1 / samples of a pixel
@@ -83,6 +88,14 @@ vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec
     return fluence / u_doubled;
 }
 
+// What is in the way of a highlight is the object, taken to be as bright as here: else it had dark rims before itself.
+vec3 mirrored_self(ivec2 pixel, vec3 normal, vec3 to_eye, float entering, vec3 radiance) {
+    if (!u_occluded_lobe) return vec3(0.0);
+    vec4 lobe = texelFetch(t_lobe, pixel, 0);
+    float blocked = 1.0 - clamp(lobe.a + dot(lobe.rgb, reflect(-to_eye, normal)), 0.0, 1.0);
+    return u_surround_strength * (u_fresnel ? 1.0 - entering : 1.0) * blocked * radiance;
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
@@ -99,12 +112,14 @@ void main() {
     exitance *= tint_leaving(pixel);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
-    vec3 subsurface = fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) * exitance / PI;
-    o_radiance = u_weight * vec4(subsurface + specular.rgb, 1.0);
+    float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
+    vec3 subsurface = entering * exitance / PI;
+    vec3 highlight = specular.rgb + mirrored_self(pixel, normal, to_eye, entering, exitance / PI);
+    o_radiance = u_weight * vec4(subsurface + highlight, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);
     o_irradiance = u_weight * vec4(irradiance.rgb, 1.0);
     o_exitance = u_weight * vec4(exitance, 1.0);
     o_subsurface = u_weight * vec4(subsurface, 1.0);
-    o_specular = u_weight * vec4(specular.rgb, 1.0);
+    o_specular = u_weight * vec4(highlight, 1.0);
 }

@@ -13,7 +13,7 @@ from tests.solids import block, mesh_of
 from tests.test_occlusion import around, places_of, shaded_ball, write_probe
 from viewer.bench_lights import sky_pixels
 from viewer.highlights_pass import HighlightsPass, _packed
-from viewer.settings import SpecularSettings
+from viewer.settings import MaterialSettings, SpecularSettings
 from viewer.shading import Shading
 from viewer.visibility import bake_visibility
 
@@ -61,8 +61,14 @@ def test_the_shader_has_the_shares_of_core(context, lit):
         assert rms(linear[some], exact[some]) < 0.4 * rms(expected[some], exact[some])
 
 
+def black(scene):
+    """As it is, but dark inside: nothing of it is mirrored in itself."""
+    return replace(scene, material=MaterialSettings(sigma_s_prime=(0.0,) * 3, sigma_a=(1.0,) * 3))
+
+
 def test_highlights_are_those_of_rays(lit):
     renderer, scene, light = lit
+    scene = black(scene)
     frame = renderer.render(scene, samples=1)
     seen = np.argwhere(inside(frame))
     seen = tuple(np.random.default_rng(3).choice(seen, 400, replace=False).T)
@@ -75,6 +81,19 @@ def test_highlights_are_those_of_rays(lit):
     assert rms(frame.specular[seen], expected) < 0.10
     free = renderer.render(replace(scene, environment=replace(scene.environment, occluded=False)), samples=1)
     assert rms(free.specular[seen], expected) > 0.3
+
+
+def test_what_is_in_the_way_is_mirrored_as_bright_as_the_object(lit):
+    renderer, scene, _ = lit
+    frame, dark = (renderer.render(each, samples=1) for each in (scene, black(scene)))
+    seen = inside(frame) & (frame.exitance.min(axis=-1) > 0.0)
+    factor = 2.0 * np.pi / (SHINY.shininess + 1.0)
+    blocked = (frame.specular - dark.specular)[seen] / (factor * frame.exitance[seen] / np.pi)
+    assert np.ptp(blocked, axis=1).max() < 1e-2  # one share for all colours
+    assert blocked.min() > -1e-2
+    assert blocked.max() < 1.01
+    assert (blocked > 0.9).any()
+    assert np.median(blocked) < 0.5
 
 
 def test_a_convex_object_loses_no_highlight(context, sky):

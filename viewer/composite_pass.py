@@ -10,7 +10,8 @@ from viewer.detail import leaving_uniforms
 from viewer.gather import Gather
 from viewer.gbuffer_pass import GBuffer
 from viewer.gl import Program, draw_over_object, float_targets, over_object
-from viewer.irradiance_pass import PixelLight
+from viewer.irradiance_pass import PixelLight, highlight_uniforms
+from viewer.settings import SpecularSettings
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
 
@@ -47,6 +48,7 @@ class CompositePass:
         gbuffer: GBuffer,
         light: PixelLight,
         gather: Gather,
+        specular: SpecularSettings,
         camera: Camera,
         weight: float,
         out: Composite,
@@ -54,6 +56,7 @@ class CompositePass:
         """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
         out.framebuffer.use()
         program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
+        mirrors = highlight_uniforms(specular)
         program.set(
             {
                 "t_position": gbuffer.position,
@@ -63,6 +66,9 @@ class CompositePass:
                 **gather.exitance_uniforms(),
                 **leaving_uniforms(gbuffer.detail),
                 "t_local": light.local,
+                "t_lobe": gbuffer.lobe or gbuffer.normal,
+                "u_occluded_lobe": gbuffer.lobe is not None,
+                **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
                 "u_eye": tuple(camera.eye),
                 "u_eta": gather.eta,
                 "u_weight": weight,

@@ -209,14 +209,14 @@ class PixelIrradiancePass:
                     "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                     "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                     "u_eye": tuple(camera.eye),
-                    **_highlight_uniforms(specular),
+                    **highlight_uniforms(specular),
                     "t_highlights": highlights,
                 }
             )
             draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
 
 
-def _highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
+def highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
     """Values for highlights.glsl."""
     integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
     normalized = specular.model == "normalized"

@@ -185,7 +185,7 @@ class Shading:
         highlights = self._highlights(scene, lit)
         seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
         self._irradiance.run(*seen, light, i, len(offsets))
-        self._composite.render(gbuffer, light, gather, camera, 1.0 / len(offsets), targets)
+        self._composite.render(gbuffer, light, gather, scene.specular, camera, 1.0 / len(offsets), targets)
 
     def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
         """Return the environment as highlights of this shininess mirror it, any texture where none is seen."""
