@@ -265,9 +265,9 @@ class DiffusionTransport(Kernels):
                 start = begin(channel, i, self._last, coarse, samples)
                 ways[channel] = Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
         while True:
-            solution = collected(boundary, media, [None if channel is None else ways[channel] for channel in channels])
-            none = np.zeros(len(boundary.patches))
-            reached = tuple(none if channel is None else ways[channel].fluence for channel in channels)
+            of_channels = [None if channel is None else ways[channel] for channel in channels]
+            reached = tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in of_channels)
+            solution = collected(boundary, media, of_channels, reached)
             self._last = End(boundary, tuple(channels), reached, coarse)
             if max(solution.residuals) <= self.tolerance or not go_on(solution):
                 return solution

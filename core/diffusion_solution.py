@@ -66,11 +66,12 @@ class Solution:
         return mean_fluence(self.boundary, self.fluence)
 
 
-def collected(boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None]) -> Solution:
-    """Gather what the channels have come to."""
+def collected(
+    boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None], reached: Sequence[Array]
+) -> Solution:
+    """Gather what the channels have come to, `reached` being their fluence."""
     volumes, fluences = [], []
-    for way in ways:
-        fluence = np.zeros(len(boundary.patches)) if way is None else way.fluence
+    for way, fluence in zip(ways, reached, strict=True):
         volume = np.zeros(boundary.grid.shape, np.float32) if way is None else way.volume
         share = 1.0 if way is None else way.channel.allowed(fluence)
         fluences.append(share * fluence)

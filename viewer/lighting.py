@@ -27,7 +27,7 @@ from viewer.buffers import MeshBuffers
 from viewer.camera import Camera, place_camera
 from viewer.detail import DetailStages, Surface, SurfaceDetail
 from viewer.gather import DiffuseTables, Gather
-from viewer.gl import latlong_texture, table_texture, volume_texture
+from viewer.gl import table_texture, volume_texture
 from viewer.irradiance_pass import LightSource, SampleIrradiancePass
 from viewer.lamps import Lamps
 from viewer.layers_pass import LayersPass
@@ -126,7 +126,6 @@ class Lighting:
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
         self._details = DetailStages(context, stages, assets)
-        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins.
@@ -215,7 +214,7 @@ class Lighting:
         sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
         reach = max(sheets, default=0.0)
         windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)
-        return Gather(volume, solution.world_to_texture, True, self._no_probe, reach, lit.eta, windows, tables)
+        return Gather(volume, solution.world_to_texture, True, self._lamps.no_probe, reach, lit.eta, windows, tables)
 
     def _windows(self, atlas: Atlas) -> moderngl.Texture:
         return self._run("body windows", [atlas], lambda: self._layers.windows(atlas))

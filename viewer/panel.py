@@ -140,15 +140,10 @@ class Panel:
     def _shown(self, live: Live) -> None:
         view, controls = self._session.view, self.controls
         controls.begin_row("Show", True)
-        if imgui.begin_combo("##show", view.show, imgui.ComboFlags_.height_large.value):
-            for name in SHOWN:
-                clicked, _ = imgui.selectable(name, name == view.show)
-                controls.mark(f"show={name}")
-                if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
-                    controls.tooltip(name, SHOWN_TIPS[name])
-                if clicked:
-                    view.show = name
-            imgui.end_combo()
+        view.show = (
+            controls.choice("show", view.show, SHOWN, tips=SHOWN_TIPS, flags=imgui.ComboFlags_.height_large.value)
+            or view.show
+        )
         tip = f"What the view shows: the picture, or one of its parts.\n{RESET_HINT}"
         controls.end_row("show", "Show", tip, lambda: setattr(view, "show", "beauty"), view.show != "beauty")
         if view.show in ("layer in", "layer out") and live.finished is not None:
@@ -204,13 +199,9 @@ class Panel:
         if not session.scene.environment.given:
             kinds.remove("environment")
         shown = "colour" if current.startswith("#") else current
-        if imgui.begin_combo("##background", shown):
-            for kind in kinds:
-                clicked, _ = imgui.selectable(kind, kind == shown)
-                controls.mark(f"display.background={kind}")
-                if clicked and kind != shown:
-                    session.edit("display", background="#3a3d42" if kind == "colour" else kind)
-            imgui.end_combo()
+        kind = controls.choice("display.background", shown, kinds)
+        if kind is not None:
+            session.edit("display", background="#3a3d42" if kind == "colour" else kind)
         tip = f"What shows behind the object.\n{RESET_HINT}"
         if shown == "colour":
             imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)

@@ -5,7 +5,7 @@ A row is a label, the control, and a reset that appears when the value is not th
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from viewer.declaration import Setting, settings_of
@@ -208,18 +208,35 @@ class Controls:
         self.mark(f"section.{label}")
         return shown
 
+    def choice(
+        self,
+        name: str,
+        current: str | None,
+        choices: Iterable[str],
+        shown: str | None = None,
+        tips: Mapping[str, str] | None = None,
+        flags: int = 0,
+    ) -> str | None:
+        """Draw what opens a list to choose from, and returns the choice if it is another; the caller ends the row.
+
+        `shown` stands for a `current` that is no choice; `tips` tell of choices.
+        """
+        new = None
+        if imgui.begin_combo(f"##{name}", shown or current or "", flags):
+            for each in choices:
+                clicked, _ = imgui.selectable(each, each == current)
+                self.mark(f"{name}={each}")
+                if tips and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
+                    self.tooltip(each, tips[each])
+                if clicked and each != current:
+                    new = each
+            imgui.end_combo()
+        return new
+
     # kinds of control
 
     def _choice(self, name: str, declared: Setting, value: Any, automatic: float | str | None) -> Any:
-        new = None
-        if imgui.begin_combo(f"##{name}", f"auto: {automatic}" if value is None else str(value)):
-            for choice in declared.choices:
-                clicked, _ = imgui.selectable(choice, choice == value)
-                self.mark(f"{name}={choice}")
-                if clicked and choice != value:
-                    new = choice
-            imgui.end_combo()
-        return new
+        return self.choice(name, value, declared.choices, f"auto: {automatic}" if value is None else str(value))
 
     def _integer(
         self, name: str, declared: Setting, value: int | None, reach: Reach | None, automatic: float | str | None

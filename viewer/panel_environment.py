@@ -59,13 +59,11 @@ class EnvironmentPanel:
     def _builtin(self) -> None:
         controls, environment = self._controls, self._session.scene.environment
         controls.begin_row("Built in", True)
-        if imgui.begin_combo("##environment.builtin", environment.builtin or "none"):
-            for name in BUILTIN_PROBES:
-                clicked, _ = imgui.selectable(name, name == environment.builtin)
-                controls.mark(f"environment.builtin={name}")
-                if clicked and name != environment.builtin:
-                    self._session.change([Change("environment", "builtin", name, "environment.builtin")])
-            imgui.end_combo()
+        name = controls.choice(
+            "environment.builtin", environment.builtin, BUILTIN_PROBES, environment.builtin or "none"
+        )
+        if name is not None:
+            self._session.change([Change("environment", "builtin", name, "environment.builtin")])
         tip = f"{explained(settings_of(environment)['builtin'], None)}\n{RESET_HINT}"
         differs = environment.builtin is not None
         controls.end_row("environment.builtin", "Built in", tip, self._remove if differs else lambda: None, differs)

@@ -47,15 +47,7 @@ class PhotoPanel:
         controls.setting("display.key", "Key (exposure)")
         controls.setting("display.white", "White point")
         controls.begin_row("Behind edges", True)
-        if imgui.begin_combo("##photo.behind", work.behind):
-            for name in SHOWN_BEHIND:
-                clicked, _ = imgui.selectable(name, name == work.behind)
-                controls.mark(f"photo.behind={name}")
-                if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
-                    controls.tooltip(name, BEHIND_TIPS[name])
-                if clicked:
-                    work.behind = name
-            imgui.end_combo()
+        work.behind = controls.choice("photo.behind", work.behind, SHOWN_BEHIND, tips=BEHIND_TIPS) or work.behind
         tip = f"What soft edges of the mask show: the background filled in, or as seen; or no photograph.\n{RESET_HINT}"
         controls.end_row(
             "photo.behind", "Behind edges", tip, lambda: setattr(work, "behind", behind), work.behind != behind

@@ -74,13 +74,9 @@ class ProfilePanel:
         shown = DIFFUSE if material.diffuse_mean_free_path_mm is not None else COLOUR
         shown = COEFFICIENTS if material.diffuse_reflectance is None else shown
         controls.begin_row("Given by")
-        if imgui.begin_combo("##material.way", shown):
-            for choice in (COEFFICIENTS, COLOUR, DIFFUSE):
-                clicked, _ = imgui.selectable(choice, choice == shown)
-                controls.mark(f"material.way={choice}")
-                if clicked and choice != shown:
-                    session.edit("material", **given_by(session.scene.material, choice))
-            imgui.end_combo()
+        way = controls.choice("material.way", shown, (COEFFICIENTS, COLOUR, DIFFUSE))
+        if way is not None:
+            session.edit("material", **given_by(session.scene.material, way))
         controls.end_row("material.way", "Given by", WAYS_TIP)
         return session.scene.material.diffuse_reflectance is not None  # which a click has changed just now
 

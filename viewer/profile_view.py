@@ -190,13 +190,12 @@ class ProfileView:
         choices = [NONE, *(name for name in PROFILES if name != TABLE or material.profile_table is not None)]
         choices += [KEPT] if kept is not None else []
         imgui.set_next_item_width(-1.0)
-        self._combo("profiles.other", self.other, choices, lambda choice: setattr(self, "other", choice))
+        self.other = self._choice("profiles.other", self.other, choices)
 
     def _options(self, *, stacked: bool) -> None:
         imgui.begin_group()
         imgui.set_next_item_width(7.0 * imgui.get_font_size())
-        choose: Callable[[str], object] = lambda choice: setattr(self, "quantity", choice)  # noqa: E731
-        self._combo("profiles.quantity", self.quantity, [R_D, PER_RADIUS], choose)
+        self.quantity = self._choice("profiles.quantity", self.quantity, [R_D, PER_RADIUS])
         if not stacked:
             imgui.same_line()
         clicked, log_radius = imgui.checkbox("log r", self.log_radius)
@@ -212,17 +211,10 @@ class ProfileView:
         if self._controls.icon("profiles.close", icons.ICON_FA_XMARK, TIPS["profiles.close"], quiet=True):
             self._session.view.profiles = False
 
-    def _combo(self, name: str, current: str, choices: list[str], choose: Callable[[str], object]) -> None:
-        opened = imgui.begin_combo(f"##{name}", current)
+    def _choice(self, name: str, current: str, choices: list[str]) -> str:
+        chosen = self._controls.choice(name, current, choices) or current
         self._mark(name)
-        if not opened:
-            return
-        for choice in choices:
-            clicked, _ = imgui.selectable(choice, choice == current)
-            self._controls.mark(f"{name}={choice}")
-            if clicked:
-                choose(choice)
-        imgui.end_combo()
+        return chosen
 
     def _mark(self, name: str) -> None:
         self._controls.mark(name)

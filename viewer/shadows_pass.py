@@ -1,7 +1,6 @@
 """Shadow maps: one depth texture a light, fitted to the object."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -9,8 +8,8 @@ import numpy.typing as npt
 
 from core.mesh import Mesh
 from viewer.buffers import MeshBuffers
-from viewer.gl import Program, checked, float_texture, leave_framebuffer
 from viewer.settings import DirectionalLight, PointLight
+from viewer.shadow_depth import DepthTiles
 from viewer.shadow_views import CUBE_MARGIN, FAR, cube_views, directional_view, frustum_view
 
 Array = npt.NDArray[np.float64]
@@ -73,16 +72,10 @@ class ShadowsPass:
     """Renders shadow maps."""
 
     def __init__(self, context: moderngl.Context, size: int = SIZE) -> None:
-        self._context = context
-        self._program = Program(context, "shadows.vert", "shadows.frag")
+        self._context, self._tiles = context, DepthTiles(context)
         self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
-        self._no_bodies = float_texture(context, (1, 1), 1)
         nothing = self._texture((1, 1))
-        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0, self._no_bodies)
-
-    @cached_property
-    def _bodies_program(self) -> Program:
-        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
+        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0, self._tiles.no_bodies)
 
     def render(
         self,
@@ -105,32 +98,16 @@ class ShadowsPass:
             tiles, side = (3, 2), self._size // 2
             matrices, texel = cube_views(mesh, light.position_mm, side)
         size = side * tiles[0], side * tiles[1]
-        texture, seen = self._texture(size), self._no_bodies
-        program, colours = self._program, []
-        if bodies is not None:
-            program, seen = self._bodies_program, float_texture(self._context, size, 1)
-            colours = [seen]
-        framebuffer = self._context.framebuffer(colours, texture)
-        framebuffer.use()
-        framebuffer.clear(depth=1.0)
-        vertices = buffers.positions(program, bodies)
-        self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
-        for view, matrix in enumerate(matrices):
-            framebuffer.viewport = (side * (view % tiles[0]), side * (view // tiles[0]), side, side)
-            program.set({"u_world_to_clip": matrix})
-            vertices.render()
-        vertices.release()
-        leave_framebuffer(self._context)
-        framebuffer.release()
+        texture = self._texture(size)
+        seen = self._tiles.draw(texture, tiles[0], side, matrices, buffers, bodies)
         padded = np.zeros((6, 4, 4))
         padded[: len(matrices)] = matrices
         return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
 
     def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
-        texture = checked(self._context, lambda: self._context.depth_texture(size), "a shadow map")
+        texture = self._tiles.texture(size, "a shadow map")
         texture.compare_func = "<="
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        texture.repeat_x = texture.repeat_y = False
         return texture
 
     def _depths(self, texture: moderngl.Texture) -> moderngl.Sampler:

@@ -1,7 +1,6 @@
 """Shadow maps of lights with a size: the depth that every sub-light sees, as tiles of one texture."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -9,9 +8,10 @@ import numpy.typing as npt
 
 from core.mesh import Mesh
 from viewer.buffers import MeshBuffers
-from viewer.gl import Program, checked, float_texture, leave_framebuffer
+from viewer.gl import float_texture
 from viewer.lights import Light, brightness
 from viewer.quality import longest_side
+from viewer.shadow_depth import DepthTiles
 from viewer.shadow_views import FAR, soft_view_count, soft_views
 from viewer.sub_lights import PARTS, SubLights
 
@@ -105,20 +105,8 @@ class SoftShadowsPass:
     """Renders the shadow maps of lights with a size."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._context = context
+        self._context, self._tiles = context, DepthTiles(context)
         self._largest = int(context.info["GL_MAX_TEXTURE_SIZE"])
-
-    @cached_property
-    def _program(self) -> Program:
-        return Program(self._context, "shadows.vert", "shadows.frag")
-
-    @cached_property
-    def _bodies_program(self) -> Program:
-        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
-
-    @cached_property
-    def _no_bodies(self) -> moderngl.Texture:
-        return float_texture(self._context, (1, 1), 1)
 
     def render(
         self, buffers: MeshBuffers, mesh: Mesh, lights: SubLights, bodies: moderngl.Buffer | None = None
@@ -133,23 +121,8 @@ class SoftShadowsPass:
         placed = soft_views(mesh, lights, side)
         matrices = placed.matrices.reshape(-1, 4, 4)
         size = side * tiles[0], side * tiles[1]
-        texture, seen = self._texture(size), self._no_bodies
-        program, colours = self._program, []
-        if bodies is not None:
-            program, seen = self._bodies_program, float_texture(self._context, size, 1)
-            colours = [seen]
-        framebuffer = self._context.framebuffer(colours, texture)
-        framebuffer.use()
-        framebuffer.clear(depth=1.0)
-        vertices = buffers.positions(program, bodies)
-        self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
-        for i, matrix in enumerate(matrices):
-            framebuffer.viewport = (side * (i % columns), side * (i // columns), side, side)
-            program.set({"u_world_to_clip": matrix})
-            vertices.render()
-        vertices.release()
-        leave_framebuffer(self._context)
-        framebuffer.release()
+        texture = self._tiles.texture(size, "the shadow maps of a light")
+        seen = self._tiles.draw(texture, columns, side, matrices, buffers, bodies)
         table = self._table(lights, placed.matrices)
         told, widest = bodies is not None, THINNEST * longest_side(mesh)
         return SoftShadow(lights, texture, table, views, tiles, placed.texel, placed.range, widest, seen, told)
@@ -164,13 +137,6 @@ class SoftShadowsPass:
         values = np.concatenate([first, both], axis=1).astype(np.float32)
         texture = float_texture(self._context, (values.shape[1], n))
         texture.write(values.tobytes())
-        return texture
-
-    def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
-        texture = checked(self._context, lambda: self._context.depth_texture(size), "the shadow maps of a light")
-        texture.compare_func = ""
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        texture.repeat_x = texture.repeat_y = False
         return texture
 
 
