@@ -163,7 +163,7 @@ class DiffusionTransport(Kernels):
         if self.resolution < NESTED:
             return None
         if self._coarse is None:
-            self._coarse = replace(self, resolution=self.resolution // 2, tolerance=COARSE_TOLERANCE)
+            self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse = self._coarse
         on = coarse.grid(mesh, np.eye(3))
         return stages.run(

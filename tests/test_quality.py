@@ -15,6 +15,7 @@ from viewer.assets import Assets
 from viewer.quality import (
     COARSEST,
     DEFAULT_ERROR_TARGET,
+    FINEST,
     NEAR,
     NODES,
     NODES_ASKED_FOR,

@@ -18,10 +18,11 @@ from core.mesh import Mesh
 from core.samples import SurfaceSamples, surface_samples
 from core.stages import Stages
 from viewer.bench_report import Report
+from viewer.quality import DIFFUSION_NODES
 from viewer.transport_job import PRESENTABLE
 
 SAMPLES = 20_000  # least of them; there are up to four times as many, for triangles are halved to an edge
-NODES = (40, 64)  # what about so many samples ask for, and the default
+NODES = (40, DIFFUSION_NODES)
 MATERIALS = "marble", "skim milk"
 STEP = 1.02  # of all coefficients: a slider's
 LIGHTS = (0.3, -0.5, -0.8), (-0.7, -0.2, 0.5)
