@@ -18,7 +18,7 @@ from viewer.frame import Renderer
 from viewer.images import read_channels, read_photo, write_png
 from viewer.photo import Photo, load_photo
 from viewer.photo_geometry import PICTURE, frame_object, make_geometry
-from viewer.scene import DirectionalLight, EnvironmentSettings, ModelSettings, apply_set
+from viewer.scene import DirectionalLight, EnvironmentSettings, ModelSettings, PhotoSettings, apply_set
 
 COARSE = ["transport.method=ewald", "transport.resolution=24"]
 SCENE = apply_set(START, COARSE)
@@ -100,7 +100,8 @@ def test_our_own_picture_of_a_ball_is_found_again(context, tmp_path: Path) -> No
         scale = (mine * truth).sum() / np.square(mine).sum()
         return float(np.sqrt(np.square(scale * mine - truth).mean() / np.square(truth).mean()))
 
-    assert error(edit(photo, known, context, depth=tmp_path / "depth.npy")) < 0.03
+    seen = replace(known, photo=PhotoSettings(depth=tmp_path / "depth.npy"))
+    assert error(edit(photo, seen, context)) < 0.03
     both = edit(photo, guessed, context)
     assert error(both) < 0.15
     assert both.geometry.shading.lamp is not None

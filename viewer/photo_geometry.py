@@ -196,15 +196,15 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     elif suffix == ".npy":
         values = _read_npy(path)
     else:
-        raise InputError(f"--depth {path} must end in {', '.join(DEPTH_SUFFIXES)}; save the depth map as one of them")
+        raise InputError(f"the depth map {path} must end in {', '.join(DEPTH_SUFFIXES)}; save it as one of them")
     if values.shape != photo.size:
         size = " x ".join(map(str, values.shape[::-1]))
         raise InputError(
-            f"--depth {path} measures {size} but the photograph {photo.size[1]} x {photo.size[0]}: "
+            f"the depth map {path} measures {size} but the photograph {photo.size[1]} x {photo.size[0]}: "
             "make the depth map of the same picture, at the same size"
         )
     if not np.isfinite(values[photo.mask > np.iinfo(photo.mask.dtype).max // 2]).all():
-        raise InputError(f"--depth {path} has NaN or infinite values on the object: fill them in first")
+        raise InputError(f"the depth map {path} has NaN or infinite values on the object: fill them in first")
     return values
 
 
@@ -269,7 +269,7 @@ def _read_npy(path: Path) -> Float32:
         values = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
-        raise InputError(f"--depth {path} cannot be read ({reason}); save it with numpy.save") from error
+        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
-        raise InputError(f"--depth {path} must hold one array (height, width) of numbers; save the depth alone")
+        raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
     return values.astype(np.float32)

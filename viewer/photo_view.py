@@ -56,7 +56,7 @@ class PhotoView(ViewArea):
             work.update(self._session.scene, can_make=self.live.caught_up)
         except InputError as error:
             self._session.fail(error)
-        if self._shown_for != (shown_for := (work.made, work.behind)):
+        if self._shown_for != (shown_for := (work.made, self._session.scene.photo.behind)):
             self._shown_for, self._key = shown_for, ()  # another picture, by a drag if there is one
         if work.made is None:
             self.picture = None
@@ -84,8 +84,9 @@ class PhotoView(ViewArea):
         radiance = np.ascontiguousarray(rendered[..., :3])
         exposed = live.exposure(), made.wanted.white, made.behind
         edited = Edited(made.photo, made.geometry, radiance, coverage, None, *exposed, {}, live.picture.warnings)
-        is_alone = self._work.behind == "transparent"
-        compositor = Compositor(edited, "filled" if is_alone else self._work.behind)
+        behind = self._session.scene.photo.behind
+        is_alone = behind == "transparent"
+        compositor = Compositor(edited, "filled" if is_alone else behind)
         return compositor.picture(transparent=is_alone), made.photo.profile
 
     def close(self) -> None:
