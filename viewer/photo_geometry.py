@@ -9,7 +9,7 @@ import numpy.typing as npt
 from core.errors import InputError
 from core.mesh import Mesh
 from core.photo_depth import estimate_height, inflated, inscribed_radius
-from core.photo_light import Shading, measure_shading, without_lamp
+from core.photo_light import Shading, measure_shading, unexplained, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
 from core.photo_surround import filled, scene_radiance
 from core.tonemap import luminance
@@ -161,8 +161,18 @@ def make_geometry(
     shading = _shading(colour, coverage, share, base if given is None else given, framing.step, white)
     if given is None:
         light = over_nodes(luminance(colour), coverage, framing.step)
+        # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
+        more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
         light = without_lamp(light, base, outline.inner, shading)
-        height = estimate_height(light, outline.inner, base, smoothing=smoothing, strength=strength)
+        height = estimate_height(
+            light,
+            outline.inner,
+            base,
+            unexplained=more,
+            gradient=shading.gradient,
+            smoothing=smoothing,
+            strength=strength,
+        )
     else:
         height = given
     mesh = height_surface(outline, height, base, framing.mm * framing.step)

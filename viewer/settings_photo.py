@@ -26,7 +26,7 @@ class PhotoSettings:
         "number", 1.0, low=0.05, high=5, why="factor on the depth of a photograph; 1 makes a disc a hemisphere"
     )
     depth_smoothing: float = setting(
-        "number", 0.12, low=0.01, high=1, why="scale of light and dark that shapes it, in object radii"
+        "number", 0.3, low=0.01, high=1, why="scale of light and dark that shapes it, in object radii"
     )
     behind: str = setting(
         "text", "filled", choices=BEHIND,
