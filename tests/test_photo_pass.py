@@ -199,6 +199,29 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     assert work.tool is None
 
 
+def test_what_is_under_the_pointer_stays_there_when_the_mask_is_painted_from_close_by(window) -> None:
+    shown = window()
+    work, brush = work_of(shown), work_of(shown).brush
+    shown.click("photo.brush")
+    place = in_window(shown, 20.0, 30.0)
+    shown.scroll(place, 6.0)
+    assert in_window(shown, 20.0, 30.0) == pytest.approx(place)
+    assert shown.view.zoom.scale == pytest.approx(1.25**6)
+    assert work.brush == brush
+    work.brush = 2.0
+    shown.drag(place, (0.0, 0.0))
+    assert work.mask.pixels[30, 20] == 255
+    assert work.mask.pixels[:, :16].max() == 0
+    shown.drag(place, (40.0, -25.0), button="middle")
+    assert in_window(shown, 20.0, 30.0) == pytest.approx((place[0] + 40.0, place[1] - 25.0))
+    shown.send(Key("left_ctrl", True))
+    shown.scroll(place, 1.0)
+    shown.send(Key("left_ctrl", False))
+    assert work.brush == pytest.approx(2.3)
+    shown.key("enter")
+    assert shown.view.zoom.scale == 1.0
+
+
 def test_a_mask_that_is_no_object_is_said_and_survived(window) -> None:
     shown = window(masked=False)
     work_of(shown).brush = 1.0

@@ -9,6 +9,10 @@ from viewer.session import Session
 from viewer.settings_photo import BEHIND
 
 OWN_DEPTH = "The depth map is taken as it is."
+BRUSH_TIP = (
+    "Paint the mask: drag; with Alt it takes away; [ ] or Ctrl+wheel: size. The wheel zooms, a middle drag pans, Enter "
+    "shows all."
+)
 BEHIND_TIPS = {
     "filled": "the background, filled in where the object was",
     "seen": "the photograph as it is",
@@ -87,7 +91,11 @@ class PhotoPanel:
         controls, work = self._controls, self._work
         controls.begin_row("Mask")
         buttons = (
-            ("brush", icons.ICON_FA_PAINTBRUSH, "Paint the mask: drag; with Alt it takes away; [ ] or the wheel: size"),
+            (
+                "brush",
+                icons.ICON_FA_PAINTBRUSH,
+                BRUSH_TIP,
+            ),
             ("box", icons.ICON_FA_VECTOR_SQUARE, "Make a mask: draw a box around the object (GrabCut)"),
         )
         for tool, icon, tip in buttons:

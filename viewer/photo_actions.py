@@ -17,7 +17,7 @@ from viewer.photo_work import PhotoWork
 from viewer.preferences import Preferences
 from viewer.session import Session
 
-OF_CAMERA = (*SIDES, "toggle_orthographic", "reset_view", "copy_view", "paste_view")
+OF_CAMERA = (*SIDES, "toggle_orthographic", "copy_view", "paste_view")
 # Answer -> what asks for it: none of these means anything to a photograph.
 REFUSED = {
     FIXED: OF_CAMERA,
@@ -41,6 +41,8 @@ class PhotoActions(Actions):
         reason = next((reason for reason, names in REFUSED.items() if name in names), None)
         if reason is not None:
             self._session.say(reason)
+        elif name == "reset_view":
+            self._photo_view.zoom.reset()
         elif name == "undo" and self._work.tool is not None and self._work.mask.can_undo:
             self._work.mask.undo()
         else:
