@@ -25,11 +25,12 @@ SMOOTHING = 0.3  # scale of the luminance that reshapes, in inscribed radii
 RANGE = 0.1  # of the bilateral filter, in units of the sigmoid: larger steps are edges, and stay
 EDGE = 0.15  # of the filter's scale that an edge is wide
 RELIEF = 0.7  # slope of the relief for a change of luminance by a factor e, in light that shows no slopes
+FINE = 0.4  # of the filter's scale, up to which that relief goes
 SLANTED = 0.3  # gradient of luminance over the mean, sideways, from which on it is the light that shows slopes
 CREASES = 0.3  # of the relief that stays there: what is hollow is darker in any light
 GAIN = 2.5  # on slopes: light that scatters inside evens shading out, and the outline's normals even out its gradient
 ACROSS = 0.1  # of slopes across the light, which it does not show, for those along it: they stay flat
-RIM = 0.07  # of the inscribed radius, over which relief fades in from the outline
+RIM, SLOPING_RIM = 0.2, 0.07  # of the inscribed radius, over which relief, and slopes, fade in from the outline
 MOST = 2.5  # times the mean luminance that counts at most: a highlight is no hill
 _COARSEST = 24  # nodes a side where the solution starts
 _SWEEPS = 14  # of relaxation a level
@@ -83,10 +84,11 @@ def estimate_height(
     fine = _expanded(bilateral(sigmoid, weight, 1.0, RANGE))
     tilt = np.asarray(gradient, np.float64)[:2]
     slanted = 0.0 if unexplained is None else float(tilt @ tilt / (tilt @ tilt + SLANTED**2))
-    relief = (1.0 - (1.0 - CREASES) * slanted) * _relief(fine, weight, sigma)
+    relief = _relief(fine, weight, FINE * sigma) * _fade(inside, RIM * radius)
+    height += (1.0 - (1.0 - CREASES) * slanted) * relief
     if unexplained is not None and slanted > 0.0:
-        relief += GAIN * slanted * _slopes_integrated(unexplained, weight, tilt, sigma)
-    height += relief * _fade(inside, RIM * radius)
+        slopes = _slopes_integrated(unexplained, weight, tilt, sigma)
+        height += GAIN * slanted * slopes * _fade(inside, SLOPING_RIM * radius)
     height = np.where(inside, np.maximum(height, 0.0), 0.0)
     return np.asarray(height * (strength * radius / max(float(height.max()), 1e-9)))
 

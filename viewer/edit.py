@@ -142,6 +142,7 @@ def edit(
     lap("light")
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
+    renderer.develops = parts
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
     own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
     picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True)
