@@ -32,6 +32,7 @@ class PhotoLive(Live):
         self.shown: tuple[Made, Scene] | None = None
         self._work, self._pass = work, photo_pass
         self._target = photo_pass.target()
+        self.renderer.develops = False
 
     @property
     def working(self) -> bool:
@@ -51,7 +52,7 @@ class PhotoLive(Live):
         if picture is None or show != "radiance":
             return picture
         assert self.shown is not None
-        made, behind, run = self.shown[0], self._work.behind, self.renderer.stages.run
+        made, behind, run = self.shown[0], scene.photo.behind, self.renderer.stages.run
         textures = run("photograph's textures", [made], lambda: self._pass.upload(made))
         exposure, radiance = self.exposure(), picture.composite.textures["radiance"]
         pyramid = run("pyramid targets", [radiance.size], lambda: self._pass.pyramid(radiance.size))
@@ -60,6 +61,7 @@ class PhotoLive(Live):
             [picture.composite, textures, exposure, pyramid],
             lambda: self._pass.fill(radiance, textures, exposure, pyramid),
         )
+        run("photograph's backdrop", [textures, behind], lambda: self._pass.backdrop(textures, behind, self._target))
         run(
             "photograph",
             [picture.composite, textures, exposure, behind],
