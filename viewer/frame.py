@@ -159,7 +159,7 @@ class Renderer:
         leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress, draft)
 
-    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] = lambda _: True) -> Float32 | AnySolution:
+    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] | None = None) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
 
         `go_on` as of `core.diffusion.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may run it.
