@@ -33,6 +33,7 @@ SIZED = {  # for an object of 20 mm
     "sun": DirectionalLight((-0.5, 0.7, 0.6), angle_deg=0.6),
     "sphere": SphereLight((24.0, 28.0, 30.0), radius_mm=12.0),
     "rectangle": RectangleLight((-12.0, 16.0, -36.0), size_mm=(24.0, 24.0)),
+    "panel": RectangleLight((0.0, 0.0, 12.0), size_mm=(20.0, 20.0)),  # nearly touching
 }
 
 

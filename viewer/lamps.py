@@ -10,8 +10,8 @@ from viewer.gl import latlong_texture
 from viewer.irradiance_pass import LightSource, lamp, soft_lamp
 from viewer.lights import DirectionalLight, Light, PointLight, brightened, is_sharp
 from viewer.shadows_pass import ShadowMap, ShadowsPass
-from viewer.soft_shadows import SoftShadow, SoftShadowsPass, far_away
-from viewer.sub_lights import sub_light_count, sub_lights
+from viewer.soft_shadows import SoftShadow, SoftShadowsPass, divided
+from viewer.sub_lights import sub_light_count
 
 
 class Lamps:
@@ -47,7 +47,7 @@ class Lamps:
         if count == 0:
             assert isinstance(light, DirectionalLight | PointLight)
             return self._shadows.render(buffers, mesh, light, bodies)
-        return self._soft_shadows.render(buffers, mesh, sub_lights(light, count, far_away(mesh)), bodies)
+        return self._soft_shadows.render(buffers, mesh, *divided(light, count, mesh), bodies)
 
     def _lit(self, light: Light, shadow: ShadowMap | SoftShadow) -> LightSource:
         if isinstance(shadow, SoftShadow):
