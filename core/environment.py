@@ -49,8 +49,9 @@ __all__ = [
 ]
 
 # Against direct integration, the worst of 1,000 directions (Galileo's Tomb without its windows / Uffizi): without an
-# interface (eta = 1) the cosine's kink at the horizon makes bands fall off slowly, order 32 leaves 1.0 / 0.3 % on a fine
-# table, 48 0.5 / 0.3 %, 64 0.2 / 0.1 %; at 1.3, 0.3 / 0.15 % by 32. The table itself: height 64 leaves 1.0 %, 128 0.3 %.
+# interface (eta = 1) the cosine's kink at the horizon makes bands fall off slowly: order 32 leaves 1.0 / 0.3 % on a
+# fine table, 48 0.5 / 0.3 %, 64 0.2 / 0.1 %; at 1.3, 32 leaves 0.3 / 0.15 %. Between the rows of a table, height 64
+# leaves 1.0 %, 128 0.3 %.
 SH_ORDER = 48
 TABLE_HEIGHT = 128
 MAX_HEIGHT = 1024  # a larger probe is averaged down: 0.2 degrees a texel is plenty for diffuse light

@@ -184,14 +184,15 @@ class Renderer:
         parts: bool = False,
         show: str = "radiance",
         exposure_for: float | None = None,
+        quick: bool = False,
     ) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light.
 
         `show` is what the image is made of, one of `viewer.composite_pass.OUTPUTS`; `exposure_for` a log-average
-        luminance that takes the place of the picture's own.
+        luminance that takes the place of the picture's own. `quick` as of `viewer.shading.Shading.shade`.
         """
         offsets = pixel_offsets(samples, seed)
-        return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for)
+        return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.mesh import Mesh
+from core.stages import Steps
 from viewer.buffers import MeshBuffers
 from viewer.gl import float_texture
 from viewer.lights import Light, brightness
@@ -109,15 +110,18 @@ class SoftShadowsPass:
         self._context, self._tiles = context, DepthTiles(context)
         self._largest = int(context.info["GL_MAX_TEXTURE_SIZE"])
 
-    def render(
+    def steps(
         self,
         buffers: MeshBuffers,
         mesh: Mesh,
         lights: SubLights,
         placed: SoftViews,
         bodies: moderngl.Buffer | None = None,
-    ) -> SoftShadow:
-        """Render the mesh's depth as the sub-lights see it, and its bodies if given: one float a vertex."""
+    ) -> Steps[SoftShadow]:
+        """Render the mesh's depth as the sub-lights see it, and its bodies if given: one float a vertex.
+
+        A step is a tile.
+        """
         views = placed.matrices.shape[1]
         count = len(lights) * views
         columns = int(np.ceil(np.sqrt(count)))
@@ -127,7 +131,7 @@ class SoftShadowsPass:
         matrices, texel = placed.tiles(side)
         size = side * tiles[0], side * tiles[1]
         texture = self._tiles.texture(size, "the shadow maps of a light")
-        seen = self._tiles.draw(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
+        seen = yield from self._tiles.steps(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
         table = self._table(lights, matrices)
         told, widest = bodies is not None, THINNEST * longest_side(mesh)
         return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, seen, told)
