@@ -211,7 +211,7 @@ class PixelIrradiancePass:
         `highlights` is the environment prefiltered with the lobe, any texture without one. A step of a light with a
         size is a band of the picture.
         """
-        framebuffer = out.framebuffer
+        framebuffer, drawn = out.framebuffer, 0
         framebuffer.use()
         framebuffer.clear()
         for source in sources:
@@ -231,11 +231,15 @@ class PixelIrradiancePass:
                 **highlight_uniforms(specular),
                 "t_highlights": highlights,
             }
+            each = source.sub_lights // samples or 1 if source.is_soft else 0
             width, height = framebuffer.size
-            rows = max(8, PIXELS_A_STEP // (width * max(1, source.sub_lights // samples)))
+            rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, each))))
             for low in range(0, height, rows):
-                if low > 0:
+                cost = each * width * rows
+                if drawn > 0 and drawn + cost > PIXELS_A_STEP:
                     yield
+                    drawn = 0
+                drawn += cost
                 framebuffer.use()
                 self._context.scissor = None if rows >= height else (0, low, width, rows)
                 program.set(values)

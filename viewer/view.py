@@ -230,11 +230,10 @@ class ViewArea:
 
     def _learn(self, scene: Scene) -> None:
         """Remember what a pixel costs."""
-        timings = self.live.renderer.stages.timings
-        if "gbuffer" not in timings or self.live.spreading:
+        if "composite" not in self.live.renderer.stages.timings or self.live.spreading:
             return
         pixels = scene.display.image_size[0] * scene.display.image_size[1] * self.detail.samples
-        self._per_pixel = sum(timings.get(stage, 0.0) for stage in DRAWING) / pixels
+        self._per_pixel = sum(self.live.stage_times.get(stage, 0.0) for stage in DRAWING) / pixels
 
     def _put_picture(self) -> None:
         draw: Any = imgui.get_window_draw_list()
