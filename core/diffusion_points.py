@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from core.diffusion_pixels import PixelTerms
+from core.diffusion_pixels import WEAK, PixelTerms
 from core.layers import LayerGrid, smooth_matrix, tent_matrix
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
-LEAST_DIAGONAL = 1e-3  # as in the shader
+LEAST_SPLIT = 1e-4  # of two eigenvalues
 BORDER = 2  # nodes: as far as the weights reach over the edge
 
 
@@ -43,6 +43,7 @@ class PointLight:
 
 def point_exitance(
     volume: Float32,
+    mean: Float32,
     grid: LayerGrid,
     terms: PixelTerms,
     eta: float,
@@ -56,6 +57,8 @@ def point_exitance(
     ----------
     volume : (4, n_layers, height, width) float32
         Of a `core.diffusion.Solution`, on its boundary's `grid`.
+    mean : (3, n_layers, height, width) float32
+        Its `mean_fluence`.
     terms : PixelTerms
     eta : float
     points, normals : (n, 3) arrays
@@ -76,17 +79,29 @@ def point_exitance(
         own += sheet * _entering(terms, terms.across, there, thickness) * light.behind
         other += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
         other += (sheet > 0.0) * _entering(terms, terms.own, there, thickness) * light.behind
+    around = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean.reshape(3, -1).T, np.float64)
     gathered = _gather4(grid, volume, points)
-    right, diagonal = gathered[:, :3] + own, terms.diagonal - gathered[:, 3:]
-    if share.any():
-        coupling = sheet * _interpolated(terms.coupling[None], thickness / terms.reach, np.zeros(len(points)))
-        across = _gather4(grid, volume, points - thickness[:, None] * normals)
-        there = terms.diagonal - across[:, 3:] - coupling[:, 3:]
-        diagonal = diagonal - coupling[:, 3:]
-        coupled = there * right - coupling[:, :3] * (across[:, :3] + other)
-        right = np.where(sheet > 0.0, coupled, right)
-        diagonal = np.where(sheet > 0.0, diagonal * there - coupling[:, :3] ** 2, diagonal)
-    return np.maximum(right / (np.maximum(diagonal, LEAST_DIAGONAL) * terms.doubled), 0.0)
+    coupling = sheet * _interpolated(terms.coupling[None], thickness / max(terms.reach, 1e-9), np.zeros(len(points)))
+    here_own, f = terms.diagonal - gathered[:, 3:] - coupling[:, 3:], coupling[:, :3]
+    over_there = _gather4(grid, volume, points - thickness[:, None] * normals)
+    there_own = terms.diagonal - over_there[:, 3:] - coupling[:, 3:]
+    right = gathered[:, :3] + own - (here_own + f) * around
+    right_there = over_there[:, :3] + other - (there_own + f) * around
+    more = np.where(sheet > 0.0, _damped(here_own, there_own, f, right, right_there), _weak(here_own) * right)
+    return np.maximum((around + more) / terms.doubled, 0.0)
+
+
+def _weak(eigenvalue: Array) -> Array:
+    return np.asarray(eigenvalue**3 / (eigenvalue**4 + WEAK**4))
+
+
+def _damped(a: Array, d: Array, f: Array, right: Array, right_there: Array) -> Array:
+    """First part of the solution of ((a, f), (f, d)) x = right with inverses of eigenvalues as `_weak` takes them."""
+    middle, half = 0.5 * (a + d), 0.5 * (a - d)
+    split = np.maximum(np.sqrt(half * half + f * f), LEAST_SPLIT)
+    upper, lower = _weak(middle + split), _weak(middle - split)
+    slope = (upper - lower) / (2.0 * split)
+    return np.asarray((0.5 * (upper + lower) + slope * half) * right + slope * f * right_there)
 
 
 def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Array, Array]:
@@ -94,8 +109,8 @@ def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Arr
     if terms.depths is None:
         return np.zeros(len(points)), np.zeros(len(points))
     weights = tent_matrix(grid, grid.coordinates(points))
-    thickness, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
-    return thickness, share
+    inverse, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
+    return 1.0 / np.maximum(inverse, 1.0 / terms.reach), share
 
 
 def _behind_cosine(light: PointLight) -> Array | None:

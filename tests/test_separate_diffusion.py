@@ -54,7 +54,8 @@ class Case:
         """M without what light that enters at the points themselves adds."""
         depths = None if terms.reach == 0.0 else depths_at_nodes(solution.boundary, terms.reach)
         own, grid = replace(terms, depths=depths), solution.boundary.grid
-        return point_exitance(solution.volume, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
+        mean = solution.mean_fluence()
+        return point_exitance(solution.volume, mean, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
 
 
 def flux(case, solution, body):
