@@ -82,6 +82,11 @@ class Renderer:
         FFTW's planner flag, see `core.convolution.LayerConvolver`.
     assets : Assets, optional
         Where meshes and probes come from, and stay for the next scene.
+
+    Attributes
+    ----------
+    develops : bool
+        Whether `shade` makes an image of radiance. Without one a photograph is drawn, which has its own exposure.
     """
 
     def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None) -> None:
@@ -90,6 +95,7 @@ class Renderer:
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
         self._lighting = Lighting(context, self.stages, effort, assets or Assets())
         self._shading = Shading(context, self.stages)
+        self.develops = True
 
     @property
     def timings(self) -> dict[str, float]:
@@ -192,7 +198,10 @@ class Renderer:
         luminance that takes the place of the picture's own. `quick` as of `viewer.shading.Shading.shade`.
         """
         offsets = pixel_offsets(samples, seed)
-        return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
+        shading = self._shading
+        if show == "radiance" and not self.develops:
+            return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
+        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""

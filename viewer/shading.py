@@ -96,11 +96,23 @@ class Shading:
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
+        return self._picture(scene, lit, composite, image, average)
+
+    def undeveloped(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+    ) -> Picture:
+        """Likewise, without exposure and tone map: the image is the composite's own framebuffer."""
+        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
+
+    def _picture(
+        self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
+    ) -> Picture:
         too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
         warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
         remarks = () if too_small is None else (too_small,)
-        transparent = display.background == "transparent"
+        transparent = scene.display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
