@@ -190,17 +190,18 @@ class Renderer:
         parts: bool = False,
         show: str = "radiance",
         exposure_for: float | None = None,
+        quick: bool = False,
     ) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light.
 
         `show` is what the image is made of, one of `viewer.composite_pass.OUTPUTS`; `exposure_for` a log-average
-        luminance that takes the place of the picture's own.
+        luminance that takes the place of the picture's own. `quick` as of `viewer.shading.Shading.shade`.
         """
         offsets = pixel_offsets(samples, seed)
         shading = self._shading
         if show == "radiance" and not self.develops:
-            return shading.undeveloped(scene, lit, gather, offsets, parts)
-        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for)
+            return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
+        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""

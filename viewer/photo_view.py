@@ -9,13 +9,13 @@ import numpy as np
 
 from core.errors import InputError
 from viewer.assets import Assets
+from viewer.draft import Detail
 from viewer.edit import Edited
 from viewer.edit_composite import Compositor
 from viewer.gl import read_rgba
 from viewer.gui import ACCENT, Gui, imgui
 from viewer.images import PixelsInt
 from viewer.imgui_renderer import ImguiRenderer
-from viewer.live import Detail
 from viewer.panel_controls import Box
 from viewer.photo_live import PhotoLive, scaled
 from viewer.photo_mouse import PhotoMouse
@@ -80,7 +80,7 @@ class PhotoView(ViewArea):
     def still(self) -> tuple[PixelsInt, bytes | None] | None:
         """Return the photograph with its object as `milkglass edit` writes it, and its ICC profile; None before."""
         live = self.live
-        if self._work.made is None or live.draw(self._sized(self._session.scene), Detail(False, SAMPLES)) is None:
+        if self._work.made is None or live.draw(self._sized(self._session.scene), Detail(False, SAMPLES, True)) is None:
             return None
         assert live.shown is not None
         assert live.picture is not None
