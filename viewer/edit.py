@@ -145,7 +145,8 @@ def edit(
     renderer.develops = parts
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
     own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
-    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True)
+    # A height field casts short shadows: a window of the surround needs few sub-lights.
+    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True)
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])
     radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
@@ -163,11 +164,15 @@ def edit(
 
 
 def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
-    """Return the scene with the photograph's camera, and its light where there is no other environment."""
+    """Return the scene with the photograph's camera, and its light where there is no other environment.
+
+    What is bright in the background is behind the object, and need not shine as a lamp: only one in front does.
+    """
     rows, columns = geometry.framing.size
     environment = scene.environment
     if not environment.given:
-        environment = replace(environment, path=photo.path)
+        sharp = environment.extract and geometry.shading.lamp is not None
+        environment = replace(environment, path=photo.path, extract=sharp)
     transport = scene.transport
     if transport.method == "diffusion" and transport.resolution is None and transport.error_target is None:
         transport = replace(transport, resolution=NODES)

@@ -117,16 +117,18 @@ class Renderer:
         progress: Progress | None = None,
         last: bool = False,
         tinted: bool = True,
+        draft: bool = False,
     ) -> Picture:
         """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
 
         If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
-        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves.
+        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A `draft`
+        has fewer sub-lights, see `light`.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
         self.transport_stages.begin()
-        lit, gather = self._scattered(scene, say)
+        lit, gather = self._scattered(scene, say, draft)
         lit = lit if tinted else lit.without_tint()
         if last:
             lit = self._without_transport(lit)
@@ -134,9 +136,9 @@ class Renderer:
         say("drawing")
         return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts)
 
-    def _scattered(self, scene: Scene, say: Progress) -> tuple[LitScene, Gather]:
+    def _scattered(self, scene: Scene, say: Progress, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
-        lit = self.light(scene, say)
+        lit = self.light(scene, say, draft)
         say("scattering light through the layers")
         return lit, self.gather(lit, self.scatter(lit))
 
