@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import maximum_filter
 
+from core.convolution import thread_pool
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
 from core.photo_light import light_around
@@ -137,6 +138,7 @@ def edit(
         photo, framing, white, strength=read.depth_strength, smoothing=read.depth_smoothing, depth=read.depth
     )
     lap("depth and surface")
+    behind = thread_pool().submit(filled, geometry.colour, clear_of(geometry.coverage).astype(np.float32))
     progress("looking at the surround")
     light = photo_light(photo, geometry, white)
     lap("light")
@@ -157,9 +159,8 @@ def edit(
         exposure *= exposure_match(light, geometry, placed, mean)
     frame = read_frame(picture, renderer.timings, last=True) if parts else None
     lap("rendering")
-    behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    kept = exposure, white, behind.result(), timings, picture.warnings
     lap("background")
-    kept = exposure, white, behind, timings, picture.warnings
     return Edited(photo, geometry, radiance, covered, frame, *kept)
 
 

@@ -122,8 +122,8 @@ class Renderer:
         """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
 
         If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
-        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A `draft`
-        has fewer sub-lights, see `light`.
+        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A
+        `draft` has fewer sub-lights, see `light`.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
