@@ -77,15 +77,18 @@ def point_exitance(
         other += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
         other += (sheet > 0.0) * _entering(terms, terms.own, there, thickness) * light.behind
     gathered = _gather4(grid, volume, points)
-    right, diagonal = gathered[:, :3] + own, terms.diagonal - gathered[:, 3:]
+    bent = _bending(grid, terms, points)
+    right, diagonal = gathered[:, :3] + own, terms.diagonal - bent * gathered[:, 3:]
     if share.any():
         coupling = sheet * _interpolated(terms.coupling[None], thickness / terms.reach, np.zeros(len(points)))
-        across = _gather4(grid, volume, points - thickness[:, None] * normals)
-        there = terms.diagonal - across[:, 3:] - coupling[:, 3:]
-        diagonal = diagonal - coupling[:, 3:]
-        coupled = there * right - coupling[:, :3] * (across[:, :3] + other)
+        beyond = points - thickness[:, None] * normals
+        across, bent_there = _gather4(grid, volume, beyond), _bending(grid, terms, beyond)
+        there = terms.diagonal - bent_there * (across[:, 3:] + coupling[:, 3:])
+        diagonal = diagonal - bent * coupling[:, 3:]
+        to_there, to_here = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bent_there, bent))
+        coupled = there * right - to_there * (across[:, :3] + other)
         right = np.where(sheet > 0.0, coupled, right)
-        diagonal = np.where(sheet > 0.0, diagonal * there - coupling[:, :3] ** 2, diagonal)
+        diagonal = np.where(sheet > 0.0, diagonal * there - to_there * to_here, diagonal)
     return np.maximum(right / (np.maximum(diagonal, LEAST_DIAGONAL) * terms.doubled), 0.0)
 
 
@@ -96,6 +99,14 @@ def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Arr
     weights = tent_matrix(grid, grid.coordinates(points))
     thickness, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
     return thickness, share
+
+
+def _bending(grid: LayerGrid, terms: PixelTerms, points: Array) -> Array:
+    """B at points, (n, 3)."""
+    if terms.bending is None:
+        return np.ones((len(points), 3))
+    weights = tent_matrix(grid, grid.coordinates(points))
+    return 1.0 + np.asarray(weights.T @ terms.bending.reshape(3, -1).T, np.float64)
 
 
 def _behind_cosine(light: PointLight) -> Array | None:

@@ -21,6 +21,8 @@ uniform vec3 u_doubled;         // 2 A
 uniform sampler2D t_coupling;   // between the sides of a sheet, over thickness; one row
 uniform sampler3D t_depths;     // thickness, mm, and how far it is a sheet
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
+uniform bool u_bent;            // whether the next is other than 0
+uniform sampler3D t_bending;    // A of a curved surface over a flat one's, less 1
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
 const float LEAST_OWN = 0.25;   // of the equation that a point has for itself; about 1/2 on smooth surfaces
 
@@ -64,20 +66,26 @@ vec4 gather(vec3 coordinates) {
     return u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0);
 }
 
+vec3 bending(vec3 coordinates) {
+    return u_bent ? 1.0 + textureLod(t_bending, coordinates, 0.0).rgb : vec3(1.0);
+}
+
 // Exitance of transport `diffusion`. local: what light that enters here adds; other: the same on the other side.
 vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 local, vec3 other) {
     vec4 gathered = gather(coordinates);
-    vec3 right = gathered.rgb + local, own = u_diagonal - gathered.a;
+    vec3 bent = bending(coordinates);
+    vec3 right = gathered.rgb + local, own = u_diagonal - bent * gathered.a;
     vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
     if (depths.y > 0.0) {
         float columns = float(textureSize(t_coupling, 0).x);
         float s = (depths.x / u_thin_reach * (columns - 1.0) + 0.5) / columns;
         vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
-        vec4 across = gather(volume_coordinates(position - depths.x * normal_and_body.xyz, normal_and_body.a));
-        vec3 there = u_diagonal - across.a - coupling.a;
-        vec3 share = coupling.rgb / max(there, LEAST_OWN);
+        vec3 beyond = volume_coordinates(position - depths.x * normal_and_body.xyz, normal_and_body.a);
+        vec4 across = gather(beyond);
+        vec3 bent_there = bending(beyond), there = u_diagonal - bent_there * (across.a + coupling.a);
+        vec3 share = (coupling.rgb + (bent_there - 1.0) * coupling.a) / max(there, LEAST_OWN);
         right -= share * (across.rgb + other);
-        own -= coupling.a + share * coupling.rgb;
+        own -= bent * coupling.a + share * (coupling.rgb + (bent - 1.0) * coupling.a);
     }
     vec3 fluence = right / max(own, LEAST_OWN);
     // On the sharpest ridges a point has next to nothing of its own: there its neighbourhood's mean, corrected in part.
