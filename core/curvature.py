@@ -17,7 +17,7 @@ from core.patches import Patches
 Array = npt.NDArray[np.float64]
 
 NEIGHBOURS = 10
-APART = 2.0  # patches that normals a right angle apart count as
+APART = 1.0  # patches that normals a right angle apart count as
 DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
 
 
@@ -54,7 +54,7 @@ def curvature(patches: Patches) -> Curvature:
     step = patches.points[others] - patches.points[:, None]
     turn = patches.normals[others] - patches.normals[:, None]
     along = np.einsum("ijk,ijk->ij", step, step)
-    alike = np.maximum(1.0 - 0.5 * np.einsum("ijk,ijk->ij", turn, turn), 0.0)
+    alike = np.maximum(1.0 - 0.25 * np.einsum("ijk,ijk->ij", turn, turn), 0.0)
     weights = alike * patches.areas[others]
     bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
     value = 2.0 * bent / np.maximum(np.sum(weights * along, axis=1), np.finfo(np.float64).tiny)

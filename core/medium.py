@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 # fitted to what leaves slabs and spheres in a photon walk. It matters below an albedo of 0.97 only.
 ANISOTROPY = 0.42
 NEARLY_CLEAR = 0.06  # albedo
-CONVEX, CONCAVE = 2.0, 0.25  # how fast the effect of curvature ends, over curvature times mean free path
+CONVEX, CONCAVE = 2.0, 0.0  # how fast the effect of curvature ends, over curvature times mean free path
 
 
 @dataclass(frozen=True)
