@@ -129,16 +129,25 @@ class Depths:
 
     def __init__(self, mesh: Mesh) -> None:
         self._rays = RayMesh(mesh.vertices, mesh.faces)
+        cross = face_cross(mesh.vertices, mesh.faces)
+        self._normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
 
     def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
         """Way through the object from m patches along unit directions (m, 3): (m,) mm, 0 where a ray leaves at once.
 
         `cell`, mm, sets how far below the surface rays start.
         """
+        return self.ends(patches, chosen, directions, cell)[0]
+
+    def ends(
+        self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float
+    ) -> tuple[Array, Array]:
+        """Return what `along` does, and the cosine at which each ray meets the other side, (m,) in [0, 1]."""
         normals = patches.face_normals[chosen]
         face, t = self._rays.first(patches.on_surface[chosen] - RAY_OFFSET * cell * normals, directions)
         inward = np.einsum("ij,ij->i", directions, normals) < 0.0
-        return np.where((face >= 0) & inward, t, 0.0)
+        cosines = np.einsum("ij,ij->i", directions, self._normals[face])
+        return np.where((face >= 0) & inward, t, 0.0), np.clip(cosines, 0.0, 1.0)
 
 
 @functools.lru_cache(maxsize=1)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary, Depths
+from core.fresnel import reflectance
 from core.green import local_green
 from core.layers import smooth_matrix
 from core.medium import Medium
@@ -55,6 +56,8 @@ class Entry:
         Of the rays, stretch included, to the normal inwards.
     chords : (m,) float64
         Way through the object along the rays, mm.
+    reflected : (m,) float64
+        F_r where the chord ends: that share of the light that comes so far goes on inside.
     flux : (m, 3) float64
         E dA.
     """
@@ -64,6 +67,7 @@ class Entry:
     stretch: float
     cosines: Array
     chords: Array
+    reflected: Array
     flux: Array
 
 
@@ -81,8 +85,8 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     else:
         rays, stretch = -normals, mean_cosine(eta)
     cosines = -stretch * np.einsum("ij,ij->i", rays, normals)
-    chords = depths.along(patches, lit, rays, boundary.grid.texel)
-    return Entry(lit, rays, stretch, cosines, chords, flux[lit])
+    chords, met = depths.ends(patches, lit, rays, boundary.grid.texel)
+    return Entry(lit, rays, stretch, cosines, chords, reflectance(1.0 / eta, stretch * met), flux[lit])
 
 
 def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float) -> tuple[Float32, Array]:
@@ -95,7 +99,7 @@ def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: f
     local : (n,) float64
         a' E sum of w rho(depth) at every patch.
     """
-    depths, shares = first_scattering(entry.chords / (entry.stretch * medium.mean_free_path))
+    depths, shares = first_scattering(entry.chords / (entry.stretch * medium.mean_free_path), entry.reflected)
     depths *= medium.mean_free_path
     strength = medium.albedo * entry.flux[:, channel, None] * shares
     start = boundary.patches.points[entry.patches]
