@@ -70,7 +70,7 @@ class Boundary:
 
     def bending(self, medium: Medium) -> Array:
         """`Medium.bending` of the patches, (n,); curvature counts as far as light goes before it scatters."""
-        return medium.bending(self.curvature.at(medium.mean_free_path))
+        return medium.bending(self.curvature.at(0.5 * medium.mean_free_path))
 
     def double_layer(self, boundary_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
         """Deposit of 2 A M dA: W / (2 A) + b D n . grad W, (nodes, n) sparse float32; b is 1 or (n,)."""
