@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
-from core.fresnel import reflectance
 from core.green import local_green, local_slope
 from core.medium import NO_ABSORPTION, Medium
 from core.refracted import first_scattering, mean_cosine
@@ -133,8 +132,7 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
     """A' sum of w rho over the distances of first scattering to either side, for rays of cosines at thicknesses."""
     cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)
     thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
-    reflected = reflectance(1.0 / medium.eta, cosine.ravel())  # the other side taken to be parallel
-    depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel(), reflected)
+    depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
     below = depths * medium.mean_free_path * cosine.ravel()[:, None]
     own = np.sum(weights * local_green(medium, s, below), axis=-1)
     left = np.minimum(np.abs(thick.ravel()[:, None] - below), 1e3 * s)

@@ -40,28 +40,21 @@ def mean_cosine(eta: float) -> float:
     return float(np.sum(entering * np.sqrt(1.0 - (1.0 - mu * mu) / eta**2)) / np.sum(entering))
 
 
-def first_scattering(chord: npt.ArrayLike, reflected: npt.ArrayLike = 0.0) -> tuple[Array, Array]:
+def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
     """Two-point Gauss rule of exp(-z) on [0, chord], chord (n,) >= 0 in mean free paths, inf allowed.
-
-    Of what reaches the chord's end the share `reflected`, in [0, 1], (n,) or one for all, comes back once: as if
-    folded onto the chord, with the mean depth that it has there.
 
     Returns
     -------
     depths, weights : (n, 2) float64
-        Depths in mean free paths; weights sum to (1 - exp(-chord)) (1 + reflected exp(-chord)).
+        Depths in mean free paths; weights sum to 1 - exp(-chord).
     """
     chord = np.minimum(np.asarray(chord, np.float64), LONGEST)
     at, table = _table()
     bounded = chord / (1.0 + chord)
     shares = np.stack([np.interp(bounded, at, column) for column in table], axis=-1)
     depths = shares[..., :2] * bounded[..., None]
-    scattered = -np.expm1(-chord)
-    # Folded, a mean depth of z is one of chord - z; it must lie between the two nodes.
-    first, distance = shares[..., 2], np.maximum(depths[..., 1] - depths[..., 0], np.finfo(np.float64).tiny)
-    folded = np.clip((depths[..., 1] + depths[..., 0] - chord) / distance + 1.0 - first, 0.0, 1.0)
-    first = first + np.asarray(reflected) * np.exp(-chord) * folded
-    return depths, scattered[..., None] * np.stack([first, 1.0 + np.asarray(reflected) * np.exp(-chord) - first], -1)
+    first = shares[..., 2] * -np.expm1(-chord)
+    return depths, np.stack([first, -np.expm1(-chord) - first], axis=-1)
 
 
 @functools.cache
