@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 Vector = tuple[float, float, float]
 
-LEAST_REFLECTED = 0.03  # F_r; at right angles it is less, and the light not worth its way
+LEAST_REFLECTED = 0.05  # F_r; at right angles it is less, and the light not worth its way
 LEAST_LEFT = 1e-3  # share of a ray's light that comes back
 
 
@@ -176,7 +176,7 @@ def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, channel
     strength = medium.albedo * entry.flux[second.rays[worth], channel, None] * shares
     ways = entry.stretch * medium.mean_free_path * depths
     deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
-    for node in range(2):
+    for node in range(2) if len(worth) else ():
         points = second.starts[worth] + ways[:, node, None] * second.directions[worth]
         deposited += smooth_matrix(boundary.grid, boundary.grid.coordinates(points)) @ strength[:, node].astype(np.float32)
     return deposited
