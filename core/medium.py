@@ -35,7 +35,7 @@ Array = npt.NDArray[np.float64]
 
 # A grows as albedo falls, because light near the surface is then not as isotropic as diffusion takes it: one constant,
 # fitted to what leaves slabs and spheres in a photon walk. It matters below an albedo of 0.97 only.
-ANISOTROPY = 0.42
+ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CONVEX = 2.0  # how fast the effect of curvature ends where convex, over curvature times mean free path
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
