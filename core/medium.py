@@ -37,6 +37,7 @@ Array = npt.NDArray[np.float64]
 # fitted to what leaves slabs and spheres in a photon walk. It matters below an albedo of 0.97 only.
 ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
+CLEAR = 1e9  # mean free path, mm; more changes nothing
 CONVEX = 2.0  # how fast the effect of curvature ends where convex, over curvature times mean free path
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
 
@@ -94,7 +95,7 @@ class Medium:
 
     def bending(self, curvature: npt.ArrayLike) -> Array:
         """A on a curved surface over `boundary`, > 0; `curvature` is 2 H, 1/mm, above 0 where convex, any shape."""
-        bent = np.maximum(np.asarray(curvature, np.float64) * self.mean_free_path, -DEEPEST)
+        bent = np.clip(np.asarray(curvature, np.float64) * min(self.mean_free_path, CLEAR), -DEEPEST, CLEAR)
         bent = bent / (1.0 + CONVEX * np.maximum(bent, 0.0))
         extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
