@@ -178,5 +178,6 @@ def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, channel
     deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
     for node in range(2) if len(worth) else ():
         points = second.starts[worth] + ways[:, node, None] * second.directions[worth]
-        deposited += smooth_matrix(boundary.grid, boundary.grid.coordinates(points)) @ strength[:, node].astype(np.float32)
+        weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
+        deposited += weights @ strength[:, node].astype(np.float32)
     return deposited

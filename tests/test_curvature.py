@@ -67,7 +67,7 @@ def test_a_wider_mean_sees_no_detail():
 
 
 def test_light_around_a_cavity_against_photons():
-    """Lit from everywhere, a shell of 3 mean free paths: with the flat surface's A the cavity is 5 to 7 % too bright."""
+    """A shell of 3 mean free paths, lit from all around: with a flat surface's A its cavity is 5 to 7 % too bright."""
     mesh, albedos = shell(10.0, 7.0), (0.97, 0.99, 0.999)
     each = np.repeat([0, 1], len(mesh.faces) // 2)
     found = walk(Solid(mesh, each), 1.0, albedos, 1.3, None, 60_000, seed=1)

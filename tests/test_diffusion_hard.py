@@ -264,7 +264,7 @@ def test_materials_at_the_ends_of_their_range():
 def test_several_lights_add_up():
     mesh = torus_knot(n_along=160, n_around=16)
     samples, media = samples_of(mesh, 32), THREE
-    transport = DiffusionTransport(resolution=32, tolerance=1e-5)
+    transport = DiffusionTransport(resolution=32, tolerance=1e-6)
     grid = transport.grid(mesh, np.eye(3))
     lights = [
         collimated(samples),
