@@ -38,7 +38,7 @@ Array = npt.NDArray[np.float64]
 ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CLEAR = 1e9  # mean free path, mm; more changes nothing
-CONVEX = 2.0  # how fast the effect of curvature ends where convex, over curvature times mean free path
+CONVEX = 0.6  # share of the effect that is left where the surface is convex but nearly flat
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
 
 
@@ -96,7 +96,7 @@ class Medium:
     def bending(self, curvature: npt.ArrayLike) -> Array:
         """A on a curved surface over `boundary`, > 0; `curvature` is 2 H, 1/mm, above 0 where convex, any shape."""
         bent = np.clip(np.asarray(curvature, np.float64) * min(self.mean_free_path, CLEAR), -DEEPEST, CLEAR)
-        bent = bent / (1.0 + CONVEX * np.maximum(bent, 0.0))
+        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
         extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 
