@@ -13,66 +13,21 @@ Layers mix in one of two ways, whichever is cheaper:
 
 import functools
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import pyfftw
 
+from core.convolution_shape import ConvolutionShape
+
 Float32 = npt.NDArray[np.float32]
 Complex64 = npt.NDArray[np.complex64]
 
-PAIRS_UP_TO = 8  # layers; measured on 2 cores, see `milkglass bench`
-BLOCK_BYTES = 1 << 19  # of one column block: half of a usual L2 cache
-
-
-@dataclass(frozen=True)
-class ConvolutionShape:
-    """Sizes of a layer convolution: the maps' and the padded ones.
-
-    `padding` asks for padded sizes of at least (layers, rows, columns), all even, instead of the doubled ones that
-    make any kernel's convolution exactly linear; layers then mix by FFT, and the kernel is given on the whole octant.
-    """
-
-    n_layers: int
-    height: int
-    width: int
-    padding: tuple[int, int, int] | None = None
-
-    @property
-    def padded_height(self) -> int:
-        """Rows after zero padding: even and a product of small primes; at least 2 height - 1 unless asked for."""
-        return _even_fast_length(self.padding[1] if self.padding else 2 * self.height - 1)
-
-    @property
-    def padded_width(self) -> int:
-        """Columns after zero padding, likewise."""
-        return _even_fast_length(self.padding[2] if self.padding else 2 * self.width - 1)
-
-    @property
-    def padded_layers(self) -> int:
-        """Layers after zero padding where they are mixed by FFT; n_layers where pair by pair."""
-        if self.mixes_pairs:
-            return self.n_layers
-        return _even_fast_length(self.padding[0] if self.padding else 2 * self.n_layers - 1)
-
-    @property
-    def padded_nodes(self) -> int:
-        """Nodes after zero padding: what the transforms' cost goes by."""
-        return self.padded_layers * self.padded_height * self.padded_width
-
-    @property
-    def mixes_pairs(self) -> bool:
-        """Whether layers mix pair by pair."""
-        return self.padding is None and self.n_layers <= PAIRS_UP_TO
-
-    @property
-    def quadrant(self) -> tuple[int, int, int]:
-        """Shape of the non-redundant part of an even kernel's spectrum: (layer distances, rows, columns)."""
-        depth = self.n_layers if self.mixes_pairs else self.padded_layers // 2 + 1
-        return depth, self.padded_height // 2 + 1, self.padded_width // 2 + 1
+ROWS_BYTES = 1 << 18  # of rows that are transformed at a time
+PAIRS_BYTES = 1 << 19  # of one column block whose layers mix pair by pair: half of a usual L2 cache
+BLOCK_BYTES = 1 << 21  # of one that is transformed across the layers too: more calls cost more than the cache gives
 
 
 class LayerConvolver:
@@ -90,12 +45,14 @@ class LayerConvolver:
     def __init__(self, shape: ConvolutionShape, threads: int = 0, effort: str = "FFTW_MEASURE") -> None:
         self.shape = shape
         self._threads = threads or os.cpu_count() or 1
-        bytes_a_column = 8 * shape.padded_layers * shape.padded_height
         columns = shape.padded_width // 2 + 1
-        # Small maps fit into less than a block, and a plan transforms all of its columns.
-        self._block = min(int(np.clip(BLOCK_BYTES // bytes_a_column, 16, 64)), columns)
         self._rows = pyfftw.zeros_aligned((shape.n_layers, shape.height, columns), "complex64")
-        self._workers = [_Worker(shape, self._block, effort) for _ in range(self._threads)]
+        self._batches = _parts(shape.n_layers, ROWS_BYTES // (4 * shape.height * shape.padded_width), self._threads)
+        bytes_a_column = 8 * shape.padded_layers * shape.padded_height
+        most = min(PAIRS_BYTES // bytes_a_column, 64) if shape.mixes_pairs else BLOCK_BYTES // bytes_a_column
+        self._blocks = _parts(columns, max(most, 16), self._threads)
+        sizes = len(self._rows[self._batches[0]]), self._blocks[0].stop
+        self._workers = [_Worker(shape, *sizes, effort) for _ in range(self._threads)]
 
     def convolve(self, layers: Float32, spectra: tuple[Float32, ...]) -> Float32:
         """Convolve one channel.
@@ -113,14 +70,13 @@ class LayerConvolver:
             Exitance at the texel centres. A new array.
         """
         out = np.empty_like(layers)
-        columns = self._rows.shape[2]
-        blocks = [slice(start, min(start + self._block, columns)) for start in range(0, columns, self._block)]
-        self._each(lambda worker, i: worker.rows_in(layers[i], self._rows[i]), range(len(layers)))
-        self._each(lambda worker, block: worker.columns(self._rows, block, spectra), blocks)
-        self._each(lambda worker, i: worker.rows_out(self._rows[i], out[i]), range(len(layers)))
+        rows = self._rows
+        self._each(lambda worker, batch: worker.rows_in(layers[batch], rows[batch]), self._batches)
+        self._each(lambda worker, block: worker.columns(rows, block, spectra), self._blocks)
+        self._each(lambda worker, batch: worker.rows_out(rows[batch], out[batch]), self._batches)
         return out
 
-    def _each(self, task, items: Sequence[object]) -> None:  # type: ignore[no-untyped-def]
+    def _each(self, task: Callable[["_Worker", slice], None], items: Sequence[slice]) -> None:
         """Run task(worker, item) for all items, every worker taking each n-th one."""
         n = min(self._threads, len(items))
         if n == 1:
@@ -133,6 +89,13 @@ class LayerConvolver:
                 task(self._workers[w], item)
 
         list(thread_pool().map(share, range(n)))
+
+
+def _parts(count: int, most: int, threads: int) -> list[slice]:
+    """Divide items into even parts of at most `most`, the first a largest one; one a thread at least."""
+    parts = min(max(-(-count // max(most, 1)), threads), count)
+    size = -(-count // parts)
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 
 
 def prepared(shape: ConvolutionShape, spectrum: Float32) -> tuple[Float32, ...]:
@@ -156,55 +119,58 @@ def prepared(shape: ConvolutionShape, spectrum: Float32) -> tuple[Float32, ...]:
 
 
 class _Worker:
-    """One thread's plans and buffers."""
+    """One thread's plans and buffers.
 
-    def __init__(self, shape: ConvolutionShape, block: int, effort: str) -> None:
+    Transforms go from one buffer to another: in place, ``FFTW_ESTIMATE`` takes up to four times as long. Batches and
+    blocks of less than the planned size are transformed with whatever lies beside them.
+    """
+
+    def __init__(self, shape: ConvolutionShape, batch: int, block: int, effort: str) -> None:
         self._shape = shape
-        width = shape.padded_width
-        self._line = pyfftw.zeros_aligned((shape.height, width), "float32")
-        self._spectrum = pyfftw.zeros_aligned((shape.height, width // 2 + 1), "complex64")
+        n, width = shape.n_layers, shape.padded_width
+        self._line = pyfftw.zeros_aligned((batch, shape.height, width), "float32")
+        self._spectrum = pyfftw.zeros_aligned((batch, shape.height, width // 2 + 1), "complex64")
         # One row more than needed: layers a power of two apart would fall on the same lines of the cache.
-        cube = pyfftw.zeros_aligned((shape.padded_layers, shape.padded_height + 1, block), "complex64")
-        self._cube = cube[:, :-1]
+        deep = (shape.padded_layers, shape.padded_height + 1, block)
+        self._tall = pyfftw.zeros_aligned((n, *deep[1:]), "complex64")[:, :-1]
+        self._cube = self._deep = pyfftw.zeros_aligned(deep, "complex64")[:, :-1]
         options = {"threads": 1, "flags": (effort,)}
-        forward, backward = "FFTW_FORWARD", "FFTW_BACKWARD"
-        self._row_in = pyfftw.FFTW(self._line, self._spectrum, axes=(1,), direction=forward, **options)
-        self._row_out = pyfftw.FFTW(
-            self._spectrum, self._line, axes=(1,), direction=backward, normalise_idft=False, **options
-        )
-        filled = self._cube[: shape.n_layers]
-        self._column_in = pyfftw.FFTW(filled, filled, axes=(1,), direction=forward, **options)
-        self._column_out = pyfftw.FFTW(filled, filled, axes=(1,), direction=backward, normalise_idft=False, **options)
+        back = {"direction": "FFTW_BACKWARD", "normalise_idft": False, **options}
+        self._row_in = pyfftw.FFTW(self._line, self._spectrum, axes=(2,), **options)
+        self._row_out = pyfftw.FFTW(self._spectrum, self._line, axes=(2,), **back)
+        self._column_in = pyfftw.FFTW(self._tall, self._deep[:n], axes=(1,), **options)
+        self._column_out = pyfftw.FFTW(self._deep[:n], self._tall, axes=(1,), **back)
         if not shape.mixes_pairs:
-            cube = self._cube
-            self._depth_in = pyfftw.FFTW(cube, cube, axes=(0,), direction=forward, **options)
-            self._depth_out = pyfftw.FFTW(cube, cube, axes=(0,), direction=backward, normalise_idft=False, **options)
-        half = (shape.n_layers + 1) // 2
+            self._cube = pyfftw.zeros_aligned(deep, "complex64")[:, :-1]
+            self._depth_in = pyfftw.FFTW(self._deep, self._cube, axes=(0,), **options)
+            self._depth_out = pyfftw.FFTW(self._cube, self._deep, axes=(0,), **back)
+        half = (n + 1) // 2 if shape.mixes_pairs else 0
         self._product = np.empty((half, shape.padded_height // 2 + 1, 2 * block), np.float32)
 
-    def rows_in(self, image: Float32, out: Complex64) -> None:
-        if not image.any():  # a dark layer
+    def rows_in(self, images: Float32, out: Complex64) -> None:
+        if not images.any():  # dark layers
             out[:] = 0.0
             return
-        self._line[:, : image.shape[1]] = image
-        self._line[:, image.shape[1] :] = 0.0
+        n, _, width = images.shape
+        self._line[:n, :, :width] = images
+        self._line[:, :, width:] = 0.0
         self._row_in.execute()
-        out[:] = self._spectrum
+        out[:] = self._spectrum[:n]
 
     def rows_out(self, rows: Complex64, out: Float32) -> None:
-        self._spectrum[:] = rows
+        self._spectrum[: len(rows)] = rows
         self._row_out.execute()
-        out[:] = self._line[:, : out.shape[1]]
+        out[:] = self._line[: len(out), :, : out.shape[2]]
 
     def columns(self, rows: Complex64, block: slice, spectra: tuple[Float32, ...]) -> None:
         """Transform a block of columns, mix the layers, transform back."""
         n, height = self._shape.n_layers, self._shape.height
         used = block.stop - block.start
-        self._cube[n:] = 0.0
-        self._cube[:n, height:] = 0.0
-        self._cube[:n, :height, :used] = rows[:, :, block]
+        self._tall[:, height:] = 0.0
+        self._tall[:, :height, :used] = rows[:, :, block]
         self._column_in.execute()
         if not self._shape.mixes_pairs:
+            self._deep[n:] = 0.0
             self._depth_in.execute()
         values = self._cube.view(np.float32)  # (layers, rows, 2 columns): real and imaginary parts side by side
         doubled = slice(2 * block.start, 2 * block.stop)
@@ -223,7 +189,7 @@ class _Worker:
         if not self._shape.mixes_pairs:
             self._depth_out.execute()
         self._column_out.execute()
-        rows[:, :, block] = self._cube[:n, :height, :used]
+        rows[:, :, block] = self._tall[:, :height, :used]
 
     def _mix_pairs(self, data: Float32, even: Float32, odd: Float32) -> None:
         half = len(even)
@@ -249,13 +215,6 @@ def _multiply_even_depth(data: Float32, spectrum: Float32) -> None:
 
 def _doubled(spectrum: Float32) -> Float32:
     return np.repeat(spectrum, 2, axis=-1)
-
-
-def _even_fast_length(n: int) -> int:
-    n += n % 2
-    while pyfftw.next_fast_len(n) != n:
-        n += 2
-    return n
 
 
 @functools.cache

@@ -19,10 +19,11 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from core.boundary import Boundary, Depths, depths_of, find_sheet, place
-from core.convolution import ConvolutionShape
-from core.diffusion_channel import Channel, Iteration
+from core.convolution import thread_pool
+from core.convolution_shape import ConvolutionShape
+from core.diffusion_channel import Channel, Iteration, Reached
 from core.diffusion_solution import Solution as Solution
-from core.diffusion_solution import collected, same_flux
+from core.diffusion_solution import reached, same_flux
 from core.diffusion_start import End, begin
 from core.entry import EnteringLight, Entry, enter, sources
 from core.ewald import SHEET_REACH
@@ -41,6 +42,7 @@ Float32 = npt.NDArray[np.float32]
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
+ROUND = 2  # products of a channel between two looks at the solution: two threads share those of three channels evenly
 NESTED = 44  # nodes from which on half of them are solved first
 COARSE_TOLERANCE = 1e-3
 PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, and no error is smaller
@@ -161,7 +163,7 @@ class DiffusionTransport(Kernels):
         if self.resolution < NESTED:
             return None
         if self._coarse is None:
-            self._coarse = replace(self, resolution=self.resolution // 2, tolerance=COARSE_TOLERANCE)
+            self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse = self._coarse
         on = coarse.grid(mesh, np.eye(3))
         return stages.run(
@@ -192,23 +194,23 @@ class DiffusionTransport(Kernels):
         ]
         kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
         spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, self._maker(grid)))
-        channels: list[Channel | None] = []
+        made: dict[int, Callable[[], Channel]] = {}
+        twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
-            twin = next((k for k in range(i) if media[k] == medium and same_flux(entries, i, k)), None)
-            if spectrum is None or not any(entry.flux[:, i].any() for entry in entries):
-                channels.append(None)
-            elif twin is not None:
-                channels.append(channels[twin])
-            else:
-                channels.append(self._channel(boundary, medium, i, entries, spectrum, stages))
-        return boundary, channels
+            dark = spectrum is None or not any(entry.flux[:, i].any() for entry in entries)
+            twin = next((k for k in made if media[k] == medium and same_flux(entries, i, k)), i)
+            twins.append(None if dark else twin)
+            if spectrum is not None and twins[-1] == i:
+                made[i] = self._channel(boundary, medium, i, entries, spectrum, stages)
+        channels = {i: channel() for i, channel in made.items()}
+        return boundary, [None if twin is None else channels[twin] for twin in twins]
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
         """Pad a channel by the reach of its G; at most by the extent, which is exact."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         counts = np.array(grid.shape)
         reach = WINDOW_REACH * self.window_width(grid) + DECADES / max(medium.attenuation, 1e-12)
-        extra = np.minimum(np.ceil(reach / np.maximum(spacing, 1e-12)), counts - 1)
+        extra = np.minimum(np.ceil(reach / np.maximum(spacing, 1e-12)), np.maximum(counts - 2, 0))
         extra = np.maximum(extra, 2 * LEAST_REACH - counts)
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
@@ -235,9 +237,10 @@ class DiffusionTransport(Kernels):
         entries: Sequence[Entry],
         spectrum: Spectra,
         stages: Stages,
-    ) -> Channel:
+    ) -> Callable[[], Channel]:
+        """Begin to put a channel up, if it is not kept, beside others; the result waits for it."""
         grid = boundary.grid
-        s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium))
+        s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium), i)
 
         def make() -> Channel:
             deposited, local = np.zeros(int(np.prod(grid.shape)), np.float32), np.zeros(len(boundary.patches))
@@ -247,7 +250,9 @@ class DiffusionTransport(Kernels):
                 local += at_patches
             return Channel(boundary, medium, s, lambda image: convolver.convolve(image, spectrum), deposited, local)
 
-        return stages.run(f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries), make)
+        name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
+        begun = None if stages.has(name, key) else thread_pool().submit(make)
+        return lambda: stages.run(name, key, make if begun is None else begun.result)
 
     def _solve(
         self,
@@ -258,22 +263,24 @@ class DiffusionTransport(Kernels):
         coarse: End | None,
         go_on: Callable[[Solution], bool],
     ) -> Solution:
-        """Step all channels in rounds, each from where it ended last time."""
-        ways: dict[Channel, Iteration] = {}
-        for i, channel in enumerate(channels):
-            if channel is not None and channel not in ways:
-                start = begin(channel, i, self._last, coarse, samples)
-                ways[channel] = Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
-        while True:
-            of_channels = [None if channel is None else ways[channel] for channel in channels]
-            reached = tuple(np.zeros(len(boundary.patches)) if way is None else way.fluence for way in of_channels)
-            solution = collected(boundary, media, of_channels, reached)
-            self._last = End(boundary, tuple(channels), reached, coarse)
-            if max(solution.residuals) <= self.tolerance or not go_on(solution):
-                return solution
-            unfinished = [way.advance() for way in ways.values()]  # all of them: each takes its step
-            if not any(unfinished):
-                return solution
+        """Step all channels in rounds, each from where it ended last time, side by side."""
+        new = {channel: i for i, channel in reversed(list(enumerate(channels))) if channel is not None}
+
+        def started(channel: Channel) -> Iteration:
+            start = begin(channel, new[channel], self._last, coarse, samples)
+            return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
+
+        ways = dict(zip(new, thread_pool().map(started, new), strict=True))
+        solution = reached(boundary, media, channels, ways)
+        while max(solution.residuals) > self.tolerance and go_on(solution):
+            # All of them: each takes its steps.
+            if not any(list(thread_pool().map(Iteration.advance, [*ways.values()] * ROUND))):
+                break
+            solution = reached(boundary, media, channels, ways)
+        list(thread_pool().map(Reached.settle, {at for at in solution.channels if at is not None}))
+        iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
+        self._last = End(boundary, tuple(channels), iterates, coarse)
+        return solution
 
     def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
         return medium, self.shape(grid, medium), grid.texel, grid.layer_distance

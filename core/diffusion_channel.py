@@ -1,7 +1,8 @@
 """One colour channel of the boundary integral equation: its operator, its right side, its steps to the solution."""
 
 import functools
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from core.boundary import Boundary
 from core.green import local_green, local_slope
-from core.krylov import gmres
+from core.krylov import Step, combined, gmres
 from core.medium import NO_ABSORPTION, Medium
 
 Array = npt.NDArray[np.float64]
@@ -143,8 +144,54 @@ class Start:
     products: int
 
 
+class Reached:
+    """What an iteration has come to; sums are made when they are asked for, and stay as they are while it goes on.
+
+    Attributes
+    ----------
+    channel : Channel
+    residual : float
+        Relative to the right side.
+    products : int
+        Convolutions so far, with those of the start.
+    """
+
+    def __init__(self, channel: Channel, start: Start, step: Step, basis: Array, volumes: Sequence[Float32]) -> None:
+        self.channel, self.residual, self.products = channel, step.residual, step.products + start.products
+        self._parts: tuple[Start, Array, Array, Sequence[Float32]] = start, step.coefficients, basis, volumes
+
+    @functools.cached_property
+    def iterate(self) -> Array:
+        """Phi of the patches, (n,), as the steps have it."""
+        start, coefficients, basis, _ = self._parts
+        return start.fluence + combined(coefficients, basis) * self.channel.scale
+
+    @functools.cached_property
+    def fluence(self) -> Array:
+        """Phi of the patches, (n,), which gives out no more than scatters."""
+        return self._allowed * self.iterate
+
+    @functools.cached_property
+    def volume(self) -> Float32:
+        """O at the nodes that goes with `fluence`: a sum of volumes that were made anyway."""
+        start, coefficients, _, volumes = self._parts
+        volume = np.float32(self._allowed) * start.volume
+        for share, part in zip(coefficients, volumes, strict=True):
+            volume -= np.float32(self._allowed * share) * part
+        return volume
+
+    def settle(self) -> None:
+        """Make the sums, and let go of what they are made of: ten times their memory."""
+        _ = self.fluence, self.volume
+        del self._parts
+
+    @functools.cached_property
+    def _allowed(self) -> float:
+        return self.channel.allowed(self.iterate)
+
+
 class Iteration:
-    """The way of a channel to its solution; the volume of every iterate is a sum of those that were made anyway.
+    """The way of a channel to its solution.
 
     Parameters
     ----------
@@ -155,7 +202,7 @@ class Iteration:
     """
 
     def __init__(self, channel: Channel, start: Start, tolerance: float, most: int) -> None:
-        self.channel, self._start = channel, start
+        self.channel, self._start, self._busy = channel, start, threading.Lock()
         self._volumes: list[Float32] = []
         scale = start.size or 1.0  # 0 where so little scatters that its square underflows
         multiply = functools.partial(_multiply, channel, self._volumes)
@@ -163,37 +210,17 @@ class Iteration:
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:
-        """Take one product more; False when there is nothing left to do."""
-        step = next(self._steps, None)
-        if step is not None:
-            self._step, self._basis = step
-        return step is not None
+        """Take one product more; False when there is nothing left to do. A second thread waits for its turn."""
+        with self._busy:
+            step = next(self._steps, None)
+            if step is not None:
+                self._step, self._basis = step
+            return step is not None
 
     @property
-    def residual(self) -> float:
-        """Relative to the right side."""
-        return self._step.residual
-
-    @property
-    def products(self) -> int:
-        """Convolutions so far, with those of the start."""
-        return self._step.products + self._start.products
-
-    @property
-    def fluence(self) -> Array:
-        """Phi of the patches."""
-        fluence = self._start.fluence.copy()
-        for share, vector in zip(self._step.coefficients, self._basis, strict=True):
-            fluence += share * vector * self.channel.scale
-        return fluence
-
-    @property
-    def volume(self) -> Float32:
-        """O at the nodes."""
-        volume = self._start.volume.copy()
-        for share, part in zip(self._step.coefficients, self._volumes, strict=True):
-            volume -= np.float32(share) * part
-        return volume
+    def reached(self) -> Reached:
+        """Where it is now."""
+        return Reached(self.channel, self._start, self._step, self._basis, self._volumes[: self._step.products])
 
 
 def _multiply(channel: Channel, volumes: list[Float32], vector: Array) -> Array:

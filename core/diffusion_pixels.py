@@ -8,6 +8,10 @@ everything that the nodes carry:
 with M = phi / (2 A), A that of a flat surface and b as `core.medium.Medium.bending` has it. Dashes are the other side
 of a sheet of thickness T, where the same holds with the sides changed, so that both are known from the light on both;
 elsewhere f and k are 0 and `across` does not matter.
+
+On ridges and thin sheets a point has next to nothing of its own, and errors of O would be all that is left of it. So
+the two are solved for what phi is more than the neighbourhood's mean, and of that an eigenvalue l of their matrix
+is taken as l^3 / (l^4 + WEAK^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
 """
 
 from collections.abc import Sequence
@@ -27,6 +31,8 @@ Float32 = npt.NDArray[np.float32]
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
 BLACK = 1e9
 FLAT = 2e-3
+WEAK = 0.16  # eigenvalue of a point's own equation below which its neighbourhood knows better; as in the shader
+THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
 
 
@@ -49,7 +55,7 @@ class PixelTerms:
     diagonal, doubled : (3,) float64
         rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
     depths : (2, n_layers, height, width) float32, or None where no part is thin
-        T at the nodes, mm, up to `reach`; how far it is a sheet, from 0 to 1.
+        1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a sheet, from 0 to 1.
     bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
         b - 1 at the nodes.
     """
@@ -142,15 +148,19 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
 
 
 def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
-    """Return `PixelTerms.depths`: thickness and share of a sheet, spread over the nodes by area."""
+    """Return `PixelTerms.depths`: thickness and share of a sheet, spread over the nodes by area.
+
+    Means are of 1 / T, by which a sheet stays one beside parts that are much thicker.
+    """
     areas = boundary.patches.areas
-    thickness = np.where(boundary.thickness > 0.0, np.minimum(boundary.thickness, reach), reach)
+    thickness = np.where(boundary.thickness > 0.0, boundary.thickness, reach)
     share = np.zeros(len(areas))
     share[boundary.sheet.patches] = boundary.sheet.share
-    total, *sums = (boundary.weights @ (areas * value).astype(np.float32) for value in (1.0, thickness, share))
+    inverse = 1.0 / np.clip(thickness, THINNEST * reach, reach)
+    total, *sums = (boundary.weights @ (areas * value).astype(np.float32) for value in (1.0, inverse, share))
     near = total > 0.0
     depths = np.zeros((2, len(total)), np.float32)
-    depths[0] = reach
+    depths[0] = 1.0 / reach
     for out, value in zip(depths, sums, strict=True):
         out[near] = value[near] / total[near]
     return depths.reshape(2, *boundary.grid.shape)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from core.diffusion_pixels import PixelTerms
+from core.diffusion_pixels import WEAK, PixelTerms
 from core.layers import LayerGrid, smooth_matrix, tent_matrix
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
-LEAST_DIAGONAL = 1e-3  # as in the shader
+LEAST_SPLIT = 1e-4  # of two eigenvalues
 BORDER = 2  # nodes: as far as the weights reach over the edge
 
 
@@ -43,6 +43,7 @@ class PointLight:
 
 def point_exitance(
     volume: Float32,
+    mean: Float32,
     grid: LayerGrid,
     terms: PixelTerms,
     eta: float,
@@ -56,6 +57,8 @@ def point_exitance(
     ----------
     volume : (4, n_layers, height, width) float32
         Of a `core.diffusion.Solution`, on its boundary's `grid`.
+    mean : (3, n_layers, height, width) float32
+        Its `mean_fluence`.
     terms : PixelTerms
     eta : float
     points, normals : (n, 3) arrays
@@ -76,20 +79,33 @@ def point_exitance(
         own += sheet * _entering(terms, terms.across, there, thickness) * light.behind
         other += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
         other += (sheet > 0.0) * _entering(terms, terms.own, there, thickness) * light.behind
+    around = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean.reshape(3, -1).T, np.float64)
     gathered = _gather4(grid, volume, points)
-    bent = _bending(grid, terms, points)
-    right, diagonal = gathered[:, :3] + own, terms.diagonal - bent * gathered[:, 3:]
-    if share.any():
-        coupling = sheet * _interpolated(terms.coupling[None], thickness / terms.reach, np.zeros(len(points)))
-        beyond = points - thickness[:, None] * normals
-        across, bent_there = _gather4(grid, volume, beyond), _bending(grid, terms, beyond)
-        there = terms.diagonal - bent_there * (across[:, 3:] + coupling[:, 3:])
-        diagonal = diagonal - bent * coupling[:, 3:]
-        to_there, to_here = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bent_there, bent))
-        coupled = there * right - to_there * (across[:, :3] + other)
-        right = np.where(sheet > 0.0, coupled, right)
-        diagonal = np.where(sheet > 0.0, diagonal * there - to_there * to_here, diagonal)
-    return np.maximum(right / (np.maximum(diagonal, LEAST_DIAGONAL) * terms.doubled), 0.0)
+    coupling = sheet * _interpolated(terms.coupling[None], thickness / max(terms.reach, 1e-9), np.zeros(len(points)))
+    beyond = points - thickness[:, None] * normals
+    over_there = _gather4(grid, volume, beyond)
+    bent, bent_there = _bending(grid, terms, points), _bending(grid, terms, beyond)
+    here_own = terms.diagonal - bent * (gathered[:, 3:] + coupling[:, 3:])
+    there_own = terms.diagonal - bent_there * (over_there[:, 3:] + coupling[:, 3:])
+    of_there, of_here = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bent_there, bent))
+    right = gathered[:, :3] + own - (here_own + of_there) * around
+    right_there = over_there[:, :3] + other - (there_own + of_here) * around
+    solved = _damped(here_own, there_own, of_there, of_here, right, right_there)
+    more = np.where(sheet > 0.0, solved, _weak(here_own) * right)
+    return np.maximum((around + more) / terms.doubled, 0.0)
+
+
+def _weak(eigenvalue: Array) -> Array:
+    return np.asarray(eigenvalue**3 / (eigenvalue**4 + WEAK**4))
+
+
+def _damped(a: Array, d: Array, f: Array, g: Array, right: Array, right_there: Array) -> Array:
+    """First part of the solution of ((a, f), (g, d)) x = right with inverses of eigenvalues as `_weak` takes them."""
+    middle, half = 0.5 * (a + d), 0.5 * (a - d)
+    split = np.sqrt(np.maximum(half * half + f * g, LEAST_SPLIT**2))
+    upper, lower = _weak(middle + split), _weak(middle - split)
+    slope = (upper - lower) / (2.0 * split)
+    return np.asarray((0.5 * (upper + lower) + slope * half) * right + slope * f * right_there)
 
 
 def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Array, Array]:
@@ -97,8 +113,8 @@ def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Arr
     if terms.depths is None:
         return np.zeros(len(points)), np.zeros(len(points))
     weights = tent_matrix(grid, grid.coordinates(points))
-    thickness, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
-    return thickness, share
+    inverse, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
+    return 1.0 / np.maximum(inverse, 1.0 / terms.reach), share
 
 
 def _bending(grid: LayerGrid, terms: PixelTerms, points: Array) -> Array:

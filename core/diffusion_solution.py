@@ -1,13 +1,14 @@
 """What `core.diffusion` finds."""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
-from core.diffusion_channel import Iteration
+from core.diffusion_channel import Channel, Iteration, Reached
 from core.diffusion_pixels import PixelTerms, mean_fluence, pixel_terms
 from core.entry import Entry
 from core.layers import LayerGrid
@@ -25,22 +26,36 @@ class Solution:
     ----------
     boundary : Boundary, of n patches
     media : R, G and B
-    volume : (4, n_layers, height, width) float32
-        O of R, G and B; then K_L 1.
-    fluence : tuple of (n,) float64
-        phi of each channel's patches.
-    residuals : tuple of float
-        |b - A phi| / |b| of each channel, 0 for a dark one.
-    products : tuple of int
-        Convolutions that each channel took.
+    channels : R, G and B; None for a dark one
+        What their steps have come to.
     """
 
     boundary: Boundary
     media: tuple[Medium, ...]
-    volume: Float32
-    fluence: tuple[Array, ...]
-    residuals: tuple[float, ...]
-    products: tuple[int, ...]
+    channels: tuple[Reached | None, ...]
+
+    @functools.cached_property
+    def volume(self) -> Float32:
+        """O of R, G and B; then K_L 1: (4, n_layers, height, width)."""
+        dark = np.zeros(self.boundary.grid.shape, np.float32)
+        own = [dark if channel is None else channel.volume for channel in self.channels]
+        return np.stack([*own, self.boundary.constant])
+
+    @functools.cached_property
+    def fluence(self) -> tuple[Array, ...]:
+        """Phi of each channel's patches, (n,)."""
+        dark = np.zeros(len(self.boundary.patches))
+        return tuple(dark if channel is None else channel.fluence for channel in self.channels)
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """|b - A phi| / |b| of each channel, 0 for a dark one."""
+        return tuple(0.0 if channel is None else channel.residual for channel in self.channels)
+
+    @property
+    def products(self) -> tuple[int, ...]:
+        """Convolutions that each channel took."""
+        return tuple(0 if channel is None else channel.products for channel in self.channels)
 
     @property
     def boundaries(self) -> tuple[Boundary, ...]:
@@ -66,24 +81,16 @@ class Solution:
         return mean_fluence(self.boundary, self.fluence)
 
 
-def collected(
-    boundary: Boundary, media: Sequence[Medium], ways: Sequence[Iteration | None], reached: Sequence[Array]
+def reached(
+    boundary: Boundary,
+    media: Sequence[Medium],
+    channels: Sequence[Channel | None],
+    ways: Mapping[Channel, Iteration],
 ) -> Solution:
-    """Gather what the channels have come to, `reached` being their fluence."""
-    volumes, fluences = [], []
-    for way, fluence in zip(ways, reached, strict=True):
-        volume = np.zeros(boundary.grid.shape, np.float32) if way is None else way.volume
-        share = 1.0 if way is None else way.channel.allowed(fluence)
-        fluences.append(share * fluence)
-        volumes.append(np.float32(share) * volume)
-    return Solution(
-        boundary=boundary,
-        media=tuple(media),
-        volume=np.stack([*volumes, boundary.constant]),
-        fluence=tuple(fluences),
-        residuals=tuple(0.0 if way is None else way.residual for way in ways),
-        products=tuple(0 if way is None else way.products for way in ways),
-    )
+    """Say what the channels have come to on their ways; alike ones share theirs."""
+    ends = {channel: way.reached for channel, way in ways.items()}
+    of_channels = tuple(None if channel is None else ends[channel] for channel in channels)
+    return Solution(boundary, tuple(media), of_channels)
 
 
 def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:

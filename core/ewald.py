@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.layers import LayerGrid
 from core.spectra import Profile, kernel_spectrum
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import erfc, erfcx
 
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.ewald import undo_assignment
 from core.layers import LayerGrid
 from core.medium import Medium

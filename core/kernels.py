@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.convolution import ConvolutionShape, LayerConvolver, prepared, thread_pool
+from core.convolution import LayerConvolver, prepared, thread_pool
+from core.convolution_shape import ConvolutionShape
 
 Float32 = npt.NDArray[np.float32]
 Spectra = tuple[Float32, ...]
 Kernel = tuple[Any, ConvolutionShape, float, float]  # what it is of, its shape, texel and layer distance
+_Key = tuple[ConvolutionShape, int]
 
-CONVOLVERS = 6  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
-ONE_THREAD = 1 << 15  # padded nodes up to which handing out work takes longer than the work
+CONVOLVERS = 9  # kept: a camera that orbits changes the shape of layers, a material the padding of each channel
 SPECTRA_BYTES = 64 << 20  # kept beyond those in use: materials between which a person goes back and forth
 
 
@@ -35,7 +36,7 @@ class Kernels:
     threads: int = 0
     effort: str = "FFTW_ESTIMATE"
     keep: int = CONVOLVERS
-    _convolvers: dict[ConvolutionShape, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
+    _convolvers: dict[_Key, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
     _spectra: dict[Kernel, Spectra] = field(default_factory=dict, init=False, repr=False)
 
     def spectra(
@@ -59,14 +60,16 @@ class Kernels:
             self._spectra.pop(next(iter(self._spectra)))
         return [None if kernel is None else self._spectra[kernel] for kernel in kernels]
 
-    def convolver(self, shape: ConvolutionShape) -> LayerConvolver:
-        """Return the convolver of a shape."""
-        if shape not in self._convolvers:
+    def convolver(self, shape: ConvolutionShape, user: int = 0) -> LayerConvolver:
+        """Return the convolver of a shape; users whose work is done side by side have their own."""
+        key = shape, user
+        if key not in self._convolvers:
             if len(self._convolvers) >= self.keep:
                 self._convolvers.pop(next(iter(self._convolvers)))
-            threads = 1 if shape.padded_nodes <= ONE_THREAD else self.threads
-            self._convolvers[shape] = LayerConvolver(shape, threads, self.effort)
-        return self._convolvers[shape]
+            # Where layers mix by FFT, channels are convolved side by side, which takes two thirds of sharing each.
+            threads = self.threads if shape.mixes_pairs else 1
+            self._convolvers[key] = LayerConvolver(shape, threads, self.effort)
+        return self._convolvers[key]
 
     def release(self) -> None:
         """Let go of all that is kept; what is needed again is made again."""

@@ -6,6 +6,7 @@ and window are the whole object's, so all of them share the tables of `core.diff
 come first, body by body, and are a picture together; then the fine ones. A body in the dark costs nothing.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,7 +18,8 @@ import numpy.typing as npt
 from core.atlas import Atlas, fit_atlas
 from core.bodies import Bodies
 from core.boundary import Boundary
-from core.convolution import ConvolutionShape, LayerConvolver
+from core.convolution import LayerConvolver
+from core.convolution_shape import ConvolutionShape
 from core.diffusion import COARSE_TOLERANCE, DiffusionTransport, Solution
 from core.diffusion_pixels import (
     PixelTerms,
@@ -84,7 +86,7 @@ class SeparateSolution:
         """Of each channel the most that a body took."""
         return tuple(max(each) for each in zip((0, 0, 0), *(part.products for part in self.solved), strict=True))
 
-    @property
+    @functools.cached_property
     def volume(self) -> Float32:
         """O of R, G and B, then K_L 1, in the atlas: (4, *atlas.shape)."""
         return self.filled(lambda part: part.volume, 4)
@@ -139,9 +141,9 @@ class _BodyTransport(DiffusionTransport):
         """See `core.kernels.Kernels`."""
         return self.kernels.spectra(kernels, make)
 
-    def convolver(self, shape: ConvolutionShape) -> LayerConvolver:
+    def convolver(self, shape: ConvolutionShape, user: int = 0) -> LayerConvolver:
         """See `core.kernels.Kernels`."""
-        return self.kernels.convolver(shape)
+        return self.kernels.convolver(shape, user)
 
 
 @dataclass(frozen=True, eq=False)

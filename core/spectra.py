@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.layers import LayerGrid
 
 Array = npt.NDArray[np.float64]

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from core import ewald
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.layers import LayerGrid, fit_layers, fit_nodes, smooth_matrix, tent_matrix
 from core.mesh import Mesh
 from core.spectra import Profile, Profiles, kernel_spectrum, layer_kernels
@@ -180,7 +180,7 @@ class EwaldTransport(FftTransport):
         """Pad a channel by its `tail_reach`; at most by the extent."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         counts = np.array(grid.shape)
-        extra = np.minimum(np.ceil(tail_reach(profile, area, self.tail) / spacing), counts - 1)
+        extra = np.minimum(np.ceil(tail_reach(profile, area, self.tail) / spacing), np.maximum(counts - 2, 0))
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 

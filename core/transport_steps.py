@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from core.convolution import ConvolutionShape
+from core.convolution import thread_pool
+from core.convolution_shape import ConvolutionShape
 from core.kernels import Kernels, Spectra
 from core.layers import LayerGrid, deposit
 from core.spectra import Profile, Profiles
@@ -30,7 +31,7 @@ class FftTransport(Kernels):
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
         """See `core.transport.Transport.exitance`."""
-        convolvers = [self.convolver(self.shape(grid, profile, area)) for profile in profiles]
+        convolvers = [self.convolver(self.shape(grid, profile, area), i) for i, profile in enumerate(profiles)]
         weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
         layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
         kernels = tuple(
@@ -46,11 +47,21 @@ class FftTransport(Kernels):
 
         def convolve() -> Float32:
             out = np.zeros_like(layers)
-            for channel, (spectrum, convolver) in enumerate(zip(spectra, convolvers, strict=True)):
-                if spectrum is None or not layers[channel].any():
-                    continue
-                known = _known(channel, layers, spectra, out, before)
-                out[channel] = convolver.convolve(layers[channel], spectrum) if known is None else known
+            lit = [i for i, spectrum in enumerate(spectra) if spectrum is not None and layers[i].any()]
+            twins = {i: _twin(i, lit, layers, spectra) for i in lit}
+            known = {i: _known(i, layers, spectra, before) for i in lit if twins[i] == i}
+
+            def convolved(i: int) -> Float32:
+                spectrum, done = spectra[i], known[i]
+                assert spectrum is not None
+                return convolvers[i].convolve(layers[i], spectrum) if done is None else done
+
+            # Layers that mix pair by pair have all threads in one convolution; others are convolved side by side.
+            run = map if convolvers[0].shape.mixes_pairs else thread_pool().map
+            for i, exitance in zip(known, run(convolved, known), strict=True):
+                out[i] = exitance
+            for i in lit:
+                out[i] = out[twins[i]]
             return out
 
         return stages.run("convolution", (layers, spectra), convolve)
@@ -67,19 +78,17 @@ class FftTransport(Kernels):
         raise NotImplementedError
 
 
+def _twin(i: int, lit: Sequence[int], layers: Float32, spectra: Sequence[Spectra | None]) -> int:
+    """Return the first of the lit channels that is convolved alike; it may be the channel itself."""
+    return next(k for k in lit if spectra[k] is spectra[i] and np.array_equal(layers[k], layers[i]))
+
+
 def _known(
-    channel: int,
-    layers: Float32,
-    spectra: Sequence[Spectra | None],
-    out: Float32,
-    before: tuple[tuple[Any, ...], Float32] | None,
+    i: int, layers: Float32, spectra: Sequence[Spectra | None], before: tuple[tuple[Any, ...], Float32] | None
 ) -> Float32 | None:
-    """Return a channel's convolution if it is that of another channel, or was done before; None if it is new."""
-    for other in range(channel):
-        if spectra[other] is spectra[channel] and np.array_equal(layers[other], layers[channel]):
-            return np.asarray(out[other])
+    """Return a channel's convolution if it was done before; None if it is new."""
     if before is not None:
         (old_layers, old_spectra), old = before
-        if old_layers is layers and old_spectra[channel] is spectra[channel]:
-            return np.asarray(old[channel])
+        if old_layers is layers and old_spectra[i] is spectra[i]:
+            return np.asarray(old[i])
     return None

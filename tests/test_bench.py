@@ -18,7 +18,7 @@ from core.normals import vertex_normals
 from core.reference import Occluder, direct_exitance
 from core.samples import surface_samples
 from core.stages import Stages
-from viewer import bench, bench_window
+from viewer import bench, bench_solving, bench_window
 from viewer.bench_error import Run, Target, error_rows
 from viewer.bench_error_report import scheme_times
 from viewer.bench_lights import LIGHTS, Directional, sky_pixels
@@ -33,7 +33,7 @@ from viewer.settings import TransportSettings
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), window=(), yardsticks=(), methods=(), occluded_points=0,
+    pictures=(), rivals=(), window=(), yardsticks=(), solved=(), methods=(), occluded_points=0,
     repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
@@ -239,6 +239,18 @@ def test_memory_counts_each_array_once_and_views_by_what_they_show():
 def test_pareto_front_is_what_nothing_beats():
     points = [(1.0, 5.0), (2.0, 6.0), (2.0, 3.0), (3.0, 3.0), (4.0, 1.0), (0.5, 9.0)]
     assert pareto(points) == [5, 0, 2, 4]
+
+
+def test_solutions_of_diffusion_are_timed_to_their_end(tmp_path, monkeypatch):
+    monkeypatch.setattr("viewer.bench_solving.NODES", (16,))
+    monkeypatch.setattr("viewer.bench_solving.SAMPLES", 500)
+    bench.run_plan(replace(NOTHING, solved=("ball",), solved_repeats=1), tmp_path)
+    rows = rows_of(tmp_path / "solving.csv")
+    assert_finite(rows)
+    assert [row["changed"] for row in rows] == list(bench_solving.CHANGES)
+    for row in rows:
+        assert 0.0 < float(row["first_ms"]) <= float(row["solved_ms"])
+        assert int(row["products"]) > 1
 
 
 def test_yardsticks_transform_the_boxes_of_the_default(tmp_path):

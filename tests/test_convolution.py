@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from core.convolution import PAIRS_UP_TO, ConvolutionShape, LayerConvolver, prepared
+from core.convolution import LayerConvolver, prepared
+from core.convolution_shape import PAIRS_UP_TO, ConvolutionShape
 from core.spectra import kernel_spectrum
 
 
@@ -32,6 +33,34 @@ def test_equals_the_direct_sum(n_layers: int, threads: int) -> None:
 def test_both_ways_of_mixing_are_covered() -> None:
     assert ConvolutionShape(PAIRS_UP_TO, 7, 11).mixes_pairs
     assert not ConvolutionShape(PAIRS_UP_TO + 1, 7, 11).mixes_pairs
+
+
+@pytest.mark.parametrize("own", [(1, 1, 1), (9, 7, 11), (33, 49, 67), (8, 128, 129), (20, 29, 39)])
+@pytest.mark.parametrize("padding", [None, (30, 40, 50)])
+def test_padded_lengths_are_enough_and_fast(own: tuple[int, int, int], padding: tuple[int, int, int] | None) -> None:
+    shape = ConvolutionShape(*own, padding=padding)
+    padded = shape.padded_layers, shape.padded_height, shape.padded_width
+    for n, least, length in zip(own, padding or (2 * n - 2 for n in own), padded, strict=True):
+        if shape.mixes_pairs and length == n:
+            continue  # the layers
+        assert least <= length <= 2 * max(least, 2)
+        assert length % 2 == 0
+        for prime in (2, 3, 5, 7):
+            while length % prime == 0:
+                length //= prime
+        assert length == 1
+
+
+def test_an_even_kernel_needs_no_more_than_twice_the_steps_between_nodes() -> None:
+    """33 nodes on a period of 64, a power of two: the furthest distances both ways fall on one another."""
+    shape = ConvolutionShape(33, 9, 9)
+    assert shape.padded_layers == 64
+    rng = np.random.default_rng(0)
+    layers, kernels = rng.random((33, 9, 9), dtype=np.float32), rng.random((33, 9, 9))
+    result = LayerConvolver(shape, 1, "FFTW_ESTIMATE").convolve(
+        layers, prepared(shape, kernel_spectrum(kernels, shape))
+    )
+    np.testing.assert_allclose(result, direct_convolution(layers, kernels), rtol=1e-5)
 
 
 def test_nothing_wraps_around() -> None:

@@ -78,11 +78,10 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     local = np.zeros(len(found.patches))
     channel = Channel(found.boundary, medium, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
     way = Iteration(channel, fitted(channel, []), 1e-4, 40)
-    while way.residual > 1e-4 and way.advance():
+    while way.reached.residual > 1e-4 and way.advance():
         pass
-    assert way.residual <= 1e-4
-    solved = {"volume": way.volume[None], "fluence": (way.fluence,)}
-    found.solution = replace(found.solution, **solved, residuals=(way.residual,), products=(way.products,))
+    assert way.reached.residual <= 1e-4
+    found.solution = replace(found.solution, channels=(way.reached,))
     return found
 
 
@@ -137,7 +136,7 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     local = np.full(len(patches), float(local_green(MARBLE, s, R - r0)) / (4.0 * np.pi * r0**2))
     channel = Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
     way = Iteration(channel, fitted(channel, []), 1e-4, 40)
-    while way.residual > 1e-4 and way.advance():
+    while way.reached.residual > 1e-4 and way.advance():
         pass
     sigma, z_b = MARBLE.attenuation, 2.0 * MARBLE.diffusion * MARBLE.boundary
     slope = sigma * np.cosh(sigma * R) / R - np.sinh(sigma * R) / R**2
@@ -145,7 +144,7 @@ def test_escape_from_a_shell_in_a_ball(resolution):
         np.sinh(sigma * r0) / r0 / (np.sinh(sigma * R) / R + b * z_b * slope) for b in (1.0, MARBLE.bending(2.0 / R))
     )
     assert flat == pytest.approx(0.93641, abs=2e-3)
-    assert patches.areas @ way.fluence / (2.0 * MARBLE.boundary) == pytest.approx(expected, rel=4e-3)
+    assert patches.areas @ way.reached.fluence / (2.0 * MARBLE.boundary) == pytest.approx(expected, rel=4e-3)
 
 
 # Slabs

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core import kernels
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.kernels import Kernels
 
 SHAPE = ConvolutionShape(4, 6, 8, padding=(8, 12, 16))

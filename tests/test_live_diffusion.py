@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from core import diffusion
 from core.diffusion import TOLERANCE
 from tests.driving import PICTURE, Driver, headless_picture, small_scene
 from viewer.live import Detail
@@ -61,6 +62,7 @@ class Steps:
     """Holds a solution between its steps until it may go on, and keeps all residuals that were reached."""
 
     def __init__(self, monkeypatch, live) -> None:
+        monkeypatch.setattr(diffusion, "ROUND", 1)  # of two products one round would often be all
         self._live, self.gate = live, threading.Semaphore(0)
         self.residuals: list[float] = []
         scatter = live.renderer.scatter

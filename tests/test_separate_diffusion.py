@@ -55,7 +55,8 @@ class Case:
         depths = None if terms.reach == 0.0 else depths_at_nodes(solution.boundary, terms.reach)
         bending = None if terms.bending is None else bending_at_nodes(solution.boundary, self.media)
         own, grid = replace(terms, depths=depths, bending=bending), solution.boundary.grid
-        return point_exitance(solution.volume, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
+        mean = solution.mean_fluence()
+        return point_exitance(solution.volume, mean, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
 
 
 def flux(case, solution, body):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import dblquad
 
 from core import materials
-from core.convolution import ConvolutionShape
+from core.convolution_shape import ConvolutionShape
 from core.dipole import Dipole, dipoles
 from core.layers import fit_layers
 from core.spectra import EXACT, kernel_spectrum, layer_kernels, texel_means

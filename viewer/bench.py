@@ -1,9 +1,10 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Seven parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
-(`viewer.bench_yardsticks`), the window (`viewer.bench_window`), error of the transport against equation (1)
-(`viewer.bench_error`), sums over samples at the same error (`viewer.bench_rivals`), error of the whole renderer
-(`viewer.bench_chain`), and error of all methods against transport itself (`viewer.bench_transport`).
+Eight parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
+(`viewer.bench_yardsticks`), solutions of `diffusion` (`viewer.bench_solving`), the window (`viewer.bench_window`),
+error of the transport against equation (1) (`viewer.bench_error`), sums over samples at the same error
+(`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and error of all methods against transport
+itself (`viewer.bench_transport`).
 """
 
 import os
@@ -25,6 +26,7 @@ from viewer import (
     bench_occlusion_error,
     bench_report,
     bench_rivals,
+    bench_solving,
     bench_speed,
     bench_transport,
     bench_transport_report,
@@ -61,6 +63,8 @@ class Plan:
     # the transport beside bare transforms, on shapes and on the scene's model
     yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
     yardstick_repeats: int = 15
+    solved: tuple[str, ...] = ("ball", "knot", "scene")
+    solved_repeats: int = 9
     # error of the transport; a model that is given comes to these shapes
     schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED)
     shapes: tuple[str, ...] = tuple(SHAPES)
@@ -95,6 +99,8 @@ QUICK = Plan(
     window=(),
     yardsticks=("knot",),
     yardstick_repeats=5,
+    solved=("knot",),
+    solved_repeats=3,
     schemes=(*LAYERED[:3], DEFAULT, *FIXED[:2]),
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
@@ -151,13 +157,21 @@ def _given(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
 
 
 def _yardsticks(plan: Plan, scene: Scene, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+    size = scene.model.size_mm
+    shown = given or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
+
+    def chosen(names: tuple[str, ...]) -> dict[str, Callable[[], Mesh]]:
+        return {name: SHAPES[name] for name in names if name in SHAPES} | (shown if "scene" in names else {})
+
     if plan.yardsticks:
-        size = scene.model.size_mm
-        shown = given or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
-        shapes = {name: SHAPES[name] for name in plan.yardsticks if name in SHAPES}
-        shapes |= shown if "scene" in plan.yardsticks else {}
+        shapes = chosen(plan.yardsticks)
         rows = bench_yardsticks.yardstick_rows(shapes, DEFAULT, plan.yardstick_repeats)
         bench_yardsticks.report_yardsticks(report, _watched(rows, len(shapes), "beside bare transforms"))
+    if plan.solved:
+        shapes = chosen(plan.solved)
+        solving = bench_solving.solving_rows(shapes, plan.solved_repeats)
+        count = len(shapes) * len(bench_solving.NODES)
+        bench_solving.report_solving(report, _watched(solving, count, "solutions of diffusion"))
 
 
 def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:

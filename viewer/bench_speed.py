@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 import pyfftw
 
-from core.convolution import ConvolutionShape, LayerConvolver, prepared
+from core.convolution import LayerConvolver, prepared
+from core.convolution_shape import ConvolutionShape
 from core.errors import InputError
 from core.profile_names import PROFILES, TABLE
 from viewer.frame import Renderer

@@ -144,7 +144,8 @@ def _solved(
     boundary = solution.boundary
     reach = boundary.sheet_reach if len(boundary.sheet.patches) else 0.0
     here = lights.at(points, normals, reach, terms.reach > 0.0, own)
-    return point_exitance(solution.volume, boundary.grid, terms, lights.eta, points, normals, here)
+    mean = solution.mean_fluence()
+    return point_exitance(solution.volume, mean, boundary.grid, terms, lights.eta, points, normals, here)
 
 
 def dipole_exitance(

@@ -139,7 +139,7 @@ class TransportSettings:
     )
     error_target: float | None = setting(
         "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
-        why="wanted rms error of exitance; chooses the resolution of ewald, and in proportion of diffusion, 64 nodes "
+        why="wanted rms error of exitance; chooses the resolution of ewald, and in proportion of diffusion, 62 nodes "
             "at 0.02; if given, it may take longer"
     )
     assignment: str | None = setting(

@@ -117,6 +117,7 @@ class TransportJob:
             self._seen_after = min(self._seen_after, now - self._began)
         new = solution is not self._shown  # bodies have nothing better together while one of them goes on
         if presentable and new and not self._gave_up and now - self._shown_at > PREVIEW_SECONDS:
+            _ = solution.volume  # summed here, not where it is drawn
             self._shown_at, self._shown, self._preview = now, solution, solution
             self._wake()
         return not self._gave_up
