@@ -137,28 +137,21 @@ class Depths:
 
         `cell`, mm, sets how far below the surface rays start.
         """
+        return self.ends(patches, chosen, directions, cell)[0]
+
+    def ends(
+        self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float
+    ) -> tuple[Array, Array]:
+        """Return what `along` does, and the unit outward normals where the rays end, (m, 3)."""
         normals = patches.face_normals[chosen]
         face, t = self._rays.first(patches.on_surface[chosen] - RAY_OFFSET * cell * normals, directions)
         inward = np.einsum("ij,ij->i", directions, normals) < 0.0
-        return np.where((face >= 0) & inward, t, 0.0)
+        return np.where((face >= 0) & inward, t, 0.0), self._normals[face]
 
-    def onwards(self, points: Array, directions: Array, cell: float) -> tuple[Array, Array, Array, Array]:
-        """Meet the other side and be mirrored there: from m points (m, 3) along unit directions (m, 3).
-
-        Returns
-        -------
-        ends, mirrored : (m, 3) float64
-            Where rays meet the surface from inside, and their directions from there on, unit.
-        cosines, lengths : (m,) float64
-            Between ray and normal, 0 where it does not meet the surface from inside; way on to the surface, mm, or 0.
-        """
-        face, t = self._rays.first(points, directions)
-        normals = self._normals[face]
-        cosines = np.where(face >= 0, np.einsum("ij,ij->i", directions, normals), 0.0)
-        mirrored = directions - 2.0 * cosines[:, None] * normals
-        ends = points + np.where(face >= 0, t, 0.0)[:, None] * directions
-        met, way = self._rays.first(ends - RAY_OFFSET * cell * normals, mirrored)
-        return ends, mirrored, np.clip(cosines, 0.0, 1.0), np.where((met >= 0) & (cosines > 0.0), way, 0.0)
+    def onwards(self, points: Array, normals: Array, directions: Array, cell: float) -> Array:
+        """Way through the object from m points of its surface, (m, 3), along unit directions: (m,) mm, 0 for none."""
+        face, t = self._rays.first(points - RAY_OFFSET * cell * normals, directions)
+        return np.where(face >= 0, t, 0.0)
 
 
 @functools.lru_cache(maxsize=1)

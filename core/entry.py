@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core.boundary import RAY_OFFSET, Boundary, Depths
+from core.boundary import Boundary, Depths
 from core.fresnel import reflectance
 from core.green import local_green
 from core.layers import smooth_matrix
@@ -115,13 +115,14 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
         rays, stretch = -normals, mean_cosine(eta)
     cosines = -stretch * np.einsum("ij,ij->i", rays, normals)
     cell = boundary.grid.texel
-    chords = depths.along(patches, lit, rays, cell)
-    through = np.flatnonzero(chords > 0.0)
-    inside = patches.on_surface[lit[through]] - RAY_OFFSET * cell * patches.face_normals[lit[through]]
-    ends, mirrored, met, ways = depths.onwards(inside, rays[through], cell)
+    chords, outward = depths.ends(patches, lit, rays, cell)
+    met = np.einsum("ij,ij->i", rays, outward)
     reflected = reflectance(1.0 / eta, stretch * met)
-    kept = (reflected > LEAST_REFLECTED) & (ways > 0.0)
-    second = Second(through[kept], ends[kept], mirrored[kept], ways[kept], reflected[kept])
+    again = np.flatnonzero((chords > 0.0) & (met > 0.0) & (reflected > LEAST_REFLECTED))
+    starts = patches.on_surface[lit[again]] + chords[again, None] * rays[again]
+    onwards = rays[again] - 2.0 * met[again, None] * outward[again]
+    ways = depths.onwards(starts, outward[again], onwards, cell)
+    second = Second(again, starts, onwards, ways, reflected[again])
     return Entry(lit, rays, stretch, cosines, chords, flux[lit], second)
 
 
