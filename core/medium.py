@@ -34,7 +34,7 @@ from core.materials import Material
 Array = npt.NDArray[np.float64]
 
 # A grows as albedo falls, because light near the surface is then not as isotropic as diffusion takes it: one constant,
-# fitted to what leaves slabs and spheres in a photon walk. It matters below an albedo of 0.97 only.
+# fitted to what leaves slabs and spheres in a photon walk. It matters most below an albedo of 0.97.
 ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CLEAR = 1e9  # mean free path, mm; more changes nothing
