@@ -120,7 +120,7 @@ class DiffusionTransport(Kernels):
         lights: Sequence[EnteringLight],
         media: Sequence[Medium],
         stages: Stages,
-        go_on: Callable[[Solution], bool] = lambda _: True,
+        go_on: Callable[[Solution], bool] | None = None,
     ) -> Solution:
         """Solve for the fluence on the surface of a closed mesh.
 
@@ -132,15 +132,18 @@ class DiffusionTransport(Kernels):
         media : R, G and B
         stages : Stages
             Keeps the steps' results between calls.
-        go_on : callable
-            Told the solution after each round of products; False ends there, and the next call starts from it.
+        go_on : callable, optional
+            Told the solution on half the nodes and after each round of products; False ends there, and the next call
+            starts from it. Where nobody looks all nodes are solved at once, which takes less time in all.
         """
         request = self, mesh, samples, grid, *lights, *media
 
         def anew() -> Solution:
-            coarse = self._coarse_solution(mesh, samples, lights, media, stages, go_on)
-            if coarse is not None and not go_on(coarse):
-                return coarse
+            coarse = None
+            if go_on is not None:
+                coarse = self._coarse_solution(mesh, samples, lights, media, stages, go_on)
+                if coarse is not None and not go_on(coarse):
+                    return coarse
             boundary, channels = self._channels(mesh, samples, grid, lights, media, stages)
             ended = None if self._coarse is None or coarse is None else self._coarse._last
             return self._solve(boundary, media, channels, samples, ended, go_on)
@@ -261,7 +264,7 @@ class DiffusionTransport(Kernels):
         channels: Sequence[Channel | None],
         samples: SurfaceSamples,
         coarse: End | None,
-        go_on: Callable[[Solution], bool],
+        go_on: Callable[[Solution], bool] | None,
     ) -> Solution:
         """Step all channels in rounds, each from where it ended last time, side by side."""
         new = {channel: i for i, channel in reversed(list(enumerate(channels))) if channel is not None}
@@ -272,7 +275,7 @@ class DiffusionTransport(Kernels):
 
         ways = dict(zip(new, thread_pool().map(started, new), strict=True))
         solution = reached(boundary, media, channels, ways)
-        while max(solution.residuals) > self.tolerance and go_on(solution):
+        while max(solution.residuals) > self.tolerance and (go_on is None or go_on(solution)):
             # All of them: each takes its steps.
             if not any(list(thread_pool().map(Iteration.advance, [*ways.values()] * ROUND))):
                 break

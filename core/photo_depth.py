@@ -2,8 +2,12 @@
 
 After Khan, Reinhard, Fleming and Buelthoff, "Image-based material editing" (SIGGRAPH 2006): luminance goes through the
 sigmoid of photoreceptors, a bilateral filter and the sigmoid's inverse, and dark is deep. Where they bend the height
-down at the silhouette, the outline is inflated here, so that both are right for a ball: h = sqrt(u), -lap u = 4. Finer
-relief is added scale by scale, its height in proportion to its size: slopes, not heights, are what shading shows.
+down at the silhouette, the outline is inflated here, so that both are right for a ball: h = sqrt(u), -lap u = 4.
+
+Finer relief is what shading shows. Light from a side, which the outline's shape tells (`core.photo_light`), makes
+bright what is turned towards it: slopes along it follow, and heights from those in Fourier space (Pentland 1990,
+"Linear shape from shading"). In light from the front or from all around dark is deep again, scale by scale, its
+height in proportion to its size.
 
 Arrays are (h, w), row 0 at the top; lengths in the distance of two nodes.
 """
@@ -15,19 +19,32 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinat
 Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-# Against the 2,162 photogrammetry points of the Buddha's head the rank correlation is flat in these: see the README.
-RESHAPING = 0.4  # share of the height that follows the luminance: 0 leaves the inflated outline
-SMOOTHING = 0.12  # scale of the luminance that reshapes, in inscribed radii
+# Chosen by the 2,162 photogrammetry points of the Buddha's head, by our own pictures, and by eye: see the README.
+RESHAPING = 0.2  # share of the height that follows the luminance: 0 leaves the inflated outline
+SMOOTHING = 0.3  # scale of the luminance that reshapes, in inscribed radii
 RANGE = 0.1  # of the bilateral filter, in units of the sigmoid: larger steps are edges, and stay
 EDGE = 0.15  # of the filter's scale that an edge is wide
-RELIEF = 0.7  # slope of the relief for a change of luminance by a factor e
+RELIEF = 0.7  # slope of the relief for a change of luminance by a factor e, in light that shows no slopes
+FINE = 0.4  # of the filter's scale, up to which that relief goes
+SLANTED = 0.3  # gradient of luminance over the mean, sideways, from which on it is the light that shows slopes
+CREASES = 0.3  # of the relief that stays there: what is hollow is darker in any light
+GAIN = 2.5  # on slopes: light that scatters inside evens shading out, and the outline's normals even out its gradient
+ACROSS = 0.1  # of slopes across the light, which it does not show, for those along it: they stay flat
+RIM, SLOPING_RIM = 0.2, 0.07  # of the inscribed radius, over which relief, and slopes, fade in from the outline
 MOST = 2.5  # times the mean luminance that counts at most: a highlight is no hill
 _COARSEST = 24  # nodes a side where the solution starts
 _SWEEPS = 14  # of relaxation a level
 
 
 def estimate_height(
-    luminance: npt.ArrayLike, inside: Bools, base: Array, *, smoothing: float = SMOOTHING, strength: float = 1.0
+    luminance: npt.ArrayLike,
+    inside: Bools,
+    base: Array,
+    *,
+    unexplained: Array | None = None,
+    gradient: npt.ArrayLike = (0.0, 0.0, 0.0),
+    smoothing: float = SMOOTHING,
+    strength: float = 1.0,
 ) -> Array:
     """Estimate the height of an object towards the camera.
 
@@ -38,6 +55,11 @@ def estimate_height(
     inside : (h, w) bool
     base : (h, w) float64
         The outline inflated, see `inflated`.
+    unexplained : (h, w), optional
+        What the luminance has more than `base` would in the light that there is, over the mean; None where that is
+        not to be told.
+    gradient : (3,)
+        Change of luminance with the normal over the mean.
     smoothing : float
         Scale of the bilateral filter over the radius of the largest inscribed circle, > 0.
     strength : float
@@ -59,7 +81,14 @@ def estimate_height(
     # Edges stay in place, but no cliffs: a highlight's edge would be one.
     shape = _smooth(_expanded(bilateral(sigmoid, weight, sigma, RANGE)), weight, EDGE * sigma)
     height = base * (1.0 + RESHAPING * (shape - shape[inside].mean()))
-    height += _relief(_expanded(bilateral(sigmoid, weight, 1.0, RANGE)), weight, sigma) * _fade(inside, 0.2 * radius)
+    fine = _expanded(bilateral(sigmoid, weight, 1.0, RANGE))
+    tilt = np.asarray(gradient, np.float64)[:2]
+    slanted = 0.0 if unexplained is None else float(tilt @ tilt / (tilt @ tilt + SLANTED**2))
+    relief = _relief(fine, weight, FINE * sigma) * _fade(inside, RIM * radius)
+    height += (1.0 - (1.0 - CREASES) * slanted) * relief
+    if unexplained is not None and slanted > 0.0:
+        slopes = _slopes_integrated(unexplained, weight, tilt, sigma)
+        height += GAIN * slanted * slopes * _fade(inside, SLOPING_RIM * radius)
     height = np.where(inside, np.maximum(height, 0.0), 0.0)
     return np.asarray(height * (strength * radius / max(float(height.max()), 1e-9)))
 
@@ -130,6 +159,23 @@ def _relief(light: Array, weight: Array, sigma: float) -> Array:
         relief += RELIEF * scale * (finer - coarser)
         finer, scale = coarser, 2.0 * scale
     return relief
+
+
+def _slopes_integrated(light: Array, weight: Array, tilt: Array, sigma: float) -> Array:
+    """Height of what is finer than sigma, added to a surface that explains all but `light` of what is seen.
+
+    Along the light, l = tilt / |tilt|, dh/dl = -light / |tilt|; least squares with small slopes across
+    it: H = i (k . l) S / ((k . l)^2 + ACROSS k^2), S the transform of the right side's negative.
+    """
+    size = float(np.hypot(*tilt))
+    change = weight * (_smooth(light, weight, 0.7) - _smooth(light, weight, sigma)) / size
+    margin = int(np.ceil(sigma))  # what leaves on one side must not come in on the other
+    change = np.pad(change, margin)
+    rows, columns = (2.0 * np.pi * np.fft.fftfreq(n) for n in change.shape)
+    along = (columns * tilt[0] - rows[:, None] * tilt[1]) / size
+    square = rows[:, None] ** 2 + columns**2
+    transform = 1j * along * np.fft.fft2(change) / np.maximum(along**2 + ACROSS * square, 1e-12)
+    return np.asarray(np.fft.ifft2(transform).real[margin:-margin, margin:-margin])
 
 
 def _smooth(values: Array, weight: Array, sigma: float) -> Array:

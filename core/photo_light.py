@@ -85,6 +85,13 @@ def measure_shading(radiance: npt.ArrayLike, height: Array, inside: npt.NDArray[
     return Shading(level, fitted[1:] / level, some, _fit_lamp(normal, seen, LAMP_GAIN * missed))
 
 
+def unexplained(radiance: Array, height: Array, inside: npt.NDArray[np.bool_], shading: Shading) -> Array:
+    """Luminance (h, w) over its mean, less what a matt surface has in light of the fitted gradient; 0 beside it."""
+    normal, mean = _normals(height), float(radiance[inside].mean())
+    expected = 1.0 + np.einsum("ijk,k->ij", normal - normal[inside].mean(axis=0), shading.gradient)
+    return np.asarray(np.where(inside, radiance / max(mean, 1e-12) - expected, 0.0))
+
+
 def without_lamp(radiance: Array, height: Array, inside: npt.NDArray[np.bool_], shading: Shading) -> Array:
     """Take a lamp's shading of a surface off its luminance (h, w): what is left dark is deep, not turned away."""
     if shading.lamp is None:

@@ -191,7 +191,7 @@ class SeparateDiffusion:
         lights: Sequence[EnteringLight],
         media: Sequence[Medium],
         stages: Stages,
-        go_on: Callable[[SeparateSolution], bool] = lambda _: True,
+        go_on: Callable[[SeparateSolution], bool] | None = None,
     ) -> SeparateSolution:
         """Solve for the fluence on the surface of every body.
 
@@ -232,9 +232,9 @@ class SeparateDiffusion:
         self,
         shares: Sequence[Sequence[EnteringLight | None]],
         media: Sequence[Medium],
-        go_on: Callable[[SeparateSolution], bool],
+        go_on: Callable[[SeparateSolution], bool] | None,
     ) -> SeparateSolution:
-        """Solve body by body, all of them on coarse nodes first."""
+        """Solve body by body, all of them on coarse nodes first where somebody looks."""
         own = [[share for share in each if share is not None] for each in zip(*shares, strict=True)]
         lit = [i for i, lights in enumerate(own) if lights]
         parts: dict[int, Solution] = {}
@@ -246,17 +246,18 @@ class SeparateDiffusion:
                 parts[i] = part
                 newest = self._together(parts, lit, i) or newest
 
-        for coarse, i in [*((True, i) for i in lit), *((False, i) for i in lit)]:
+        for coarse, i in [*((True, i) for i in lit if go_on is not None), *((False, i) for i in lit)]:
             body, crop, ended = self._bodies[i], self.atlas().crops[i], False
 
             def told(part: Solution, i: int = i, coarse: bool = coarse, crop: LayerGrid = crop) -> bool:
                 nonlocal ended
                 take(i, part)
-                ended = not go_on(newest)
+                ended = go_on is not None and not go_on(newest)
                 enough = coarse and part.boundary.grid != crop and max(part.residuals) <= COARSE_TOLERANCE
                 return not ended and not enough
 
-            take(i, body.transport.solve(body.mesh, body.samples, crop, own[i], media, body.stages, told))
+            watched = None if go_on is None else told
+            take(i, body.transport.solve(body.mesh, body.samples, crop, own[i], media, body.stages, watched))
             if ended:
                 break
         return newest

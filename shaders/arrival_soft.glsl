@@ -45,6 +45,6 @@ Arrival unshadowed(int i, vec3 position) {
 Arrival arrive(int i, vec3 position, vec3 normal) {
     Arrival arrival = unshadowed(i, position);
     if (dot(normal, arrival.to_light) > 0.0 && arrival.irradiance != vec3(0.0))
-        arrival.irradiance *= soft_visibility(i, position, normal, arrival.to_light, arrival.distance);
+        arrival.irradiance *= soft_visibility(i, position, normal, arrival.to_light);
     return arrival;
 }

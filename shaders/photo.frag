@@ -1,10 +1,10 @@
 #version 330
 // A photograph with its object in another material: soft edges, the background filled in behind them, the
-// photograph's own tone curve. Mirrors viewer/edit_composite.py.
+// photograph's own tone curve; only of the pixels that photo_backdrop.frag found to change. Mirrors
+// viewer/edit_composite.py.
 #include "photographic.glsl"
 
-const int BEHIND_FILLED = 0;  // u_behind
-const int BEHIND_SEEN = 1;
+const int BEHIND_FILLED = 0;  // u_behind; 1: as seen
 const int BEHIND_NOTHING = 2;
 
 uniform sampler2D t_photo;   // sRGB and alpha; this and the next two have row 0 at the top
@@ -19,6 +19,8 @@ out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 
 // Fills where little is known from coarser levels, one known pixel among those of a coarse one being enough.
 vec3 object_radiance(vec2 place) {
+    vec4 finest = textureLod(t_object, place, 0.0);
+    if (finest.a > 0.999) return finest.rgb;  // as most are
     vec3 sum = vec3(0.0);
     float known = 0.0, pixels = 1.0;
     int levels = int(ceil(log2(float(max(textureSize(t_object, 0).x, textureSize(t_object, 0).y)))));
@@ -37,14 +39,9 @@ void main() {
     vec2 pixel = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y);
     vec4 photo = texelFetch(t_photo, ivec2(pixel), 0);
     vec2 edge = texelFetch(t_edges, ivec2(pixel), 0).rg;
-    bool alone = u_behind == BEHIND_NOTHING;
-    if (edge.r == 0.0 && (edge.g == 0.0 || u_behind != BEHIND_FILLED)) {
-        o_colour = alone ? vec4(0.0) : photo;
-        return;
-    }
     vec2 place = (pixel - u_region.xy) / u_region.zw;
     vec3 shown = clamp(tone_map(object_radiance(vec2(place.x, 1.0 - place.y)), 1.0, u_white), 0.0, 1.0);
-    if (alone) {
+    if (u_behind == BEHIND_NOTHING) {
         o_colour = vec4(srgb(shown), edge.r);
         return;
     }

@@ -9,7 +9,7 @@ uniform sampler2D t_sub_lights;  // a row a sub-light: its vector and the first 
                                  // from the world to clip space, 4 of its inverse
 uniform int u_shadow_views;      // 0 (no shadow), 1 or 6
 uniform vec2 u_shadow_tiles;     // columns, rows
-uniform float u_shadow_texel;    // size of a texel: mm (directional), mm per mm of distance (point)
+uniform float u_shadow_texel;    // size of a texel: mm (directional), mm per mm of depth (point)
 uniform vec2 u_shadow_range;     // depths between which the maps lie, mm; of a directional light half their distance
 uniform float u_piece;           // size of a sub-light: radius of its filter, as seen from there, radians or mm
 uniform float u_widest;          // mm along the surface that the filter and offsets reach: walls are thicker
@@ -47,18 +47,20 @@ vec2 in_the_way(int view, vec4 clip) {
     return vec2(clip.w - there, there);
 }
 
-// position: world, mm; normal, to_light: unit; distance: to the sub-light, 1 for a directional one. Returns [0, 1].
-float soft_visibility(int i, vec3 position, vec3 normal, vec3 to_light, float distance) {
-    float texel = u_shadow_texel * distance;
+// position: world, mm; normal, to_light: unit. Returns [0, 1].
+float soft_visibility(int i, vec3 position, vec3 normal, vec3 to_light) {
     float cosine = dot(normal, to_light);
     float slope = sqrt(max(0.0, 1.0 - cosine * cosine));
-    vec4 start = vec4(position + texel * (NORMAL_OFFSET * slope * normal + LIGHT_OFFSET * to_light), 1.0);
+    vec3 off = NORMAL_OFFSET * slope * normal + LIGHT_OFFSET * to_light;
     int view = i * u_shadow_views, last = view + u_shadow_views;
     mat4 to_clip;
     vec4 centre;
+    float texel;
     for (; view < last; ++view) {
         to_clip = shadow_to_clip(view);
-        centre = to_clip * start;
+        centre = to_clip * vec4(position, 1.0);
+        texel = u_shadow_texel * centre.w;  // w: depth, 1 of a directional light
+        centre += to_clip * vec4(texel * off, 0.0);
         if (centre.w > 0.0 && all(lessThanEqual(abs(centre.xy), vec2(centre.w)))) break;
     }
     if (view == last) return 1.0;

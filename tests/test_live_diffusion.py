@@ -11,7 +11,7 @@ import trimesh
 from core import diffusion
 from core.diffusion import TOLERANCE
 from tests.driving import PICTURE, Driver, headless_picture, small_scene
-from viewer.live import Detail
+from viewer.draft import Detail
 from viewer.live_error import NOT_EQUATION_1
 from viewer.panel_transport import chosen, solved
 from viewer.scene import apply_set

@@ -15,19 +15,29 @@ from tests.driving import small_scene, write_knot, write_pair
 from tests.skins import picture, write_ball
 from tests.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search
 from viewer import own_materials
+from viewer.declaration import settings_of
 from viewer.images import write_exr
 from viewer.panel_controls import default_of
 from viewer.panel_profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by
 from viewer.profile_view import PER_RADIUS
 from viewer.scene import Scene
 from viewer.session import SHOWN
-from viewer.settings import DEFAULT_LIGHTS, LIGHT_KINDS, TABLES, MaterialSettings, PointLight, TransportSettings
+from viewer.settings import (
+    DEFAULT_LIGHTS,
+    LIGHT_KINDS,
+    TABLES,
+    MaterialSettings,
+    PhotoSettings,
+    PointLight,
+    TransportSettings,
+)
 
 SECTIONS = ("Environment", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {
     "camera.target_mm": "set on the object itself: double click, or Shift and drag (test_view.py)",
     "material.mix_sigma_s_prime": "comes with mix_eta",
     "material.mix_sigma_a": "comes with mix_eta",
+    **{f"photo.{key}": "of a photograph (test_photo_pass.py)" for key in settings_of(PhotoSettings)},
 }
 
 

@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from core.mesh import flaws
-from core.photo_depth import bilateral, estimate_height, harmonic, inflated, inscribed_radius
+from core.photo_depth import SMOOTHING, bilateral, estimate_height, harmonic, inflated, inscribed_radius
+from core.photo_light import Shading, _normals, unexplained
 from core.photo_surface import find_outline, height_surface
 from viewer.photo import load_photo
 from viewer.photo_geometry import frame_object, make_geometry
@@ -43,6 +45,28 @@ def test_what_is_dark_is_deep() -> None:
     middle, around = height[r < 4.0].mean(), height[(r > 15.0) & (r < 19.0)].mean()
     assert middle < around
     assert base[r < 4.0].mean() > base[(r > 15.0) & (r < 19.0)].mean()
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.9), (-0.7, 0.5)])
+def test_in_light_from_a_side_bumps_are_bumps_though_dark_would_be_deep(tilt: tuple[float, float]) -> None:
+    inside, r = disc(141, 60.0)
+    base = inflated(inside)
+    y, x = np.mgrid[:141, :141]
+    bumps = np.sin(2.0 * np.pi * x / 14.0) * np.sin(2.0 * np.pi * y / 14.0) * np.where(r < 45.0, 1.0, 0.0)
+    normal = _normals(base + bumps)
+    gradient = np.array([*tilt, 0.3])
+    paint = np.where(bumps > 0.5, 0.9, 1.0)  # what sticks out is worn
+    lit = 1.0 + np.einsum("ijk,k->ij", normal - normal[inside].mean(axis=0), gradient)
+    light = paint * np.maximum(lit, 0.0)
+    shading = Shading(float(light[inside].mean()), gradient, normal[inside][::50])
+    more = unexplained(light, base, inside, shading)
+    fine = estimate_height(light, inside, base, unexplained=more, gradient=gradient)
+    dark = estimate_height(light, inside, base)
+    there = r < 42.0
+    told, deep = (np.corrcoef((h - gaussian_filter(h, 5.0))[there], bumps[there])[0, 1] for h in (fine, dark))
+    assert told > 0.6
+    assert deep < 0.2
+    assert not unexplained(light, base, inside, shading)[~inside].any()
 
 
 def test_the_bilateral_filter_keeps_edges_and_drops_noise() -> None:
@@ -86,7 +110,12 @@ def test_a_hollow_front_stays_before_its_back() -> None:
 def test_a_real_head_has_depth_where_photogrammetry_found_it(data_dir: Path) -> None:
     folder = data_dir / "image"
     photo = load_photo(folder / "buddha_head.png", folder / "buddha_head_mask.png")
-    geometry = make_geometry(photo, frame_object(photo, 100.0), 3.0, strength=1.0, smoothing=0.12)
+    geometry = make_geometry(photo, frame_object(photo, 100.0), 3.0, strength=1.0, smoothing=SMOOTHING)
     x, y, depth = np.genfromtxt(folder / "buddha_head_points.csv", delimiter=",", skip_header=1).T
     height = map_coordinates(geometry.depth_mm(photo.whole), [y - 0.5, x - 0.5], order=1)
-    assert spearmanr(height, -depth)[0] > 0.8
+    assert spearmanr(height, -depth)[0] > 0.9
+    # What is near a point, and what of it is nearer: the relief, which the outline knows nothing of.
+    tree = cKDTree(np.stack([x, y], axis=1))
+    around = tree.query_ball_point(tree.data, 50.0)
+    fine, found = (np.array([z[i] - z[near].mean() for i, near in enumerate(around)]) for z in (height, -depth))
+    assert spearmanr(fine, found)[0] > 0.6

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from core.errors import InputError
+from core.photo_depth import SMOOTHING
 from tests.driving import Driver
 from tests.photographing import ball_photo, small_photo, write_photo
 from viewer.cli import main
@@ -20,7 +21,7 @@ from viewer.photo_command import work_and_scene
 from viewer.photo_mouse import FIXED
 from viewer.photo_work import PhotoWork
 from viewer.picture import read_image
-from viewer.scene import DirectionalLight, EnvironmentSettings, apply_set
+from viewer.scene import DirectionalLight, EnvironmentSettings, PhotoSettings, apply_set
 
 SCENE = replace(
     apply_set(START, ["transport.method=layered", "transport.layers=4", "transport.resolution=32"]), lights=()
@@ -68,7 +69,7 @@ def test_the_window_shows_what_edit_writes(window) -> None:
     still, _ = shown.view.still()
     assert close_to(picture, still)
     np.testing.assert_allclose(still.astype(int), Compositor(written).picture(), atol=1)
-    work.behind = "transparent"
+    shown.session.edit("photo", behind="transparent")
     alone = shown.picture()
     assert alone.shape[2] == 4
     there = alone[..., 3] > 250
@@ -95,15 +96,53 @@ def test_material_and_depth_change_the_object_alone(window) -> None:
     np.testing.assert_array_equal(red[far], before[far])
     np.testing.assert_array_equal(red[far], made.photo.pixels[far])
     assert red[~far].astype(int)[:, 0].mean() > red[~far][:, 1].mean() + 30
-    left, top, right, _ = shown.app.panel.controls.boxes["photo.strength"]
+    left, top, right, _ = shown.app.panel.controls.boxes["photo.depth_strength"]
     shown.drag((0.6 * left + 0.4 * right, top + 5.0), (-40.0, 0.0))
     shown.settle()
     deeper = work_of(shown).made
     assert deeper is not made
-    assert work_of(shown).strength != 1.0
+    assert shown.session.scene.photo.depth_strength != 1.0
     assert deeper.light is made.light  # how deep it is read does not change what it is lit by
     assert shown.view.live.shown[0] is deeper
     np.testing.assert_array_equal(shown.picture()[far], before[far])
+
+
+def test_how_depth_is_read_is_undone_saved_and_opened(window, tmp_path: Path) -> None:
+    assert PhotoSettings().depth_smoothing == SMOOTHING
+    shown = window()
+    first = work_of(shown).made
+    shown.session.edit("photo", depth_strength=0.4, behind="seen")
+    shown.settle()
+    flat = work_of(shown).made
+    assert flat.geometry.height.max() < 0.5 * first.geometry.height.max()
+    shown.app.actions._save_to(tmp_path / "photo.toml")
+    shown.key("left_ctrl", "z")
+    shown.settle()
+    assert shown.session.scene.photo == PhotoSettings()
+    np.testing.assert_array_equal(work_of(shown).made.geometry.height, first.geometry.height)
+    shown.app.actions.open(tmp_path / "photo.toml")
+    assert shown.session.scene.photo == PhotoSettings(depth_strength=0.4, behind="seen")
+    shown.settle()
+    shown.click("photo.behind.reset")
+    assert shown.session.scene.photo.behind == "filled"
+
+
+def test_a_depth_map_takes_the_place_of_the_estimate(window, tmp_path: Path) -> None:
+    shown = window()
+    rows = work_of(shown).photo.size[0]
+    ramp = np.linspace(0.0, 30.0, rows)[:, None] * np.ones(work_of(shown).photo.size)
+    np.save(tmp_path / "ramp.npy", ramp)
+    np.save(tmp_path / "small.npy", ramp[:5])
+    shown.app.actions._take_depth(tmp_path / "small.npy")
+    shown.frames(1)
+    assert "measures" in shown.app.messages[-1]
+    assert shown.session.scene.photo.depth is None
+    shown.app.actions._take_depth(tmp_path / "ramp.npy")
+    shown.settle()
+    height, inner = work_of(shown).made.geometry.height, work_of(shown).made.geometry.share == 1.0
+    assert np.all(np.diff(height, axis=0)[inner[1:] & inner[:-1]] > 0.0)
+    shown.click("photo.depth.reset")
+    assert shown.session.scene.photo.depth is None
 
 
 def test_a_split_view_shows_the_photograph_twice(window) -> None:
@@ -160,6 +199,29 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     assert work.tool is None
 
 
+def test_what_is_under_the_pointer_stays_there_when_the_mask_is_painted_from_close_by(window) -> None:
+    shown = window()
+    work, brush = work_of(shown), work_of(shown).brush
+    shown.click("photo.brush")
+    place = in_window(shown, 20.0, 30.0)
+    shown.scroll(place, 6.0)
+    assert in_window(shown, 20.0, 30.0) == pytest.approx(place)
+    assert shown.view.zoom.scale == pytest.approx(1.25**6)
+    assert work.brush == brush
+    work.brush = 2.0
+    shown.drag(place, (0.0, 0.0))
+    assert work.mask.pixels[30, 20] == 255
+    assert work.mask.pixels[:, :16].max() == 0
+    shown.drag(place, (40.0, -25.0), button="middle")
+    assert in_window(shown, 20.0, 30.0) == pytest.approx((place[0] + 40.0, place[1] - 25.0))
+    shown.send(Key("left_ctrl", True))
+    shown.scroll(place, 1.0)
+    shown.send(Key("left_ctrl", False))
+    assert work.brush == pytest.approx(2.3)
+    shown.key("enter")
+    assert shown.view.zoom.scale == 1.0
+
+
 def test_a_mask_that_is_no_object_is_said_and_survived(window) -> None:
     shown = window(masked=False)
     work_of(shown).brush = 1.0
@@ -207,6 +269,9 @@ def test_pictures_and_masks_are_saved(window, tmp_path: Path) -> None:
         ({"mask": "nowhere.png"}, "nowhere.png"),
         ({"camera_azimuth": 3.0}, "--camera-azimuth and --photo"),
         ({"model": "dragon.ply"}, "MODEL and --photo"),
+        ({"photo": None, "depth": "depth.npy"}, "--depth says something of no photograph"),
+        ({"depth": "nowhere.npy"}, "nowhere.npy"),
+        ({"depth_strength": "9"}, "--depth-strength must be a number from 0.05 to 5"),
         ({"record": "events"}, "--record and --photo"),
         ({"play": "events"}, "--play and --photo"),
         ({"material": "jad"}, "jade"),

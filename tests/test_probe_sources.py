@@ -70,18 +70,19 @@ def test_a_sun_and_a_lamp_leave_as_much_light_as_there_was(eta):
 
 
 @pytest.mark.parametrize(
-    ("name", "at_least"),
+    ("name", "at_least", "eta"),
     [
-        ("galileo_latlong_1024x512_derived.hdr", 3),
-        ("uffizi_latlong_1200x600.hdr", 0),
-        ("pisa_latlong_256x128.hdr", 0),
+        ("galileo_latlong_1024x512_derived.hdr", 3, 1.0),  # the cosine's kink at the horizon is the hardest
+        ("galileo_latlong_1024x512_derived.hdr", 3, 1.5),
+        ("uffizi_latlong_1200x600.hdr", 0, 1.0),
+        ("pisa_latlong_256x128.hdr", 0, 1.5),
     ],
 )
-def test_a_measured_probe_keeps_its_light(data_dir, name, at_least):
+def test_a_measured_probe_keeps_its_light(data_dir, name, at_least, eta):
     path = data_dir / "hdr" / name
     if not path.exists():
         pytest.skip(f"{name} is absent")
-    assert_conserves(read_radiance(path), 1.5, at_least)
+    assert_conserves(read_radiance(path), eta, at_least)
 
 
 def test_the_sun_is_found_where_it_is_as_large_and_as_bright():

@@ -17,14 +17,17 @@ from tests.rendering import inside, random_samples, relative_rms, scene_of
 from tests.shapes import ball, cube
 from tests.skins import picture, write_ball
 from viewer.buffers import MeshBuffers, SampleBuffers
+from viewer.draft import STEPS_A_FRAME, Detail
 from viewer.frame import Renderer
 from viewer.irradiance_pass import SampleIrradiancePass
 from viewer.lamps import Lamps
-from viewer.live import Detail
+from viewer.picture import read_image
 from viewer.report_transport import obstacle
 from viewer.scene import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight, apply_set
 from viewer.settings import ModelSettings
+from viewer.shadow_depth import DepthTiles
 from viewer.soft_shadows import SoftShadow
+from viewer.sub_lights import sub_light_count
 from viewer.visible_error import Illumination
 
 ETA = 1.5
@@ -33,6 +36,7 @@ SIZED = {  # for an object of 20 mm
     "sun": DirectionalLight((-0.5, 0.7, 0.6), angle_deg=0.6),
     "sphere": SphereLight((24.0, 28.0, 30.0), radius_mm=12.0),
     "rectangle": RectangleLight((-12.0, 16.0, -36.0), size_mm=(24.0, 24.0)),
+    "panel": RectangleLight((0.0, 0.0, 12.0), size_mm=(20.0, 20.0)),  # nearly touching
 }
 
 
@@ -241,9 +245,54 @@ def test_while_a_light_is_dragged_it_has_few_sub_lights(driver):
     whole = len(live._lit.sources[0].shadow.lights)
     scene = session.scene
     moved = replace(scene, lights=(replace(scene.lights[0], position_mm=(90.0, 120.0, 150.0)),))
+    live.renderer.stages.begin()  # with no allowance: all at once
     live._light(apply_set(moved, []), Detail(draft=True))
     assert len(live._lit.sources[0].shadow.lights) < whole
     live._light(moved, Detail(draft=False))
     assert len(live._lit.sources[0].shadow.lights) == whole
     live._light(apply_set(moved, ["material.name=ketchup"]), Detail(draft=True))
     assert len(live._lit.sources[0].shadow.lights) == whole  # a material leaves shadows alone
+
+
+def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkeypatch):
+    """No frame draws more than its share of shadow maps; another edit starts again; the end is the headless picture."""
+    live, session, drawn = driver.view.live, driver.session, []
+    monkeypatch.setattr("viewer.draft.STEP_SECONDS", 60.0)  # counted, whatever the machine
+    tiles = DepthTiles.steps
+
+    def counted(self, texture, columns, side, matrices, *rest):
+        steps = tiles(self, texture, columns, side, matrices, *rest)
+        if len(matrices) <= few:  # a draft's
+            return (yield from steps)
+        while True:
+            drawn[-1][1] += 1
+            try:
+                next(steps)
+            except StopIteration as end:
+                return end.value
+            yield
+
+    monkeypatch.setattr(DepthTiles, "steps", counted)
+    first, second = (RectangleLight((x, 0.0, 62.0), size_mm=(90.0, 90.0)) for x in (10.0, -10.0))
+    few, whole = (sub_light_count(first, 50.0, draft) for draft in (True, False))
+    assert whole > 4 * STEPS_A_FRAME
+
+    def frame():
+        drawn.append([session.scene.lights[0], 0])
+        driver.frames(1)
+
+    session.edit_lights([first])
+    for _ in range(3):
+        frame()
+    assert live.working
+    assert len(live._lit.sources[0].shadow.lights) == few  # meanwhile a draft is up
+    session.edit_lights([second])
+    while not drawn or len(live._lit.sources[0].shadow.lights) != whole or live._lit_for[2]:
+        frame()
+        assert len(drawn) < 60
+    driver.settle()
+    assert max(tiles for _, tiles in drawn) <= STEPS_A_FRAME + 1
+    assert sum(tiles for light, tiles in drawn if light == first) < whole  # the rest was given up
+    assert sum(tiles for light, tiles in drawn if light == second) >= whole
+    still = Renderer(context).draw(driver.view.shown, samples=4)
+    assert np.abs(read_image(still).astype(int) - read_image(driver.view.picture).astype(int)).max() <= 1

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from core.stages import Stages
+from core.stages import Allowance, Stages, Unfinished
 
 
 def test_runs_again_only_for_other_dependencies() -> None:
@@ -44,3 +44,59 @@ def test_a_failed_stage_is_not_kept() -> None:
     with pytest.raises(ZeroDivisionError):
         stages.run("a", [0], lambda: 1 // 0)
     assert stages.run("a", [0], lambda: 7) == 7
+
+
+def counted(n, taken):
+    """Work of n steps, each of which says so."""
+    for i in range(n):
+        if i > 0:
+            yield
+        taken.append(i)
+    return n
+
+
+def test_spread_work_is_done_at_once_without_an_allowance() -> None:
+    stages, taken = Stages(), []
+    assert [stages.spread("a", [0], lambda: counted(5, taken)) for _ in range(2)] == [5, 5]
+    assert taken == [0, 1, 2, 3, 4]
+
+
+def test_spread_work_goes_on_from_frame_to_frame_and_is_kept() -> None:
+    stages, taken = Stages(), []
+    for after in (3, 6):
+        stages.begin(Allowance(2, 60.0))
+        with pytest.raises(Unfinished):
+            stages.spread("a", [0], lambda: counted(7, taken))
+        assert taken == list(range(after))
+    stages.begin(Allowance(2, 60.0))
+    assert stages.spread("a", [0], lambda: counted(7, taken)) == 7
+    assert taken == list(range(7))
+    assert stages.has("a", [0])
+
+
+def test_spread_work_is_abandoned_for_other_work_and_where_nobody_asks_for_it() -> None:
+    stages, taken = Stages(), []
+    stages.begin(Allowance(1, 60.0))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [0], lambda: counted(5, taken))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [1], lambda: counted(5, taken))
+    assert taken == [0, 1, 0]
+    for _ in range(2):
+        stages.begin(Allowance(0, 60.0))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [1], lambda: counted(5, taken))
+    assert taken == [0, 1, 0, 0]
+
+
+def test_spread_work_that_failed_begins_anew() -> None:
+    stages = Stages()
+
+    def failing():
+        yield
+        raise ZeroDivisionError
+
+    stages.begin(Allowance(5, 60.0))
+    with pytest.raises(ZeroDivisionError):
+        stages.spread("a", [0], failing)
+    assert stages.spread("a", [0], lambda: counted(1, [])) == 1

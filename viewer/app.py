@@ -31,6 +31,7 @@ from viewer.session import Session
 from viewer.shortcuts import pressed_actions
 
 FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
+PATIENCE = 0.06  # seconds that all but the first leave the processor to the worker that a drag waits for
 TOOLTIP_SECONDS = 0.75  # after the pointer has come to rest
 RATE_WEIGHT = 0.2  # of the newest frame in the rate that is shown
 GREY = (0.085, 0.09, 0.095)
@@ -125,7 +126,8 @@ class App:
     def next_frame(self) -> float | None:
         """Seconds until a frame is due, 0 for now, None if only an event can make one."""
         if self._frames_due > 0:
-            return 0.0
+            waits_for_worker = self._frames_due < FRAMES_AN_EVENT and self.view.detail.draft and self.view.live.working
+            return max(0.0, self._last_event + PATIENCE - self.clock()) if waits_for_worker else 0.0
         now = self.clock()
         waits = [self.view.next_change(now)]
         end = self._messages.next_end()

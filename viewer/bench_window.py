@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from core.stages import exhausted
 from viewer.bench_report import Report
 from viewer.bench_speed import Timing
 from viewer.events import MouseButton, MouseMoved
@@ -138,7 +139,7 @@ class Plain:
         lit, (gbuffer, light) = finished.lit, self._targets
         self._gbuffer.render(lit.model.buffers, lit.camera.world_to_clip, gbuffer)
         surface = replace(finished.gather, local_reach=0.0)
-        self._light.run(gbuffer, lit.sources, surface, scene.specular, self._nothing, lit.camera, light)
+        exhausted(self._light.steps(gbuffer, lit.sources, surface, scene.specular, self._nothing, lit.camera, light))
         average = self._tonemap.log_average(light.irradiance) or 1.0
         nowhere = Background(self._nothing, 0.0, 0.0)
         self._tonemap.render(light.irradiance, average, scene.display, nowhere, lit.camera, self._image)

@@ -60,7 +60,7 @@ class Separated:
         lights: Sequence[EnteringLight],
         media: Sequence[Medium],
         stages: Stages,
-        go_on: Callable[[SeparateSolution], bool],
+        go_on: Callable[[SeparateSolution], bool] | None,
     ) -> SeparateSolution:
         """See `core.separate_diffusion.SeparateDiffusion.solve`."""
         assert isinstance(self.transport, SeparateDiffusion)

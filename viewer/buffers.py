@@ -55,14 +55,15 @@ class SampleBuffers:
         self._normals = context.buffer(samples.normals)
         self._output = context.buffer(reserve=12 * self.count)
 
-    def transform(self, program: Program) -> memoryview:
-        """Run a vertex program over all samples; returns its one vec3 output, 12 bytes a sample."""
+    def transform(self, program: Program, first: int = 0, count: int | None = None) -> memoryview:
+        """Run a vertex program over all samples, or some; returns its one vec3 output, 12 bytes a sample."""
+        count = self.count - first if count is None else count
         content = [(self._positions, "3f", "a_position")]
         if "a_normal" in program.program:
             content.append((self._normals, "3f", "a_normal"))
         vertices = self._context.vertex_array(program.program, content)
         # Nothing is rasterised, yet a surfaceless context refuses to draw without a complete framebuffer.
         leave_framebuffer(self._context)
-        vertices.transform(self._output, moderngl.POINTS, self.count)
+        vertices.transform(self._output, moderngl.POINTS, count, first=first)
         vertices.release()
-        return memoryview(self._output.read())
+        return memoryview(self._output.read(12 * count))

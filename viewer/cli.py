@@ -4,6 +4,7 @@ import importlib.metadata
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from core.errors import InputError
 from viewer import edit_command
-from viewer.options import scene_options
+from viewer.options import PHOTO_FLAGS, scene_options
 from viewer.scene import Scene, default_scene
 from viewer.usage import usage_sentence
 
@@ -70,7 +71,7 @@ def default(
 
 
 @app.command()
-@scene_options
+@partial(scene_options, also=PHOTO_FLAGS)
 def view(
     scene: Scene,
     context: typer.Context,
@@ -82,7 +83,7 @@ def view(
     mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
     """Show a model in a window, or the object of a photograph in another material."""
-    if photo is not None or mask is not None:
+    if any(context.params[name] is not None for name in ("photo", "mask", *(flag.parameter for flag in PHOTO_FLAGS))):
         from viewer import photo_command
 
         photo_command.run(context.params, has_display())

@@ -16,7 +16,6 @@ from scipy.ndimage import maximum_filter
 
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
-from core.photo_depth import SMOOTHING
 from core.photo_light import light_around
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
@@ -100,9 +99,6 @@ def edit(
     scene: Scene,
     context: moderngl.Context,
     *,
-    strength: float = 1.0,
-    smoothing: float = SMOOTHING,
-    depth: Path | None = None,
     samples: int = 1,
     parts: bool = True,
     progress: Progress = lambda _: None,
@@ -114,9 +110,8 @@ def edit(
     photo : Photo
     scene : Scene
         Its model's shape, camera and picture size are the photograph's; without an environment of its own, the
-        photograph's background is one.
+        photograph's background is one. How depth is read is in its table of the photograph.
     context : moderngl.Context
-    strength, smoothing, depth : as of `viewer.photo_geometry.make_geometry`
     samples : int
         Of a pixel; the mask smooths the outline anyway.
     parts : bool
@@ -137,14 +132,17 @@ def edit(
 
     progress("estimating the depth")
     framing = frame_object(photo, scene.model.size_mm)
-    geometry = make_geometry(photo, framing, scene.display.white, strength=strength, smoothing=smoothing, depth=depth)
+    white, read = scene.display.white, scene.photo
+    geometry = make_geometry(
+        photo, framing, white, strength=read.depth_strength, smoothing=read.depth_smoothing, depth=read.depth
+    )
     lap("depth and surface")
     progress("looking at the surround")
-    white = scene.display.white
     light = photo_light(photo, geometry, white)
     lap("light")
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
+    renderer.develops = parts
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
     own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
     picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True)

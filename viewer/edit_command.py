@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from core.errors import InputError
-from viewer.options import scene_options
-from viewer.scene import EnvironmentSettings, Scene, SpecularSettings
+from viewer.options import PHOTO_FLAGS, scene_options
+from viewer.scene import Change, EnvironmentSettings, Scene, SpecularSettings, changed
+from viewer.settings_photo import BEHIND
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,7 +28,6 @@ START = Scene(
     environment=EnvironmentSettings(occluded=False),
     specular=SpecularSettings(1.0, 80.0, "normalized"),
 )
-BACKGROUNDS = ("filled", "seen", "transparent")
 DEPTH_OUTPUTS = (".png", ".exr", ".npy")
 
 
@@ -38,67 +38,44 @@ def _edit(
     output: Annotated[
         list[str], typer.Option(metavar="FILE", help=".png (as many bits as the photo) or .exr (layers); may repeat.")
     ],
-    depth: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Depth map instead of an estimate, larger is nearer: .png, or .exr, .npy in mm."
-        ),
-    ] = None,
     depth_output: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
     ] = None,
-    depth_strength: Annotated[
-        float, typer.Option(metavar="S", min=0.05, max=5.0, help="Factor on the depth; 1 makes a disc a hemisphere.")
-    ] = 1.0,
-    depth_smoothing: Annotated[
-        float,
-        typer.Option(metavar="S", min=0.01, max=1.0, help="Scale of light and dark that shapes it, in object radii."),
-    ] = 0.12,
     background: Annotated[
-        str,
-        typer.Option(
-            metavar="|".join(BACKGROUNDS), help="Behind soft edges: filled in, or as seen; or no photo at all."
-        ),
-    ] = "filled",
+        str | None,
+        typer.Option(metavar="|".join(BEHIND), help="Behind soft edges: filled in, or as seen; or no photo at all."),
+    ] = None,
     samples: Annotated[int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")] = 1,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
 ) -> None:
     """Give the object of a photograph another material."""
-    check(scene, photo, mask, output, depth, depth_output, background)
+    if background is not None:
+        scene = changed(scene, [Change("photo", "behind", background, "--background")])
+    check(scene, photo, mask, output, depth_output)
     parts = any(Path(name).suffix.lower() == ".exr" for name in output)
-    edited = _run(scene, photo, mask, depth, depth_strength, depth_smoothing, samples, parts)
+    edited = _run(scene, photo, mask, samples, parts)
     for warning in edited.warnings:
         typer.echo(f"milkglass: warning: {warning}.", err=True)
-    _save(edited, output, depth_output, background)
+    _save(edited, output, depth_output, scene.photo.behind)
     if verbose:
         for stage, milliseconds in edited.timings.items():
             typer.echo(f"{stage:28} {milliseconds:8.1f} ms")
 
 
 _edit.__name__ = "edit"
-edit = scene_options(_edit, FROM_PHOTO, START)
+edit = scene_options(_edit, FROM_PHOTO, START, PHOTO_FLAGS)
 
 
-def check(
-    scene: Scene,
-    photo: str,
-    mask: str,
-    outputs: list[str],
-    depth: str | None,
-    depth_output: str | None,
-    background: str,
-) -> None:
+def check(scene: Scene, photo: str, mask: str, outputs: list[str], depth_output: str | None) -> None:
     """Refuse what cannot be written or would overwrite an input, before any work."""
     from viewer.images import check_output
 
-    if background not in BACKGROUNDS:
-        raise InputError(f"--background {background} must be one of {', '.join(BACKGROUNDS)}")
     written = [*outputs] if depth_output is None else [*outputs, depth_output]
     for output in outputs:
         check_output(output, (".png", ".exr"))
     if depth_output is not None:
         check_output(depth_output, DEPTH_OUTPUTS)
-    read = {"photograph": photo, "mask": mask, "depth map": depth, "environment": scene.environment.path}
+    read = {"photograph": photo, "mask": mask, "depth map": scene.photo.depth, "environment": scene.environment.path}
     for i, output in enumerate(written):
         for role, path in read.items():
             if path is not None and os.path.realpath(path) == os.path.realpath(output):
@@ -107,16 +84,7 @@ def check(
             raise InputError(f"{output} is to be written twice; choose another name")
 
 
-def _run(
-    scene: Scene,
-    photo: str,
-    mask: str,
-    depth: str | None,
-    strength: float,
-    smoothing: float,
-    samples: int,
-    parts: bool,
-) -> "Edited":
+def _run(scene: Scene, photo: str, mask: str, samples: int, parts: bool) -> "Edited":
     from rich.console import Console
 
     from viewer.edit import edit as edited
@@ -124,14 +92,10 @@ def _run(
     from viewer.photo import load_photo
 
     loaded = load_photo(Path(photo), Path(mask))
-    given = None if depth is None else Path(depth)
     console = Console(stderr=True)
 
     def work(say: "Progress" = lambda _: None) -> "Edited":
-        return edited(
-            loaded, scene, headless_context(), strength=strength, smoothing=smoothing, depth=given, samples=samples,
-            parts=parts, progress=say,
-        )  # fmt: skip
+        return edited(loaded, scene, headless_context(), samples=samples, parts=parts, progress=say)
 
     if not console.is_terminal:
         return work()

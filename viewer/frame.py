@@ -82,6 +82,11 @@ class Renderer:
         FFTW's planner flag, see `core.convolution.LayerConvolver`.
     assets : Assets, optional
         Where meshes and probes come from, and stay for the next scene.
+
+    Attributes
+    ----------
+    develops : bool
+        Whether `shade` makes an image of radiance. Without one a photograph is drawn, which has its own exposure.
     """
 
     def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None) -> None:
@@ -90,6 +95,7 @@ class Renderer:
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
         self._lighting = Lighting(context, self.stages, effort, assets or Assets())
         self._shading = Shading(context, self.stages)
+        self.develops = True
 
     @property
     def timings(self) -> dict[str, float]:
@@ -153,7 +159,7 @@ class Renderer:
         leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress, draft)
 
-    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] = lambda _: True) -> Float32 | AnySolution:
+    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] | None = None) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
 
         `go_on` as of `core.diffusion.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may run it.
@@ -184,14 +190,18 @@ class Renderer:
         parts: bool = False,
         show: str = "radiance",
         exposure_for: float | None = None,
+        quick: bool = False,
     ) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light.
 
         `show` is what the image is made of, one of `viewer.composite_pass.OUTPUTS`; `exposure_for` a log-average
-        luminance that takes the place of the picture's own.
+        luminance that takes the place of the picture's own. `quick` as of `viewer.shading.Shading.shade`.
         """
         offsets = pixel_offsets(samples, seed)
-        return self._shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for)
+        shading = self._shading
+        if show == "radiance" and not self.develops:
+            return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
+        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""

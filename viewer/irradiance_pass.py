@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pyrr import matrix33
 
 from core.entry import EnteringLight
+from core.stages import Steps, exhausted
 from viewer.buffers import SampleBuffers
 from viewer.camera import Camera
 from viewer.detail import entering_uniforms
@@ -24,6 +25,8 @@ from viewer.soft_shadows import SoftShadow
 Float32 = npt.NDArray[np.float32]
 
 DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # as in irradiance.glsl
+# Times sub-lights: what about 50 ms are enough for without a GPU.
+SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,11 @@ class LightSource:
         """Whether it is for the shaders of lights with a size."""
         return isinstance(self.shadow, SoftShadow)
 
+    @property
+    def sub_lights(self) -> int:
+        """How many points or directions it shines from."""
+        return len(self.shadow.lights) if isinstance(self.shadow, SoftShadow) else 1
+
     def entering(self, flux: Float32) -> EnteringLight:
         """Light of this source that enters with a flux (n, 3) at the surface samples."""
         x, y, z = self.vector
@@ -134,10 +142,20 @@ class SampleIrradiancePass:
         return Program(self._context, "irradiance_samples_soft.vert", varyings=("v_irradiance",))
 
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
+        """As `steps`, all at once."""
+        return exhausted(self.steps(buffers, source, eta))
+
+    def steps(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Steps[Float32]:
         """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
         program = self._soft_program if source.is_soft else self._program
-        program.set(source.sample_uniforms(eta))
-        return np.frombuffer(buffers.transform(program), np.float32).reshape(-1, 3)
+        result, step = np.empty((buffers.count, 3), np.float32), max(1, SAMPLES_A_STEP // source.sub_lights)
+        for first in range(0, buffers.count, step):
+            if first > 0:
+                yield
+            part = result[first : first + step]
+            program.set(source.sample_uniforms(eta))
+            part[:] = np.frombuffer(buffers.transform(program, first, len(part)), np.float32).reshape(-1, 3)
+        return result
 
 
 class PixelIrradiancePass:
@@ -171,12 +189,12 @@ class PixelIrradiancePass:
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
-        """Allocate what `run` fills; `depth` of the G-buffer spares it the pixels beside the object."""
+        """Allocate what `steps` fill; `depth` of the G-buffer spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
         framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
-    def run(
+    def steps(
         self,
         gbuffer: GBuffer,
         sources: Sequence[LightSource],
@@ -187,33 +205,46 @@ class PixelIrradiancePass:
         out: "PixelLight",
         sample: int = 0,
         samples: int = 1,
-    ) -> None:
+    ) -> Steps[None]:
         """Sum E, the Phong highlights and the local exitance of all lights at every pixel, in one of its samples.
 
-        `highlights` is the environment prefiltered with the lobe, any texture without one.
+        `highlights` is the environment prefiltered with the lobe, any texture without one. A step of a light with a
+        size is a band of the picture.
         """
-        out.framebuffer.use()
-        out.framebuffer.clear()
+        framebuffer, drawn = out.framebuffer, 0
+        framebuffer.use()
+        framebuffer.clear()
         for source in sources:
             program, triangle = self._drawn_with(source.is_soft, gbuffer.detail is not None)
-            program.set(
-                {
-                    **source.uniforms(gather.eta, sample, samples),
-                    **source.shadow.depth_uniforms(),
-                    **gather.light_uniforms(),
-                    **entering_uniforms(gbuffer.detail),
-                    "t_position": gbuffer.position,
-                    "t_normal": gbuffer.normal,
-                    "t_visible": gbuffer.visible or gbuffer.normal,
-                    "t_lobe": gbuffer.lobe or gbuffer.normal,
-                    "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
-                    "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
-                    "u_eye": tuple(camera.eye),
-                    **highlight_uniforms(specular),
-                    "t_highlights": highlights,
-                }
-            )
-            draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
+            values = {
+                **source.uniforms(gather.eta, sample, samples),
+                **source.shadow.depth_uniforms(),
+                **gather.light_uniforms(),
+                **entering_uniforms(gbuffer.detail),
+                "t_position": gbuffer.position,
+                "t_normal": gbuffer.normal,
+                "t_visible": gbuffer.visible or gbuffer.normal,
+                "t_lobe": gbuffer.lobe or gbuffer.normal,
+                "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
+                "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
+                "u_eye": tuple(camera.eye),
+                **highlight_uniforms(specular),
+                "t_highlights": highlights,
+            }
+            each = source.sub_lights // samples or 1 if source.is_soft else 0
+            width, height = framebuffer.size
+            rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, each))))
+            for low in range(0, height, rows):
+                cost = each * width * rows
+                if drawn > 0 and drawn + cost > PIXELS_A_STEP:
+                    yield
+                    drawn = 0
+                drawn += cost
+                framebuffer.use()
+                self._context.scissor = None if rows >= height else (0, low, width, rows)
+                program.set(values)
+                draw_over_object(self._context, triangle, framebuffer.depth_attachment is not None)
+                self._context.scissor = None
 
 
 def highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:

@@ -4,21 +4,21 @@ import moderngl
 import numpy as np
 
 from core.mesh import Mesh
-from core.stages import Stages
+from core.stages import Stages, Steps
 from viewer.buffers import MeshBuffers
 from viewer.gl import latlong_texture
 from viewer.irradiance_pass import LightSource, lamp, soft_lamp
 from viewer.lights import DirectionalLight, Light, PointLight, brightened, is_sharp
 from viewer.shadows_pass import ShadowMap, ShadowsPass
-from viewer.soft_shadows import SoftShadow, SoftShadowsPass, far_away
-from viewer.sub_lights import sub_light_count, sub_lights
+from viewer.soft_shadows import SoftShadow, SoftShadowsPass, divided
+from viewer.sub_lights import sub_light_count
 
 
 class Lamps:
     """Makes the sources of lamps, in one OpenGL context."""
 
     def __init__(self, context: moderngl.Context, stages: Stages) -> None:
-        self._run = stages.run
+        self._run, self._spread = stages.run, stages.spread
         self._shadows, self._soft_shadows = ShadowsPass(context), SoftShadowsPass(context)
         self.no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
@@ -36,18 +36,18 @@ class Lamps:
         """
         count = 0 if is_sharp(light) else sub_light_count(light, mesh.radius, draft)
         unit = brightened(light, (1.0, 1.0, 1.0))
-        shadow = self._run(
+        shadow = self._spread(
             f"shadow of {name}", [mesh, unit, bodies, count], lambda: self._cast(unit, count, mesh, buffers, bodies)
         )
         return self._run(name, [shadow, light], lambda: self._lit(light, shadow))
 
     def _cast(
         self, light: Light, count: int, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None
-    ) -> ShadowMap | SoftShadow:
+    ) -> Steps[ShadowMap | SoftShadow]:
         if count == 0:
             assert isinstance(light, DirectionalLight | PointLight)
             return self._shadows.render(buffers, mesh, light, bodies)
-        return self._soft_shadows.render(buffers, mesh, sub_lights(light, count, far_away(mesh)), bodies)
+        return (yield from self._soft_shadows.steps(buffers, mesh, *divided(light, count, mesh), bodies))
 
     def _lit(self, light: Light, shadow: ShadowMap | SoftShadow) -> LightSource:
         if isinstance(shadow, SoftShadow):

@@ -19,7 +19,7 @@ from core.probe_highlights import LobeFilter
 from core.samples import SurfaceSamples
 from core.separate_diffusion import AnySolution
 from core.spectra import Profiles
-from core.stages import Stages
+from core.stages import Stages, Steps
 from core.transport import Transport
 from viewer.assets import Assets, PartedProbe, shape_of
 from viewer.bodies import Separated, Separation, convolvers, separate_by_default
@@ -115,7 +115,7 @@ class Lighting:
 
     def __init__(self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets) -> None:
         self._context = context
-        self._run = stages.run
+        self._run, self._spread = stages.run, stages.spread
         self._assets = assets
         self._effort = effort
         self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
@@ -131,6 +131,7 @@ class Lighting:
         """Run the first half of the pipeline; `say` is told as each long step begins.
 
         As a `draft`, lights with a size get by with less, and sources in an environment with its soft shadows.
+        Raises `core.stages.Unfinished` where the stages have an allowance and that is not enough.
         """
         run, material = self._run, scene.material.resolve()
 
@@ -253,7 +254,7 @@ class Lighting:
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """E of each light at every sample, (n, 3) float32."""
         return [
-            self._run(
+            self._spread(
                 f"irradiance of light {i}",
                 [surface, source, eta],
                 lambda source=source: self._irradiance_of(surface, source, eta),  # type: ignore[misc]
@@ -261,8 +262,8 @@ class Lighting:
             for i, source in enumerate(sources, start=1)
         ]
 
-    def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Float32:
-        entering = surface.weighted(self._irradiance.run(surface.buffers, source, eta))
+    def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Steps[Float32]:
+        entering = surface.weighted((yield from self._irradiance.steps(surface.buffers, source, eta)))
         return self._occlusions.occluded(entering, source.occlusion, surface.samples)
 
     def _entering(

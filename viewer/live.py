@@ -7,14 +7,16 @@ of a moment ago, never of two at once, and always replaced as soon as the newer 
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import moderngl
 
 from core.mesh import Mesh
+from core.stages import Unfinished
 from viewer.assets import Assets
 from viewer.camera import place_camera
 from viewer.dependence import angle, files, lighting_key, looks_of, same_light, turned
+from viewer.draft import Detail, allowance, draft_resolution
 from viewer.finished import Finished
 from viewer.frame import Renderer
 from viewer.gather import Gather
@@ -27,18 +29,7 @@ from viewer.transport_job import TransportJob
 from viewer.visibility_job import VisibilityJob
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
-DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
-DRAFT_SOLUTION_SECONDS = 1.0  # likewise with `diffusion`, where another grid takes half a second by itself
-SMALLEST_DRAFT = 32  # texels
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
-
-
-@dataclass(frozen=True)
-class Detail:
-    """How well a frame is drawn: `draft` while something moves; antialiasing samples of a pixel."""
-
-    draft: bool = False
-    samples: int = 1
 
 
 class Live:
@@ -61,6 +52,7 @@ class Live:
         self.finished: Finished | None = None
         self.picture: Picture | None = None
         self.current = False  # whether the last picture is of the scene asked for, not of one before it
+        self.spreading = False  # whether the last frame left something to do for the next one
         self.stage_times: dict[str, float] = {}  # ms, of the last time that each ran
         self.ran: dict[str, float] = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
@@ -84,8 +76,8 @@ class Live:
 
     @property
     def working(self) -> bool:
-        """Whether the worker has something to do."""
-        return self._job is not None or self._load is not None or self.visibility.busy
+        """Whether the worker has something to do, or the next frame."""
+        return self.spreading or self._job is not None or self._load is not None or self.visibility.busy
 
     def draw(
         self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
@@ -97,23 +89,28 @@ class Live:
         InputError
             The scene's files or values cannot be used; raised once, by the frame that finds out.
         """
-        self.renderer.stages.begin()
+        self.renderer.stages.begin(None if detail.draft or detail.at_once else allowance())
         newest = self._newest(scene, detail)
         if newest is None:
             return None
         looks = (*looks_of(*newest[:2]), self.finished, show, exposure_for)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
-            self.picture = self.renderer.shade(
-                *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for
-            )
+            try:
+                self.picture = self.renderer.shade(
+                    *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for,
+                    quick=not detail.at_once,
+                )  # fmt: skip
+            except Unfinished:
+                looks = ()
+                self._go_on()
         self._looks = looks
         self._count(self.renderer.stages.timings)
         return self.picture
 
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
-        """Draw one of the samples of a pixel; True when `draw` with so many will find all of them there."""
-        self.renderer.stages.begin()
+        """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""
+        self.renderer.stages.begin(allowance())
         newest = self._newest(scene, Detail(False, samples))
         done = newest is None or self.renderer.advance(*newest, samples=samples, parts=show != "radiance")
         self._count(self.renderer.stages.timings)
@@ -122,13 +119,13 @@ class Live:
     def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Gather] | None:
         """Light the scene and keep the worker busy; returns what can be drawn now."""
         self._collect()
-        self.current = False
+        self.current = self.spreading = False
         drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
         self.visibility.follow(drawn)
         lit = self._light(drawn, detail)
-        self.current = drawn is scene
+        self.current = drawn is scene and not self.spreading
         self._submit(lit)
         if self.finished is None:
             return None
@@ -236,8 +233,17 @@ class Live:
         self.assets.accept_finer = detail.draft
         shadows = scene.model, scene.effective_lights(), scene.environment
         few = detail.draft and shadows != self._shadows  # a dragged material keeps the soft shadows that there are
+        try:
+            lit = self.renderer.light(scene, draft=few)
+        except Unfinished:
+            self._go_on()
+            drafted = self._lit_for is not None and self._lit_for[:2] == (key, camera)
+            if self._lit is not None and (drafted or shadows == self._shadows):
+                return self._lit  # until all is there; a draft would replace maps that are as they should be
+            few = True
+            with self.renderer.stages.at_once():
+                lit = self.renderer.light(scene, draft=True)
         self._shadows = None if few else shadows
-        lit = self.renderer.light(scene, draft=few)
         if self._lit is None or not same_light(lit, self._lit):
             if self._job is not None:
                 self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
@@ -246,26 +252,13 @@ class Live:
         return self._lit
 
     def _draft_resolution(self, scene: Scene) -> int | None:
-        """Return how many texels transport may have while something moves, None for what the scene asks for.
-
-        Decided once a drag, so that the grid stays and all weights on it: even one that would follow the material.
-        """
+        """As `viewer.draft.draft_resolution`, once a drag: the grid stays and all weights on it, even of a material."""
         if self._cost is None or self._lit is None:
             return None
-        settings, held, quality = scene.transport, self._held, self._lit.quality
+        settings, held = scene.transport, self._held
         if held is not None and held[:2] == (scene.model, settings):
             return held[2]
-        seconds, resolution, layers = self._cost
-        is_of_method = settings.method == quality.method or quality.open_surface is not None
-        automatic = settings.resolution is None and is_of_method
-        wanted = settings.resolution or quality.resolution
-        # Layers of their own number cost as many times a map; else they grow with the resolution.
-        power = 2.0 if settings.layers is not None else 3.0
-        seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
-        affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
-        fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
-        least = min(wanted, max(SMALLEST_DRAFT, fitting))
-        chosen = least if fitting < wanted else wanted if automatic else None
+        chosen = draft_resolution(scene, self._lit.quality, self._cost)
         self._held = scene.model, settings, chosen
         return chosen
 
@@ -292,6 +285,11 @@ class Live:
         if scattered.seconds is not None:
             self._cost = scattered.seconds, lit.quality.resolution, lit.grid.n_layers
         self.renderer.stages.timings.update(scattered.timings)
+
+    def _go_on(self) -> None:
+        """Have the next frame drawn at once, for what this one left."""
+        self.spreading = True
+        self._wake()
 
     def _count(self, timings: dict[str, float]) -> None:
         if timings:

@@ -1,7 +1,7 @@
 """Options that `view` and `render` share, and the scene they describe: scene file < --set < named options."""
 
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -54,18 +54,28 @@ FLAGS = (
     Flag("--image-size", "display", "image_size", "Picture"),
     Flag("--background", "display", "background", "Picture"),
 )
+# Of commands that take a photograph.
+PHOTO_FLAGS = (
+    Flag("--depth", "photo", "depth", "Photograph"),
+    Flag("--depth-strength", "photo", "depth_strength", "Photograph"),
+    Flag("--depth-smoothing", "photo", "depth_smoothing", "Photograph"),
+)
 _METAVARS = {"number": "NUMBER", "integer": "N", "text": "NAME", "path": "FILE"}
 
 
 def scene_options(
-    command: Callable[..., None], leave_out: Collection[str] = (), start: Scene | None = None
+    command: Callable[..., None],
+    leave_out: Collection[str] = (),
+    start: Scene | None = None,
+    also: Sequence[Flag] = (),
 ) -> Callable[..., None]:
     """Give a command all shared options; it receives the scene they describe as its first argument.
 
-    Those whose parameters are to be left out, it has not. `start` is what the options change where no scene file is.
+    Those whose parameters are to be left out, it has not; `also` are more of them. `start` is what the options change
+    where no scene file is.
     """
     own = list(inspect.signature(command).parameters.values())[1:]
-    shared = [parameter for parameter in _parameters() if parameter.name not in leave_out]
+    shared = [parameter for parameter in _parameters(also) if parameter.name not in leave_out]
 
     def with_scene(**values: Any) -> None:
         scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared}, start)
@@ -97,7 +107,7 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
     changes = added if values["material"] is not None else []
     changes += [
         _environment(value) if flag.option == "--environment" else Change(flag.table, flag.key, value, flag.option)
-        for flag, value in ((flag, _parsed(flag, values.get(flag.parameter))) for flag in FLAGS)
+        for flag, value in ((flag, _parsed(flag, values.get(flag.parameter))) for flag in (*FLAGS, *PHOTO_FLAGS))
         if value is not None
     ]
     if values.get("model") is not None:
@@ -177,9 +187,10 @@ def _numbers(text: str, separator: str, label: str, fix: str, kind: type = float
         raise InputError(f"{label}: {text!r} is not a list of numbers; {fix}") from None
 
 
-def _parameters() -> list[inspect.Parameter]:
-    named = [_parameter(flag.parameter, *_declaration(flag)) for flag in FLAGS]
-    first_of_light = [flag.panel for flag in FLAGS].index("Light")  # help shows panels as they come
+def _parameters(also: Sequence[Flag]) -> list[inspect.Parameter]:
+    flags = *FLAGS, *also
+    named = [_parameter(flag.parameter, *_declaration(flag)) for flag in flags]
+    first_of_light = [flag.panel for flag in flags].index("Light")  # help shows panels as they come
     model = typer.Argument(metavar="MODEL", help="Mesh file; without one, the scene's or the sculpture.")
     scene = typer.Option("--scene", metavar="FILE.toml", help="Scene file to start from.")
     assign = typer.Option(

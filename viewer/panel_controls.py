@@ -49,6 +49,8 @@ REACH = {
     "transport.layers": Reach(1, 80),
     "transport.resolution": Reach(16, 512),
     "transport.error_target": Reach(0.001, 0.2, True, "%.3f"),
+    "photo.depth_strength": Reach(0.2, 3.0, True, "%.2f"),
+    "photo.depth_smoothing": Reach(0.02, 0.5, True, "%.3f"),
     "display.key": Reach(0.01, 2.0, True, "%.3f"),
     "display.white": Reach(0.1, 100.0, True, "%.2f"),
     "display.background_blur_deg": Reach(0.0, 60.0, False, "%.1f"),

@@ -1,15 +1,18 @@
 """The panel's part for a photograph: how deep its object is read, its light, its edges, its mask."""
 
-from viewer.declaration import Setting
+from viewer.declaration import Setting, settings_of
 from viewer.gui import icons, imgui
-from viewer.panel_controls import RESET_HINT, Controls, Reach
+from viewer.panel_controls import RESET_HINT, Controls, Reach, default_of, explained
 from viewer.photo_mouse import FIXED, LARGEST, SMALLEST
-from viewer.photo_pass import SHOWN_BEHIND
 from viewer.photo_work import PhotoWork
 from viewer.session import Session
+from viewer.settings_photo import BEHIND
 
-STRENGTH = Setting("number", "factor on the depth; 1 makes a disc a hemisphere", low=0.05, high=5.0)
-SMOOTHING = Setting("number", "scale of light and dark that shapes it, in object radii", low=0.01, high=1.0)
+OWN_DEPTH = "The depth map is taken as it is."
+BRUSH_TIP = (
+    "Paint the mask: drag; with Alt it takes away; [ ] or Ctrl+wheel: size. The wheel zooms, a middle drag pans, Enter "
+    "shows all."
+)
 BEHIND_TIPS = {
     "filled": "the background, filled in where the object was",
     "seen": "the photograph as it is",
@@ -33,25 +36,18 @@ class PhotoPanel:
 
     def __init__(self, session: Session, controls: Controls, work: PhotoWork, requests: list[str]) -> None:
         self._session, self._controls, self._work, self._requests = session, controls, work, requests
-        self._defaults = work.strength, work.smoothing, work.behind, work.brush
+        self._brush = work.brush
 
     def draw(self) -> None:
         """Draw it in the current ImGui window."""
         controls, work = self._controls, self._work
-        strength, smoothing, behind, _ = self._defaults
-        self._number("strength", "Depth strength", STRENGTH, strength, Reach(0.2, 3.0, True, "%.2f"))
-        self._number("smoothing", "Depth smoothing", SMOOTHING, smoothing, Reach(0.02, 0.5, True, "%.3f"))
+        self._depth()
         if not self._session.scene.environment.given:
             controls.setting("environment.intensity", "Its light")
             controls.setting("environment.rotation_deg", "Light turned")
         controls.setting("display.key", "Key (exposure)")
         controls.setting("display.white", "White point")
-        controls.begin_row("Behind edges", True)
-        work.behind = controls.choice("photo.behind", work.behind, SHOWN_BEHIND, tips=BEHIND_TIPS) or work.behind
-        tip = f"What soft edges of the mask show: the background filled in, or as seen; or no photograph.\n{RESET_HINT}"
-        controls.end_row(
-            "photo.behind", "Behind edges", tip, lambda: setattr(work, "behind", behind), work.behind != behind
-        )
+        self._behind()
         self._mask()
         if imgui.button(f"{icons.ICON_FA_IMAGE}  Save the picture"):
             self._requests.append("save_picture")
@@ -67,11 +63,39 @@ class PhotoPanel:
             self._controls.setting(f"camera.{key}", label, off=f"{FIXED[:1].upper()}{FIXED[1:]}.")
         self._controls.note(FIXED)
 
+    def _depth(self) -> None:
+        session, controls, depth = self._session, self._controls, self._session.scene.photo.depth
+        controls.begin_row("Depth", True)
+        spare = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
+        if imgui.button(f"{'estimated' if depth is None else depth.name}##photo.depth", (-spare, 0.0)):
+            self._requests.append("open_depth")
+        tip = explained(settings_of(session.scene.photo)["depth"], None)
+        reset = lambda: session.edit("photo", depth=None)  # noqa: E731
+        controls.end_row("photo.depth", "Depth", tip, reset, depth is not None)
+        controls.setting("photo.depth_strength", "Depth strength")
+        controls.setting("photo.depth_smoothing", "Depth smoothing", off=None if depth is None else OWN_DEPTH)
+
+    def _behind(self) -> None:
+        session, controls, behind = self._session, self._controls, self._session.scene.photo.behind
+        controls.begin_row("Behind edges", True)
+        new = controls.choice("photo.behind", behind, BEHIND, tips=BEHIND_TIPS)
+        if new is not None:
+            session.edit("photo", behind=new)
+        tip = f"{explained(settings_of(session.scene.photo)['behind'], None)}\n{RESET_HINT}"
+        default = default_of("photo", "behind")
+        controls.end_row(
+            "photo.behind", "Behind edges", tip, lambda: session.edit("photo", behind=default), behind != default
+        )
+
     def _mask(self) -> None:
         controls, work = self._controls, self._work
         controls.begin_row("Mask")
         buttons = (
-            ("brush", icons.ICON_FA_PAINTBRUSH, "Paint the mask: drag; with Alt it takes away; [ ] or the wheel: size"),
+            (
+                "brush",
+                icons.ICON_FA_PAINTBRUSH,
+                BRUSH_TIP,
+            ),
             ("box", icons.ICON_FA_VECTOR_SQUARE, "Make a mask: draw a box around the object (GrabCut)"),
         )
         for tool, icon, tip in buttons:
@@ -91,7 +115,7 @@ class PhotoPanel:
         if work.tool == "brush":
             declared = Setting("number", "radius of the brush", low=SMALLEST, high=LARGEST * max(work.photo.size))
             most = max(SMALLEST + 1.0, LARGEST * max(work.photo.size))
-            self._number("brush", "Brush", declared, self._defaults[3], Reach(SMALLEST, most, True, "%.0f px"))
+            self._number("brush", "Brush", declared, self._brush, Reach(SMALLEST, most, True, "%.0f px"))
 
     def _number(self, name: str, label: str, declared: Setting, default: float, reach: Reach) -> None:
         work = self._work

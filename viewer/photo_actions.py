@@ -10,13 +10,14 @@ from viewer.actions import SCENE_SUFFIXES, SIDES, Actions, Clipboard
 from viewer.file_dialog import Request
 from viewer.images import PixelsInt, write_png
 from viewer.model import supported_suffixes
+from viewer.photo_geometry import DEPTH_SUFFIXES, read_depth
 from viewer.photo_mouse import FIXED
 from viewer.photo_view import PhotoView
 from viewer.photo_work import PhotoWork
 from viewer.preferences import Preferences
 from viewer.session import Session
 
-OF_CAMERA = (*SIDES, "toggle_orthographic", "reset_view", "copy_view", "paste_view")
+OF_CAMERA = (*SIDES, "toggle_orthographic", "copy_view", "paste_view")
 # Answer -> what asks for it: none of these means anything to a photograph.
 REFUSED = {
     FIXED: OF_CAMERA,
@@ -40,6 +41,8 @@ class PhotoActions(Actions):
         reason = next((reason for reason, names in REFUSED.items() if name in names), None)
         if reason is not None:
             self._session.say(reason)
+        elif name == "reset_view":
+            self._photo_view.zoom.reset()
         elif name == "undo" and self._work.tool is not None and self._work.mask.can_undo:
             self._work.mask.undo()
         else:
@@ -54,6 +57,17 @@ class PhotoActions(Actions):
         if path.suffix.lower() in SCENE_SUFFIXES and self._session.scene.lights is None:
             # The default pair is for models: here is light all around.
             self._session.put(replace(self._session.scene, lights=()))
+
+    def _open_depth(self) -> None:
+        self._ask(Request("Open a depth map", DEPTH_SUFFIXES, self._take_depth))
+
+    def _take_depth(self, path: Path) -> None:
+        try:
+            read_depth(path, self._work.photo)
+        except InputError as error:
+            self._session.fail(error)
+        else:
+            self._session.edit("photo", depth=str(path))
 
     def _save_picture(self) -> None:
         suggested = f"{self._work.photo.path.stem}-edited.png"

@@ -7,10 +7,13 @@ from typing import Any
 
 from core.errors import InputError
 from viewer.edit_command import FROM_PHOTO, START
-from viewer.options import scene_from_options
+from viewer.options import PHOTO_FLAGS, scene_from_options
 from viewer.photo import load_photo
+from viewer.photo_geometry import read_depth
 from viewer.photo_work import PhotoWork
 from viewer.scene import Scene
+
+OF_DEPTH = tuple(flag.parameter for flag in PHOTO_FLAGS)
 
 
 def run(options: Mapping[str, Any], has_display: bool) -> None:
@@ -34,7 +37,8 @@ def work_and_scene(options: Mapping[str, Any]) -> tuple[PhotoWork, Scene]:
     """
     photo, mask = options["photo"], options["mask"]
     if photo is None:
-        raise InputError(f"--mask {mask} is the mask of nothing: name the photograph with --photo")
+        option = next(name for name in ("mask", *OF_DEPTH) if options.get(name) is not None)
+        raise InputError(f"--{option.replace('_', '-')} says something of no photograph: name it with --photo")
     for name in (*FROM_PHOTO, "record", "play"):
         if options.get(name) is not None:
             option = "MODEL" if name == "model" else f"--{name.replace('_', '-')}"
@@ -45,5 +49,7 @@ def work_and_scene(options: Mapping[str, Any]) -> tuple[PhotoWork, Scene]:
     if mask is not None:
         loaded.outline  # noqa: B018 (whether there is an object)
     scene = scene_from_options(options, START)
+    if scene.photo.depth is not None:
+        read_depth(scene.photo.depth, loaded)
     # The default pair is for models: here is light all around.
     return PhotoWork(loaded), scene if scene.lights is not None else replace(scene, lights=())

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from core.errors import InputError
 from core.mesh import Mesh
 from core.photo_depth import estimate_height, inflated, inscribed_radius
-from core.photo_light import Shading, measure_shading, without_lamp
+from core.photo_light import Shading, measure_shading, unexplained, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
 from core.photo_surround import filled, scene_radiance
 from core.tonemap import luminance
@@ -161,8 +161,18 @@ def make_geometry(
     shading = _shading(colour, coverage, share, base if given is None else given, framing.step, white)
     if given is None:
         light = over_nodes(luminance(colour), coverage, framing.step)
+        # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
+        more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
         light = without_lamp(light, base, outline.inner, shading)
-        height = estimate_height(light, outline.inner, base, smoothing=smoothing, strength=strength)
+        height = estimate_height(
+            light,
+            outline.inner,
+            base,
+            unexplained=more,
+            gradient=shading.gradient,
+            smoothing=smoothing,
+            strength=strength,
+        )
     else:
         height = given
     mesh = height_surface(outline, height, base, framing.mm * framing.step)
@@ -196,15 +206,15 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     elif suffix == ".npy":
         values = _read_npy(path)
     else:
-        raise InputError(f"--depth {path} must end in {', '.join(DEPTH_SUFFIXES)}; save the depth map as one of them")
+        raise InputError(f"the depth map {path} must end in {', '.join(DEPTH_SUFFIXES)}; save it as one of them")
     if values.shape != photo.size:
         size = " x ".join(map(str, values.shape[::-1]))
         raise InputError(
-            f"--depth {path} measures {size} but the photograph {photo.size[1]} x {photo.size[0]}: "
+            f"the depth map {path} measures {size} but the photograph {photo.size[1]} x {photo.size[0]}: "
             "make the depth map of the same picture, at the same size"
         )
     if not np.isfinite(values[photo.mask > np.iinfo(photo.mask.dtype).max // 2]).all():
-        raise InputError(f"--depth {path} has NaN or infinite values on the object: fill them in first")
+        raise InputError(f"the depth map {path} has NaN or infinite values on the object: fill them in first")
     return values
 
 
@@ -269,7 +279,7 @@ def _read_npy(path: Path) -> Float32:
         values = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
-        raise InputError(f"--depth {path} cannot be read ({reason}); save it with numpy.save") from error
+        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
-        raise InputError(f"--depth {path} must hold one array (height, width) of numbers; save the depth alone")
+        raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
     return values.astype(np.float32)

@@ -6,10 +6,11 @@ import moderngl
 
 from core.tonemap import luminance
 from viewer.camera import place_camera
+from viewer.draft import Detail
 from viewer.edit import KEY, exposure_match
 from viewer.gather import Gather
 from viewer.lighting import LitScene
-from viewer.live import Detail, Live
+from viewer.live import Live
 from viewer.photo_pass import PhotoPass
 from viewer.photo_work import Made, PhotoWork
 from viewer.picture import Picture
@@ -32,6 +33,7 @@ class PhotoLive(Live):
         self.shown: tuple[Made, Scene] | None = None
         self._work, self._pass = work, photo_pass
         self._target = photo_pass.target()
+        self.renderer.develops = False
 
     @property
     def working(self) -> bool:
@@ -47,11 +49,11 @@ class PhotoLive(Live):
         self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
     ) -> Picture | None:
         """Draw the photograph, or the parts that the object's radiance is made of alone; as `Live.draw`."""
-        picture = super().draw(scene, detail, show)
-        if picture is None or show != "radiance":
-            return picture
+        before, picture = self.picture, super().draw(scene, detail, show)
+        if picture is None or show != "radiance" or (self.spreading and picture is before):
+            return picture  # there is none yet, or it is one of before
         assert self.shown is not None
-        made, behind, run = self.shown[0], self._work.behind, self.renderer.stages.run
+        made, behind, run = self.shown[0], scene.photo.behind, self.renderer.stages.run
         textures = run("photograph's textures", [made], lambda: self._pass.upload(made))
         exposure, radiance = self.exposure(), picture.composite.textures["radiance"]
         pyramid = run("pyramid targets", [radiance.size], lambda: self._pass.pyramid(radiance.size))
@@ -60,6 +62,7 @@ class PhotoLive(Live):
             [picture.composite, textures, exposure, pyramid],
             lambda: self._pass.fill(radiance, textures, exposure, pyramid),
         )
+        run("photograph's backdrop", [textures, behind], lambda: self._pass.backdrop(textures, behind, self._target))
         run(
             "photograph",
             [picture.composite, textures, exposure, behind],

@@ -19,18 +19,26 @@ LARGEST = 0.25  # likewise, of the photograph's longer side
 
 
 class PhotoMouse(ViewMouse):
-    """Paints a photograph's mask, draws a box on it, turns a session's lights.
+    """Paints a photograph's mask, draws a box on it, moves what is shown of it, turns a session's lights.
 
     Parameters
     ----------
     session, work
     to_photo : callable
         Turns a place in the window into one in the photograph.
+    move_picture : callable
+        Zooms in by notches of the wheel, and pans by pixels of the window.
     """
 
-    def __init__(self, session: Session, work: PhotoWork, to_photo: Callable[[Point], Point]) -> None:
+    def __init__(
+        self,
+        session: Session,
+        work: PhotoWork,
+        to_photo: Callable[[Point], Point],
+        move_picture: Callable[[float, Point], object],
+    ) -> None:
         super().__init__(session)
-        self._work, self._to_photo = work, to_photo
+        self._work, self._to_photo, self._move_picture = work, to_photo, move_picture
         self._last: Point | None = None  # where the brush was, or the box began
         self._told = False
 
@@ -38,19 +46,20 @@ class PhotoMouse(ViewMouse):
         """Do what the mouse does in a box of the window; no double click means anything."""
         io, work = imgui.get_io(), self._work
         imgui.set_cursor_screen_pos((box[0], box[1]))
-        buttons = imgui.ButtonFlags_.mouse_button_left.value | imgui.ButtonFlags_.mouse_button_right.value
+        flags = imgui.ButtonFlags_
+        buttons = flags.mouse_button_left.value | flags.mouse_button_right.value | flags.mouse_button_middle.value
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("##view", (box[2] - box[0], box[3] - box[1]), buttons)
         hovered, active, started = imgui.is_item_hovered(), imgui.is_item_active(), imgui.is_item_activated()
         if self._session.view.split is not None:
             self._divider(box)
-        if hovered and work.tool == "brush":
-            self._resize(io.mouse_wheel)
+        if hovered:
+            self._wheel()
         place = self._to_photo((io.mouse_pos.x, io.mouse_pos.y))
         if work.tool is not None and (self._last is not None or (started and io.mouse_down[0])):
             self._use_tool(place, io.mouse_down[0])
         elif active and not started and (io.mouse_delta.x or io.mouse_delta.y):
-            self._turn(box[3] - box[1])
+            self._move(box[3] - box[1])
         return None
 
     def draw(self, draw: Any, to_window: Callable[[Point], Point], colour: int) -> None:
@@ -78,13 +87,24 @@ class PhotoMouse(ViewMouse):
         if not pressed:
             self._last = None
 
-    def _turn(self, height: float) -> None:
+    def _move(self, height: float) -> None:
         io, session = imgui.get_io(), self._session
-        if io.mouse_down[1]:
+        if io.mouse_down[2] or io.key_shift:
+            self._move_picture(0.0, (io.mouse_delta.x, io.mouse_delta.y))
+        elif io.mouse_down[1]:
             session.put(navigation.lights_turned(session.scene, io.mouse_delta.x, io.mouse_delta.y, height))
         elif not self._told:
             session.say(FIXED)
             self._told = True
+
+    def _wheel(self) -> None:
+        io = imgui.get_io()
+        paints, notches = self._work.tool == "brush", io.mouse_wheel
+        if notches and not (paints and io.key_ctrl):
+            self._move_picture(notches, (0.0, 0.0))
+            notches = 0.0
+        if paints:
+            self._resize(notches)
 
     def _resize(self, notches: float) -> None:
         steps = notches + imgui.is_key_pressed(imgui.Key.right_bracket) - imgui.is_key_pressed(imgui.Key.left_bracket)

@@ -7,13 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from core.tonemap import srgb
-from viewer.edit_composite import BEHIND, trusted
+from viewer.edit_composite import trusted
 from viewer.gl import Program, leave_framebuffer
 from viewer.photo import Photo, Region
 from viewer.photo_geometry import Geometry
 from viewer.photo_work import Made, shown_block
-
-SHOWN_BEHIND = (*BEHIND, "transparent")  # their numbers are those of photo.frag
+from viewer.settings_photo import BEHIND
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,15 +42,17 @@ class PhotoPass:
     def __init__(self, context: moderngl.Context, photo: Photo) -> None:
         self._context = context
         self._object = Program(context, "fullscreen.vert", "photo_object.frag")
+        self._backdrop = Program(context, "fullscreen.vert", "photo_backdrop.frag")
         self._photo = Program(context, "fullscreen.vert", "photo.frag")
-        self._first = context.vertex_array(self._object.program, [])
-        self._second = context.vertex_array(self._photo.program, [])
+        programs = self._object, self._backdrop, self._photo
+        self._first, self._unchanged, self._second = (context.vertex_array(each.program, []) for each in programs)
         self._block = shown_block(photo)
         self.photograph = _uploaded(context, shown_pixels(photo))
 
     def target(self) -> moderngl.Framebuffer:
         """Make a framebuffer for a picture."""
-        return self._context.framebuffer([self._context.texture(self.photograph.size, 4)])
+        size = self.photograph.size
+        return self._context.framebuffer([self._context.texture(size, 4)], self._context.depth_renderbuffer(size))
 
     def upload(self, made: Made) -> MadeTextures:
         """Upload what does not change with the material."""
@@ -80,11 +81,23 @@ class PhotoPass:
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
 
+    def backdrop(self, textures: MadeTextures, behind: str, out: moderngl.Framebuffer) -> None:
+        """Draw what stays of the photograph, and mark the rest for `render`; `behind` of `BEHIND`."""
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "1"
+        out.depth_mask = True
+        out.use()
+        self._backdrop.set({"t_photo": self.photograph, "t_edges": textures.edges, "u_behind": BEHIND.index(behind)})
+        self._unchanged.render(vertices=3)
+        self._context.depth_func = "<"
+        out.depth_mask = False
+
     def render(
         self, pyramid: moderngl.Framebuffer, made: Made, textures: MadeTextures, behind: str, out: moderngl.Framebuffer
     ) -> None:
-        """Draw the photograph with an object whose radiance is in all levels; `behind` of `SHOWN_BEHIND`."""
-        self._context.enable_only(moderngl.NOTHING)
+        """Draw an object whose radiance is in all levels over its `backdrop`; `behind` likewise."""
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = ">"
         region = made.geometry.framing.region
         out.use()
         self._photo.set(
@@ -97,10 +110,11 @@ class PhotoPass:
                     side / self._block for side in (region.left, region.top, region.width, region.height)
                 ),
                 "u_white": made.wanted.white,
-                "u_behind": SHOWN_BEHIND.index(behind),
+                "u_behind": BEHIND.index(behind),
             }
         )
         self._second.render(vertices=3)
+        self._context.depth_func = "<"
 
 
 def _texture(framebuffer: moderngl.Framebuffer) -> moderngl.Texture:

@@ -9,21 +9,23 @@ import numpy as np
 
 from core.errors import InputError
 from viewer.assets import Assets
+from viewer.draft import Detail
 from viewer.edit import Edited
 from viewer.edit_composite import Compositor
 from viewer.gl import read_rgba
 from viewer.gui import ACCENT, Gui, imgui
 from viewer.images import PixelsInt
 from viewer.imgui_renderer import ImguiRenderer
-from viewer.live import Detail
+from viewer.panel_controls import Box
 from viewer.photo_live import PhotoLive, scaled
 from viewer.photo_mouse import PhotoMouse
 from viewer.photo_pass import PhotoPass
 from viewer.photo_work import PhotoWork, shown_block
+from viewer.photo_zoom import Zoom
 from viewer.scene import Scene
 from viewer.session import Session
 from viewer.view import SAMPLES, ViewArea
-from viewer.view_drawing import checkerboard, fitted
+from viewer.view_drawing import checkerboard
 
 TINT = (255, 90, 40)  # of the mask while it is painted
 TINTED = 0.45
@@ -41,7 +43,9 @@ class PhotoView(ViewArea):
         work.wake = wake
         self._work, self._pass = work, PhotoPass(context, work.photo)
         super().__init__(context, gui, painter, session, wake)
-        self._mouse = self._tools = PhotoMouse(session, work, self._in_photo)
+        self._mouse = self._tools = PhotoMouse(session, work, self._in_photo, self._move_picture)
+        self.zoom = Zoom()
+        self._box: Box = (0.0, 0.0, 1.0, 1.0)
         self._shown_for: object = None
         self._tint: moderngl.Texture | None = None
         self._tinted = -1  # which state of the mask
@@ -49,14 +53,14 @@ class PhotoView(ViewArea):
     def _live(self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None) -> PhotoLive:
         return PhotoLive(context, self._work, self._pass)
 
-    def steer(self, box: tuple[float, float, float, float], now: float) -> None:
+    def steer(self, box: Box, now: float) -> None:
         """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
-        work = self._work
+        work, self._box = self._work, box
         try:
             work.update(self._session.scene, can_make=self.live.caught_up)
         except InputError as error:
             self._session.fail(error)
-        if self._shown_for != (shown_for := (work.made, work.behind)):
+        if self._shown_for != (shown_for := (work.made, self._session.scene.photo.behind)):
             self._shown_for, self._key = shown_for, ()  # another picture, by a drag if there is one
         if work.made is None:
             self.picture = None
@@ -65,7 +69,9 @@ class PhotoView(ViewArea):
         if self._session.view.show != "beauty" and work.made is not None:
             rows, columns = work.made.geometry.framing.size
             self.size = columns, rows
-        self._drawn_at = fitted(box, self.size)
+        if self._session.view.split is not None:
+            self.zoom.reset()  # the divider is the window's
+        self._drawn_at = self.zoom.placed(box, self.size)
 
     def at_rest(self) -> bool:
         """Whether the picture is at its best, with nothing more to come."""
@@ -74,7 +80,7 @@ class PhotoView(ViewArea):
     def still(self) -> tuple[PixelsInt, bytes | None] | None:
         """Return the photograph with its object as `milkglass edit` writes it, and its ICC profile; None before."""
         live = self.live
-        if self._work.made is None or live.draw(self._sized(self._session.scene), Detail(False, SAMPLES)) is None:
+        if self._work.made is None or live.draw(self._sized(self._session.scene), Detail(False, SAMPLES, True)) is None:
             return None
         assert live.shown is not None
         assert live.picture is not None
@@ -84,8 +90,9 @@ class PhotoView(ViewArea):
         radiance = np.ascontiguousarray(rendered[..., :3])
         exposed = live.exposure(), made.wanted.white, made.behind
         edited = Edited(made.photo, made.geometry, radiance, coverage, None, *exposed, {}, live.picture.warnings)
-        is_alone = self._work.behind == "transparent"
-        compositor = Compositor(edited, "filled" if is_alone else self._work.behind)
+        behind = self._session.scene.photo.behind
+        is_alone = behind == "transparent"
+        compositor = Compositor(edited, "filled" if is_alone else behind)
         return compositor.picture(transparent=is_alone), made.photo.profile
 
     def close(self) -> None:
@@ -132,6 +139,14 @@ class PhotoView(ViewArea):
             self._tint.write(pixels)
             self._tinted = mask.shown
         return self._tint
+
+    def _move_picture(self, notches: float, by: tuple[float, float]) -> None:
+        """Zoom at the pointer, and pan by pixels of the window."""
+        pointer = imgui.get_io().mouse_pos
+        if notches:
+            self.zoom.zoom(notches, (pointer.x, pointer.y), self._box, self.size)
+        if any(by):
+            self.zoom.pan(by, self._box, self.size)
 
     def _in_photo(self, place: tuple[float, float]) -> tuple[float, float]:
         """Turn a place in the window into one in the photograph, pixels."""

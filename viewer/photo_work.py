@@ -12,7 +12,6 @@ from scipy.ndimage import binary_dilation
 from core.environment import Probe
 from core.errors import InputError
 from core.mesh import Mesh
-from core.photo_depth import SMOOTHING
 from core.photo_surround import filled
 from viewer.assets import Assets
 from viewer.edit import clear_of, photo_light, placed_scene
@@ -40,11 +39,15 @@ class Wanted:
     white: float
     strength: float
     smoothing: float
+    depth: Path | None
 
     @property
-    def light(self) -> tuple[float, ...]:
-        """What all but the surface depends on: how deep an object is read does not change what it is lit by."""
-        return self.mask, self.size_mm, self.white
+    def light(self) -> tuple[object, ...]:
+        """What all but the surface depends on: how deep an object is read does not change what it is lit by.
+
+        A depth of one's own does: its slopes tell which light shades as the photograph shows.
+        """
+        return self.mask, self.size_mm, self.white, self.depth, None if self.depth is None else self.strength
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,6 @@ class PhotoWork:
 
     Attributes
     ----------
-    strength, smoothing, behind : how depth is read and edges are filled, as of `milkglass edit`
     tool : one of `TOOLS`, None for none
     brush : radius, pixels of the photograph
     erases : whether it takes away
@@ -134,7 +136,6 @@ class PhotoWork:
     def __init__(self, photo: Photo) -> None:
         self.photo = photo
         self.mask = PaintedMask(eight_bits(photo.mask))
-        self.strength, self.smoothing, self.behind = 1.0, SMOOTHING, "filled"
         self.tool: str | None = None if photo.mask.any() else TOOLS[0]
         self.brush, self.erases = max(2.0, max(photo.size) / 50.0), False
         self.made: Made | None = None
@@ -168,7 +169,8 @@ class PhotoWork:
             What could not be made; once.
         """
         self._collect()
-        wanted = Wanted(self.mask.version, scene.model.size_mm, scene.display.white, self.strength, self.smoothing)
+        size, white, read = scene.model.size_mm, scene.display.white, scene.photo
+        wanted = Wanted(self.mask.version, size, white, read.depth_strength, read.depth_smoothing, read.depth)
         if wanted == self._answered or self._job is not None or not can_make:
             return
         if self._of_version != wanted.mask:
@@ -226,7 +228,8 @@ class PhotoWork:
 def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) -> Made:
     """Make the object, with what can stay of the last one; in the worker."""
     framing = frame_object(photo, wanted.size_mm)
-    geometry = make_geometry(photo, framing, wanted.white, strength=wanted.strength, smoothing=wanted.smoothing)
+    read = {"strength": wanted.strength, "smoothing": wanted.smoothing}
+    geometry = make_geometry(photo, framing, wanted.white, **read, depth=wanted.depth)
     path = photo.path.with_name(f"{photo.path.name}#{number}")
     if last is not None and last.wanted.light == wanted.light:
         return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)

@@ -32,14 +32,15 @@ from viewer.settings import (
     EnvironmentSettings,
     MaterialSettings,
     ModelSettings,
+    PhotoSettings,
     SpecularSettings,
     TransportSettings,
 )
 
 __all__ = [
     "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
-    "MaterialSettings", "ModelSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings", "SphereLight",
-    "SpotLight", "TransportSettings", "apply_set", "changed",
+    "MaterialSettings", "ModelSettings", "PhotoSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings",
+    "SphereLight", "SpotLight", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
@@ -66,6 +67,7 @@ class Scene:
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
     transport: TransportSettings = field(default_factory=TransportSettings)
     display: DisplaySettings = field(default_factory=DisplaySettings)
+    photo: PhotoSettings = field(default_factory=PhotoSettings)
 
     def __post_init__(self) -> None:
         for name, table in TABLES.items():
@@ -256,6 +258,8 @@ def _to_toml(scene: Scene, base: Path) -> str:
     document: dict[str, Any] = {}
     for name in (f.name for f in dataclasses.fields(scene)):
         content = getattr(scene, name)
+        if content == PhotoSettings():
+            continue  # most scenes have no photograph
         if name != "lights":
             document[name] = _content(content, base)
         elif content is not None:

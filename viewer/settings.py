@@ -19,6 +19,7 @@ from viewer.lights import SphereLight as SphereLight
 from viewer.lights import SpotLight as SpotLight
 from viewer.material_settings import MaterialSettings as MaterialSettings  # one of the tables
 from viewer.settings_detail import DetailSettings as DetailSettings
+from viewer.settings_photo import PhotoSettings as PhotoSettings
 from viewer.settings_surround import EnvironmentSettings as EnvironmentSettings
 from viewer.settings_surround import SpecularSettings as SpecularSettings
 
@@ -183,6 +184,6 @@ TABLES = {
     table.TABLE: table
     for table in (
         ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
-        TransportSettings, DisplaySettings
+        TransportSettings, DisplaySettings, PhotoSettings
     )
 }

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.probe_blur import blurred
-from core.stages import Stages
+from core.stages import Stages, Steps, Unfinished
 from viewer.bodies import bodies_warnings
 from viewer.camera import jittered, pixel_offsets
 from viewer.composite_pass import Composite, CompositePass
@@ -21,7 +21,10 @@ from viewer.lighting import Lighting, LitScene
 from viewer.picture import Picture
 from viewer.scale import below_nodes, beyond_object
 from viewer.scene import Scene
+from viewer.sub_lights import PARTS
 from viewer.tonemap_pass import Background, TonemapPass
+
+LARGE = 16  # sub-lights of a light of which a picture may show some first
 
 Offsets = tuple[tuple[float, float], ...]
 Float32 = npt.NDArray[np.float32]
@@ -41,7 +44,6 @@ class Shading:
         self._detail = DrawnDetail(context, stages)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
-        self._ahead: tuple[tuple[object, ...], int] = ((), 0)  # samples drawn before `shade` asks for them
 
     def shade(
         self,
@@ -53,6 +55,7 @@ class Shading:
         parts: bool,
         show: str = "radiance",
         exposure_for: float | None = None,
+        quick: bool = False,
     ) -> Picture:
         """Draw a scene seen through its camera.
 
@@ -71,9 +74,16 @@ class Shading:
             The part that the image shows; needs `parts` unless it is the radiance itself.
         exposure_for : float, optional
             Log-average luminance to expose for instead of the picture's own.
+        quick : bool
+            Whether a single sample of a pixel may see as little of large lights as each of four would.
+
+        Raises
+        ------
+        Unfinished
+            The stages have an allowance, and the pixels take more.
         """
         display = scene.display
-        composite = self._pixels(scene, lit, gather, offsets, parts)
+        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
         shown = composite.textures[show]
         average = self._run("exposure", [composite, show], lambda: self._tonemap.log_average(shown))
         exposed = average if exposure_for is None else exposure_for
@@ -86,11 +96,23 @@ class Shading:
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
+        return self._picture(scene, lit, composite, image, average)
+
+    def undeveloped(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+    ) -> Picture:
+        """Likewise, without exposure and tone map: the image is the composite's own framebuffer."""
+        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
+
+    def _picture(
+        self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
+    ) -> Picture:
         too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
         warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
         remarks = () if too_small is None else (too_small,)
-        transparent = display.background == "transparent"
+        transparent = scene.display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
@@ -105,16 +127,12 @@ class Shading:
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
-        """Draw one sample of every pixel ahead of `shade`, so that no frame waits for all; True when all are there."""
-        targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
-        if self._stages.has("composite", key):
-            return True
-        done = self._samples_done(key)
-        if done < len(offsets):
-            self._stages.forget("composite")
-            self._draw_sample(scene, lit, gather, offsets, done, targets)
-            self._ahead = (key, done + 1)
-        return done + 1 >= len(offsets)
+        """Draw some of what `shade` will ask for, so that no frame waits for all of it; True when all is there."""
+        try:
+            self._pixels(scene, lit, gather, offsets, parts)
+        except Unfinished:
+            return False
+        return True
 
     def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
         """Draw what lies at the middle of every pixel and read it back, top row first.
@@ -131,17 +149,22 @@ class Shading:
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
 
-    def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> Composite:
+    def _pixels(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+    ) -> Composite:
         """Shade every pixel once a sample."""
         targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
+        large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE
+        sharing = PARTS if quick and large and len(offsets) == 1 else len(offsets)
 
-        def shade() -> Composite:
-            for i in range(self._samples_done(key), len(offsets)):
-                self._draw_sample(scene, lit, gather, offsets, i, targets)
-            self._ahead = ((), 0)
+        def shade() -> Steps[Composite]:
+            for i in range(len(offsets)):
+                if i > 0:
+                    yield
+                yield from self._sample(scene, lit, gather, offsets, i, sharing, targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        return self._run("composite", key, shade)
+        return self._stages.spread("composite", (*key, sharing), shade)
 
     def _pixel_work(
         self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
@@ -155,12 +178,9 @@ class Shading:
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
 
-    def _samples_done(self, key: tuple[object, ...]) -> int:
-        return self._ahead[1] if self._ahead[0] == key else 0
-
-    def _draw_sample(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, i: int, targets: Composite
-    ) -> None:
+    def _sample(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, i: int, sharing: int, targets: Composite
+    ) -> Steps[None]:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
         occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
@@ -184,7 +204,7 @@ class Shading:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
         seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
-        self._irradiance.run(*seen, light, i, len(offsets))
+        yield from self._irradiance.steps(*seen, light, i, sharing)
         self._composite.render(gbuffer, light, gather, scene.specular, camera, 1.0 / len(offsets), targets)
 
     def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:

@@ -7,6 +7,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from core.stages import Steps, exhausted
 from viewer.buffers import MeshBuffers
 from viewer.gl import Program, checked, float_texture, leave_framebuffer
 
@@ -49,6 +50,18 @@ class DepthTiles:
         buffers: MeshBuffers,
         bodies: moderngl.Buffer | None,
     ) -> moderngl.Texture:
+        """As `steps`, all at once."""
+        return exhausted(self.steps(texture, columns, side, matrices, buffers, bodies))
+
+    def steps(
+        self,
+        texture: moderngl.Texture,
+        columns: int,
+        side: int,
+        matrices: Sequence[Array] | Array,
+        buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None,
+    ) -> Steps[moderngl.Texture]:
         """Draw the mesh by each matrix, row by row of `columns` tiles of `side` texels; returns its bodies if given."""
         program, seen, colours = self._program, self.no_bodies, []
         if bodies is not None:
@@ -58,12 +71,15 @@ class DepthTiles:
         framebuffer.use()
         framebuffer.clear(depth=1.0)
         vertices = buffers.positions(program, bodies)
-        self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
         for i, matrix in enumerate(matrices):
+            if i > 0:
+                yield
+            framebuffer.use()
+            self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
             framebuffer.viewport = (side * (i % columns), side * (i // columns), side, side)
             program.set({"u_world_to_clip": matrix})
             vertices.render()
+            leave_framebuffer(self._context)
         vertices.release()
-        leave_framebuffer(self._context)
         framebuffer.release()
         return seen

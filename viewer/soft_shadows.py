@@ -7,18 +7,20 @@ import numpy as np
 import numpy.typing as npt
 
 from core.mesh import Mesh
+from core.stages import Steps
 from viewer.buffers import MeshBuffers
 from viewer.gl import float_texture
 from viewer.lights import Light, brightness
 from viewer.quality import longest_side
 from viewer.shadow_depth import DepthTiles
-from viewer.shadow_views import FAR, soft_view_count, soft_views
-from viewer.sub_lights import PARTS, SubLights
+from viewer.shadow_views import FAR, SoftViews, soft_views
+from viewer.sub_lights import PARTS, SubLights, sub_lights
 
 Array = npt.NDArray[np.float64]
 
 TEXELS = 2560  # a side of all tiles together, about
-LARGEST, SMALLEST = 2048, 384  # texels a side of a tile
+LARGEST, SMALLEST = 2048, 448  # texels a side of a tile
+MOST_CUBES = 32  # sub-lights of a light amid the object, each of which takes six views
 TAPS = 64  # of a filter over all sub-lights, about
 LEAST_TAPS, MOST_TAPS = 4, 24
 SAMPLE_TAPS, FEWEST_TAPS = 16, 2  # at a surface sample
@@ -42,7 +44,7 @@ class SoftShadow:
     tiles : 2 ints
         Columns and rows.
     texel, range
-        As of `viewer.shadow_views.SoftViews`.
+        As of `viewer.shadow_views.SoftViews`, and of its tiles.
     widest : float
         How far a filter may reach along a surface, mm.
     bodies : texture
@@ -108,24 +110,31 @@ class SoftShadowsPass:
         self._context, self._tiles = context, DepthTiles(context)
         self._largest = int(context.info["GL_MAX_TEXTURE_SIZE"])
 
-    def render(
-        self, buffers: MeshBuffers, mesh: Mesh, lights: SubLights, bodies: moderngl.Buffer | None = None
-    ) -> SoftShadow:
-        """Render the mesh's depth as the sub-lights see it, and its bodies if given: one float a vertex."""
-        views = soft_view_count(mesh, lights)
+    def steps(
+        self,
+        buffers: MeshBuffers,
+        mesh: Mesh,
+        lights: SubLights,
+        placed: SoftViews,
+        bodies: moderngl.Buffer | None = None,
+    ) -> Steps[SoftShadow]:
+        """Render the mesh's depth as the sub-lights see it, and its bodies if given: one float a vertex.
+
+        A step is a tile.
+        """
+        views = placed.matrices.shape[1]
         count = len(lights) * views
         columns = int(np.ceil(np.sqrt(count)))
         tiles = columns, -(-count // columns)
         side = int(np.clip(TEXELS / np.sqrt(count), SMALLEST, LARGEST)) // 8 * 8
         side = min(side, self._largest // columns)
-        placed = soft_views(mesh, lights, side)
-        matrices = placed.matrices.reshape(-1, 4, 4)
+        matrices, texel = placed.tiles(side)
         size = side * tiles[0], side * tiles[1]
         texture = self._tiles.texture(size, "the shadow maps of a light")
-        seen = self._tiles.draw(texture, columns, side, matrices, buffers, bodies)
-        table = self._table(lights, placed.matrices)
+        seen = yield from self._tiles.steps(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
+        table = self._table(lights, matrices)
         told, widest = bodies is not None, THINNEST * longest_side(mesh)
-        return SoftShadow(lights, texture, table, views, tiles, placed.texel, placed.range, widest, seen, told)
+        return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, seen, told)
 
     def _table(self, lights: SubLights, matrices: Array) -> moderngl.Texture:
         """(n, 1 + 8 views, 4): see shadows_soft.glsl."""
@@ -140,6 +149,12 @@ class SoftShadowsPass:
         return texture
 
 
-def far_away(mesh: Mesh) -> float:
-    """Distance from which on a light's rays count as parallel, mm."""
-    return FAR * mesh.radius
+def divided(light: Light, count: int, mesh: Mesh) -> tuple[SubLights, SoftViews]:
+    """Divide a light with a size into sub-lights, at most `count`, and find the views of the object from each."""
+    far = FAR * mesh.radius  # from there on its rays count as parallel
+    lights = sub_lights(light, count, far)
+    placed = soft_views(mesh, lights)
+    if count > MOST_CUBES and placed.matrices.shape[1] > 1:
+        lights = sub_lights(light, MOST_CUBES, far)
+        placed = soft_views(mesh, lights)
+    return lights, placed

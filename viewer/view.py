@@ -9,9 +9,10 @@ import moderngl
 import numpy as np
 
 from core.errors import InputError
+from viewer.draft import Detail
 from viewer.gui import Gui, imgui
 from viewer.imgui_renderer import ImguiRenderer
-from viewer.live import Detail, Live
+from viewer.live import Live
 from viewer.overlays import draw_label
 from viewer.panel_controls import Box
 from viewer.picture import Picture
@@ -87,7 +88,7 @@ class ViewArea:
     def next_change(self, now: float) -> float | None:
         """Seconds until the picture gets better by itself, None if it does not."""
         if self.live.working:
-            return None  # the worker wakes us
+            return None  # it wakes us
         age = now - self._changed_at
         if self.detail.draft:
             return max(0.0, DRAFT_UNTIL - age)
@@ -122,7 +123,7 @@ class ViewArea:
         """Draw the object alone, antialiased."""
         scene = self._sized(self._session.scene)
         scene = replace(scene, display=replace(scene.display, background="transparent"))
-        return self.live.draw(scene, Detail(False, SAMPLES), exposure_for=self._session.view.exposure_lock)
+        return self.live.draw(scene, Detail(False, SAMPLES, True), exposure_for=self._session.view.exposure_lock)
 
     def close(self) -> None:
         """Stop the workers."""
@@ -229,11 +230,10 @@ class ViewArea:
 
     def _learn(self, scene: Scene) -> None:
         """Remember what a pixel costs."""
-        timings = self.live.renderer.stages.timings
-        if "gbuffer" not in timings:
+        if "composite" not in self.live.renderer.stages.timings or self.live.spreading:
             return
         pixels = scene.display.image_size[0] * scene.display.image_size[1] * self.detail.samples
-        self._per_pixel = sum(timings.get(stage, 0.0) for stage in DRAWING) / pixels
+        self._per_pixel = sum(self.live.stage_times.get(stage, 0.0) for stage in DRAWING) / pixels
 
     def _put_picture(self) -> None:
         draw: Any = imgui.get_window_draw_list()
