@@ -14,7 +14,9 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 from scipy.spatial import cKDTree
 
+from core.curvature import Curvature, curvature
 from core.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
+from core.medium import Medium
 from core.mesh import Mesh, face_cross
 from core.patches import Patches
 from core.rays import RayMesh
@@ -61,9 +63,20 @@ class Boundary:
     sheet: "Sheet"
     sheet_reach: float
 
-    def double_layer(self, boundary_factor: float, diffusion: float) -> csc_array:
-        """Deposit of phi dA: W / (2 A) + D n . grad W, (nodes, n) sparse float32."""
-        data = self.weights.data * np.float32(0.5 / boundary_factor) + self.slopes * np.float32(diffusion)
+    @functools.cached_property
+    def curvature(self) -> Curvature:
+        """Of the patches."""
+        return curvature(self.patches)
+
+    def bending(self, medium: Medium) -> Array:
+        """`Medium.bending` of the patches, (n,); curvature counts as far as light goes before it scatters."""
+        return medium.bending(self.curvature.at(0.5 * medium.mean_free_path))
+
+    def double_layer(self, boundary_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
+        """Deposit of 2 A M dA: W / (2 A) + b D n . grad W, (nodes, n) sparse float32; b is 1 or (n,)."""
+        each = np.broadcast_to(np.asarray(bending, np.float32) * np.float32(diffusion), len(self.patches))
+        slopes = self.slopes.reshape(len(self.patches), -1) * each[:, None]
+        data = self.weights.data * np.float32(0.5 / boundary_factor) + slopes.ravel()
         return csc_array((data, self.weights.indices, self.weights.indptr), shape=self.weights.shape)
 
 
@@ -116,16 +129,29 @@ class Depths:
 
     def __init__(self, mesh: Mesh) -> None:
         self._rays = RayMesh(mesh.vertices, mesh.faces)
+        cross = face_cross(mesh.vertices, mesh.faces)
+        self._normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
 
     def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
         """Way through the object from m patches along unit directions (m, 3): (m,) mm, 0 where a ray leaves at once.
 
         `cell`, mm, sets how far below the surface rays start.
         """
+        return self.ends(patches, chosen, directions, cell)[0]
+
+    def ends(
+        self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float
+    ) -> tuple[Array, Array]:
+        """Return what `along` does, and the unit outward normals where the rays end, (m, 3)."""
         normals = patches.face_normals[chosen]
         face, t = self._rays.first(patches.on_surface[chosen] - RAY_OFFSET * cell * normals, directions)
         inward = np.einsum("ij,ij->i", directions, normals) < 0.0
-        return np.where((face >= 0) & inward, t, 0.0)
+        return np.where((face >= 0) & inward, t, 0.0), self._normals[face]
+
+    def onwards(self, points: Array, normals: Array, directions: Array, cell: float) -> Array:
+        """Way through the object from m points of its surface, (m, 3), along unit directions: (m,) mm, 0 for none."""
+        face, t = self._rays.first(points - RAY_OFFSET * cell * normals, directions)
+        return np.where(face >= 0, t, 0.0)
 
 
 @functools.lru_cache(maxsize=1)

@@ -21,7 +21,9 @@ JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes ca
 
 
 class Channel:
-    """(1/2 + k0 + rho(0) / (2 A)) phi + gather(conv(deposit(phi dA))) = gather(conv(Q)) + local.
+    """(b (1/2 + k0) + rho(0) / (2 A)) phi + gather(conv(deposit(phi dA))) = gather(conv(Q)) + local.
+
+    Here phi is 2 A M with the A of a flat surface; fluence is b phi, with b as `core.medium.Medium.bending` has it.
 
     Parameters
     ----------
@@ -49,16 +51,19 @@ class Channel:
         self.boundary, self.medium = boundary, medium
         self._convolve = convolve
         self._areas = boundary.patches.areas
-        self._deposit = boundary.double_layer(medium.boundary, medium.diffusion)
+        bending = boundary.bending(medium)
+        self._deposit = boundary.double_layer(medium.boundary, medium.diffusion, bending)
         self._gather = boundary.weights.T
         own = float(local_green(medium, s, 0.0)) / (2.0 * medium.boundary)
         sheet = boundary.sheet
         # Of K the row sum's part belongs to the other side too, and there with the material's own absorption.
         self._across = sheet.share * (
-            local_green(medium, s, sheet.thickness) / (2.0 * medium.boundary) + local_slope(medium, s, sheet.thickness)
+            local_green(medium, s, sheet.thickness) / (2.0 * medium.boundary)
+            + bending[sheet.others] * local_slope(medium, s, sheet.thickness)
         )
-        self._diagonal = 0.5 + boundary.near + own
+        self._diagonal = 0.5 + boundary.near
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
+        self._diagonal = bending * self._diagonal + own
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
 
     @functools.cached_property

@@ -3,16 +3,18 @@
 A pixel solves the equation of `core.diffusion_channel` for its own point, where the volume O and K_L 1 stand for
 everything that the nodes carry:
 
-    (rho(0) / (2 A) - K_L 1 - k(T)) phi + f(T) phi' = O + own E + across E'
+    (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + own E + across E'
 
-with M = phi / (2 A). Dashes are the other side of a sheet of thickness T, where the same holds with the sides changed,
-so that both are known from the light on both; elsewhere f and k are 0 and `across` does not matter.
+with M = phi / (2 A), A that of a flat surface and b as `core.medium.Medium.bending` has it. Dashes are the other side
+of a sheet of thickness T, where the same holds with the sides changed, so that both are known from the light on both;
+elsewhere f and k are 0 and `across` does not matter.
 
 On ridges and thin sheets a point has next to nothing of its own, and errors of O would be all that is left of it. So
 the two are solved for what phi is more than the neighbourhood's mean, and of that an eigenvalue l of their matrix
 is taken as l^3 / (l^4 + WEAK^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +30,7 @@ Float32 = npt.NDArray[np.float32]
 
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
 BLACK = 1e9
+FLAT = 2e-3
 WEAK = 0.16  # eigenvalue of a point's own equation below which its neighbourhood knows better; as in the shader
 THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
@@ -53,6 +56,8 @@ class PixelTerms:
         rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
     depths : (2, n_layers, height, width) float32, or None where no part is thin
         1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a sheet, from 0 to 1.
+    bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
+        b - 1 at the nodes.
     """
 
     reach: float
@@ -64,13 +69,21 @@ class PixelTerms:
     diagonal: Array
     doubled: Array
     depths: Float32 | None
+    bending: Float32 | None
 
 
 def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> PixelTerms:
     """Tabulate for three media of the same eta and a window of width s, mm."""
     reach = thin_reach(boundary, media)
-    terms = tables(reach, media, s)
-    return terms if reach == 0.0 else replace(terms, depths=depths_at_nodes(boundary, reach))
+    depths = None if reach == 0.0 else depths_at_nodes(boundary, reach)
+    bending = bending_at_nodes(boundary, media) if is_bent([boundary], media) else None
+    return replace(tables(reach, media, s), depths=depths, bending=bending)
+
+
+def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
+    """Whether b is other than 1 by more than `FLAT` anywhere."""
+    bright = [medium for medium in media if not medium.is_black]
+    return any(np.abs(each.bending(medium) - 1.0).max() > FLAT for each in boundaries for medium in bright)
 
 
 def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
@@ -82,7 +95,7 @@ def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
 
 
 def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
-    """Tabulate for thicknesses up to `reach`, mm; no `depths` yet."""
+    """Tabulate for thicknesses up to `reach`, mm; no `depths` and `bending` yet."""
     eta, thin = media[0].eta, reach > 0.0
     least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
     thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
@@ -109,6 +122,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
         diagonal=np.array(own_side),
         doubled=doubled,
         depths=None,
+        bending=None,
     )
 
 
@@ -150,3 +164,13 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
     for out, value in zip(depths, sums, strict=True):
         out[near] = value[near] / total[near]
     return depths.reshape(2, *boundary.grid.shape)
+
+
+def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
+    """Return `PixelTerms.bending`: spread over the nodes by area."""
+    areas = boundary.patches.areas
+    total = boundary.weights @ areas.astype(np.float32)
+    off = [np.zeros(len(areas)) if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
+    sums = boundary.weights @ (areas[:, None] * np.stack(off, axis=-1)).astype(np.float32)
+    mean = sums / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
+    return np.ascontiguousarray(mean.T).reshape(3, *boundary.grid.shape)

@@ -82,12 +82,16 @@ def point_exitance(
     around = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean.reshape(3, -1).T, np.float64)
     gathered = _gather4(grid, volume, points)
     coupling = sheet * _interpolated(terms.coupling[None], thickness / max(terms.reach, 1e-9), np.zeros(len(points)))
-    here_own, f = terms.diagonal - gathered[:, 3:] - coupling[:, 3:], coupling[:, :3]
-    over_there = _gather4(grid, volume, points - thickness[:, None] * normals)
-    there_own = terms.diagonal - over_there[:, 3:] - coupling[:, 3:]
-    right = gathered[:, :3] + own - (here_own + f) * around
-    right_there = over_there[:, :3] + other - (there_own + f) * around
-    more = np.where(sheet > 0.0, _damped(here_own, there_own, f, right, right_there), _weak(here_own) * right)
+    beyond = points - thickness[:, None] * normals
+    over_there = _gather4(grid, volume, beyond)
+    bent, bent_there = _bending(grid, terms, points), _bending(grid, terms, beyond)
+    here_own = terms.diagonal - bent * (gathered[:, 3:] + coupling[:, 3:])
+    there_own = terms.diagonal - bent_there * (over_there[:, 3:] + coupling[:, 3:])
+    of_there, of_here = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bent_there, bent))
+    right = gathered[:, :3] + own - (here_own + of_there) * around
+    right_there = over_there[:, :3] + other - (there_own + of_here) * around
+    solved = _damped(here_own, there_own, of_there, of_here, right, right_there)
+    more = np.where(sheet > 0.0, solved, _weak(here_own) * right)
     return np.maximum((around + more) / terms.doubled, 0.0)
 
 
@@ -95,10 +99,10 @@ def _weak(eigenvalue: Array) -> Array:
     return np.asarray(eigenvalue**3 / (eigenvalue**4 + WEAK**4))
 
 
-def _damped(a: Array, d: Array, f: Array, right: Array, right_there: Array) -> Array:
-    """First part of the solution of ((a, f), (f, d)) x = right with inverses of eigenvalues as `_weak` takes them."""
+def _damped(a: Array, d: Array, f: Array, g: Array, right: Array, right_there: Array) -> Array:
+    """First part of the solution of ((a, f), (g, d)) x = right with inverses of eigenvalues as `_weak` takes them."""
     middle, half = 0.5 * (a + d), 0.5 * (a - d)
-    split = np.maximum(np.sqrt(half * half + f * f), LEAST_SPLIT)
+    split = np.sqrt(np.maximum(half * half + f * g, LEAST_SPLIT**2))
     upper, lower = _weak(middle + split), _weak(middle - split)
     slope = (upper - lower) / (2.0 * split)
     return np.asarray((0.5 * (upper + lower) + slope * half) * right + slope * f * right_there)
@@ -111,6 +115,14 @@ def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Arr
     weights = tent_matrix(grid, grid.coordinates(points))
     inverse, share = (np.asarray(weights.T @ image.ravel(), np.float64) for image in terms.depths)
     return 1.0 / np.maximum(inverse, 1.0 / terms.reach), share
+
+
+def _bending(grid: LayerGrid, terms: PixelTerms, points: Array) -> Array:
+    """B at points, (n, 3)."""
+    if terms.bending is None:
+        return np.ones((len(points), 3))
+    weights = tent_matrix(grid, grid.coordinates(points))
+    return 1.0 + np.asarray(weights.T @ terms.bending.reshape(3, -1).T, np.float64)
 
 
 def _behind_cosine(light: PointLight) -> Array | None:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary, Depths
+from core.fresnel import reflectance
 from core.green import local_green
 from core.layers import smooth_matrix
 from core.medium import Medium
@@ -18,6 +19,9 @@ from core.refracted import first_scattering, mean_cosine, refract
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 Vector = tuple[float, float, float]
+
+LEAST_REFLECTED = 0.05  # F_r; at right angles it is less, and the light not worth its way
+LEAST_LEFT = 1e-3  # share of a ray's light that comes back
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,7 @@ class Entry:
         Way through the object along the rays, mm.
     flux : (m, 3) float64
         E dA.
+    second : Second
     """
 
     patches: npt.NDArray[np.intp]
@@ -65,6 +70,34 @@ class Entry:
     cosines: Array
     chords: Array
     flux: Array
+    second: "Second"
+
+    def chords_in(self, medium: Medium) -> Array:
+        """Chords in mean free paths, (m,)."""
+        return self.chords / (self.stretch * medium.mean_free_path)
+
+
+@dataclass(frozen=True, eq=False)
+class Second:
+    """The k rays that are reflected where they meet the surface again; light that comes there has never scattered.
+
+    Attributes
+    ----------
+    rays : (k,) int
+        Which of an entry's.
+    starts, directions : (k, 3) float64
+        Where, mm; unit, from there on.
+    chords : (k,) float64
+        From there to the surface, mm.
+    reflected : (k,) float64
+        F_r there.
+    """
+
+    rays: npt.NDArray[np.intp]
+    starts: Array
+    directions: Array
+    chords: Array
+    reflected: Array
 
 
 def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) -> Entry:
@@ -81,8 +114,16 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     else:
         rays, stretch = -normals, mean_cosine(eta)
     cosines = -stretch * np.einsum("ij,ij->i", rays, normals)
-    chords = depths.along(patches, lit, rays, boundary.grid.texel)
-    return Entry(lit, rays, stretch, cosines, chords, flux[lit])
+    cell = boundary.grid.texel
+    chords, outward = depths.ends(patches, lit, rays, cell)
+    met = np.einsum("ij,ij->i", rays, outward)
+    reflected = reflectance(1.0 / eta, stretch * met)
+    again = np.flatnonzero((chords > 0.0) & (met > 0.0) & (reflected > LEAST_REFLECTED))
+    starts = patches.on_surface[lit[again]] + chords[again, None] * rays[again]
+    onwards = rays[again] - 2.0 * met[again, None] * outward[again]
+    ways = depths.onwards(starts, outward[again], onwards, cell)
+    second = Second(again, starts, onwards, ways, reflected[again])
+    return Entry(lit, rays, stretch, cosines, chords, flux[lit], second)
 
 
 def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float) -> tuple[Float32, Array]:
@@ -95,12 +136,12 @@ def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: f
     local : (n,) float64
         a' E sum of w rho(depth) at every patch.
     """
-    depths, shares = first_scattering(entry.chords / (entry.stretch * medium.mean_free_path))
+    depths, shares = first_scattering(entry.chords_in(medium))
     depths *= medium.mean_free_path
     strength = medium.albedo * entry.flux[:, channel, None] * shares
     start = boundary.patches.points[entry.patches]
     share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
-    deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
+    deposited = _reflected_sources(entry, boundary, medium, channel)
     local = np.zeros(len(boundary.patches))
     at = np.full(len(local), -1)  # of each patch, in the entry
     at[entry.patches] = np.arange(len(entry.patches))
@@ -116,3 +157,28 @@ def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: f
         left = np.abs(sheet.thickness[lit] - below[across])
         local[sheet.patches[lit]] += sheet.share[lit] * share[across, node] * local_green(medium, s, left)
     return deposited, local
+
+
+def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp], Array, Array]:
+    """Where light scatters first that was reflected before: (j,) of `entry.second`, depths in mean free paths, shares.
+
+    Shares are of the light that entered, (j, 2) as the depths; what is left at the end of the second chord is lost.
+    """
+    second = entry.second
+    left = second.reflected * np.exp(-entry.chords_in(medium)[second.rays])
+    worth = np.flatnonzero(left > LEAST_LEFT)
+    depths, shares = first_scattering(second.chords[worth] / (entry.stretch * medium.mean_free_path))
+    return worth, depths, left[worth, None] * shares
+
+
+def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int) -> Float32:
+    """Deposit that light: (nodes,); it is too little, or too far from the surface, to need a local part."""
+    second, (worth, depths, shares) = entry.second, second_scattering(entry, medium)
+    strength = medium.albedo * entry.flux[second.rays[worth], channel, None] * shares
+    ways = entry.stretch * medium.mean_free_path * depths
+    deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
+    for node in range(2) if len(worth) else ():
+        points = second.starts[worth] + ways[:, node, None] * second.directions[worth]
+        weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
+        deposited += weights @ strength[:, node].astype(np.float32)
+    return deposited

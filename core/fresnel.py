@@ -50,18 +50,21 @@ def diffuse_reflectance_fit(eta: float) -> float:
     return float(np.clip(value, 0.0, 0.999))
 
 
-@functools.cache
 def internal_moments(eta: float) -> tuple[float, float]:
     """2 C1 = 2 int F_r mu dmu and 3 C2 = 3 int F_r mu^2 dmu over [0, 1], F_r from the inside, eta >= 1; exact."""
+    return internal_moment(eta, 1), internal_moment(eta, 2)
+
+
+@functools.cache
+def internal_moment(eta: float, power: int) -> float:
+    """(n + 1) int F_r mu^n dmu over [0, 1] for n = `power`, F_r from the inside, eta >= 1; in [0, 1], exact."""
     critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))  # cosine below which all is reflected
     nodes, weights = np.polynomial.legendre.leggauss(64)
     t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     mu = critical + (1.0 - critical) * t * t  # F_r rises like a square root towards the critical angle
     weights = weights * 2.0 * t * (1.0 - critical)
     reflected = reflectance(1.0 / eta, mu)
-    first = critical**2 + float(np.sum(weights * 2.0 * mu * reflected))
-    second = critical**3 + float(np.sum(weights * 3.0 * mu * mu * reflected))
-    return first, second
+    return critical ** (power + 1) + float(np.sum(weights * (power + 1.0) * mu**power * reflected))
 
 
 def hemispherical_transmittance(eta: float) -> float:

@@ -21,7 +21,15 @@ from core.boundary import Boundary
 from core.convolution import LayerConvolver
 from core.convolution_shape import ConvolutionShape
 from core.diffusion import COARSE_TOLERANCE, DiffusionTransport, Solution
-from core.diffusion_pixels import PixelTerms, depths_at_nodes, mean_fluence, tables, thin_reach
+from core.diffusion_pixels import (
+    PixelTerms,
+    bending_at_nodes,
+    depths_at_nodes,
+    is_bent,
+    mean_fluence,
+    tables,
+    thin_reach,
+)
 from core.entry import EnteringLight
 from core.kernels import Kernel, Kernels, Spectra
 from core.layers import LayerGrid
@@ -97,6 +105,8 @@ class SeparateSolution:
         """Tabulate what pixels need beside the volume, for a window of width s, mm: one set for all bodies."""
         reach = max((thin_reach(boundary, self.media) for boundary in self.boundaries), default=0.0)
         terms = tables(reach, self.media, s)
+        if is_bent(self.boundaries, self.media):
+            terms = replace(terms, bending=self.filled(lambda part: bending_at_nodes(part.boundary, self.media)))
         if reach == 0.0:
             return terms
         return replace(terms, depths=self.filled(lambda part: depths_at_nodes(part.boundary, reach), 2))

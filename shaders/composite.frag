@@ -21,6 +21,8 @@ uniform vec3 u_doubled;         // 2 A
 uniform sampler2D t_coupling;   // between the sides of a sheet, over thickness; one row
 uniform sampler3D t_depths;     // 1 / thickness, 1/mm, and how far it is a sheet
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
+uniform bool u_bent;            // whether the next is other than 0
+uniform sampler3D t_bending;    // A of a curved surface over a flat one's, less 1
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
 const float WEAK = 0.16;        // eigenvalue below which the neighbourhood knows better, see core/diffusion_pixels.py
 
@@ -64,6 +66,10 @@ vec4 gather(vec3 coordinates) {
     return u_smooth ? gather_smooth(coordinates) : textureLod(t_exitance, coordinates, 0.0);
 }
 
+vec3 bending(vec3 coordinates) {
+    return u_bent ? 1.0 + textureLod(t_bending, coordinates, 0.0).rgb : vec3(1.0);
+}
+
 vec3 weak(vec3 eigenvalue) {
     vec3 square = eigenvalue * eigenvalue;
     return eigenvalue * square / (square * square + pow(WEAK, 4.0));
@@ -73,18 +79,22 @@ vec3 weak(vec3 eigenvalue) {
 // What phi is more than around here; of a sheet the sides' two equations by their matrix's eigenvalues.
 vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 local, vec3 other) {
     vec4 gathered = gather(coordinates);
-    vec3 mean = textureLod(t_fluence, coordinates, 0.0).rgb, own = u_diagonal - gathered.a, more;
+    vec3 bent = bending(coordinates), mean = textureLod(t_fluence, coordinates, 0.0).rgb;
+    vec3 own = u_diagonal - bent * gathered.a, more;
     vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
     if (depths.y > 0.0) {
         float thickness = 1.0 / max(depths.x, 1.0 / u_thin_reach), columns = float(textureSize(t_coupling, 0).x);
         float s = (thickness / u_thin_reach * (columns - 1.0) + 0.5) / columns;
         vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
-        vec4 across = gather(volume_coordinates(position - thickness * normal_and_body.xyz, normal_and_body.a));
-        vec3 there = u_diagonal - across.a - coupling.a, f = coupling.rgb;
-        own -= coupling.a;
-        vec3 right = gathered.rgb + local - (own + f) * mean, right_there = across.rgb + other - (there + f) * mean;
+        vec3 beyond = volume_coordinates(position - thickness * normal_and_body.xyz, normal_and_body.a);
+        vec4 across = gather(beyond);
+        vec3 bent_there = bending(beyond), there = u_diagonal - bent_there * (across.a + coupling.a);
+        vec3 f = coupling.rgb + (bent_there - 1.0) * coupling.a, f_there = coupling.rgb + (bent - 1.0) * coupling.a;
+        own -= bent * coupling.a;
+        vec3 right = gathered.rgb + local - (own + f) * mean;
+        vec3 right_there = across.rgb + other - (there + f_there) * mean;
         vec3 middle = 0.5 * (own + there), halved = 0.5 * (own - there);
-        vec3 split = max(sqrt(halved * halved + f * f), 1e-4);
+        vec3 split = sqrt(max(halved * halved + f * f_there, 1e-8));
         vec3 upper = weak(middle + split), lower = weak(middle - split), slope = (upper - lower) / (2.0 * split);
         more = (0.5 * (upper + lower) + slope * halved) * right + slope * f * right_there;
     } else {

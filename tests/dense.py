@@ -63,6 +63,7 @@ class Dense:
             out += (np.exp(-sigma * d) / (4.0 * np.pi * D * d)) @ strengths[part]
         return out
 
-    def exitance(self, phi_0):
-        matrix = 0.5 * np.eye(len(phi_0)) + self.K + self.S / (2.0 * self._medium.boundary)
+    def exitance(self, phi_0, bending=1.0):
+        """M; `bending` of the faces as `core.medium.Medium.bending`."""
+        matrix = (0.5 * np.eye(len(phi_0)) + self.K) * bending + self.S / (2.0 * self._medium.boundary)
         return np.linalg.solve(matrix, phi_0) / (2.0 * self._medium.boundary)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from core import fresnel
 from core.boundary import Boundary
 from core.diffusion import DiffusionTransport, Solution
-from core.entry import EnteringLight
+from core.entry import EnteringLight, second_scattering
 from core.medium import Medium
 from core.mesh import Mesh
 from core.refracted import first_scattering
@@ -68,12 +68,22 @@ class Solved:
     def scattered(self, channel: int) -> float:
         """Flux that has entered, less what crosses the object without scattering."""
         entry, medium = self.stages.kept("entry of light 1")[1], self.media[channel]
-        _, shares = first_scattering(entry.chords / (entry.stretch * medium.mean_free_path))
-        return float(entry.flux[:, channel] @ shares.sum(axis=1))
+        _, shares = first_scattering(entry.chords_in(medium))
+        again, _, more = second_scattering(entry, medium)
+        flux = entry.flux[:, channel]
+        return float(flux @ shares.sum(axis=1) + flux[entry.second.rays[again]] @ more.sum(axis=1))
 
     def of_faces(self, channel: int) -> Array:
         """(m,) mean exitance of the mesh's faces."""
-        at_samples = self.patches.sums.T @ self.exitance(channel)
+        return self.mean_of_faces(self.exitance(channel))
+
+    def bending_of_faces(self, channel: int) -> Array:
+        """(m,) of the mesh's faces."""
+        return self.mean_of_faces(self.boundary.bending(self.media[channel]))
+
+    def mean_of_faces(self, values: Array) -> Array:
+        """(m,) of what patches have."""
+        at_samples = self.patches.sums.T @ values
         n = len(self.mesh.faces)
         areas = np.bincount(self.samples.faces, self.samples.areas, n)
         return np.bincount(self.samples.faces, self.samples.areas * at_samples, n) / areas

@@ -5,7 +5,7 @@ import pytest
 
 from core.boundary import Depths
 from core.diffusion import DiffusionTransport
-from core.entry import EnteringLight, enter, sources
+from core.entry import EnteringLight, enter, second_scattering, sources
 from core.green import local_green
 from core.medium import Medium
 from core.refracted import mean_cosine
@@ -144,3 +144,25 @@ def test_flux_grows_with_the_light(placed):
     two = sources(placed.enter(EnteringLight(2.0 * light.flux, direction=DOWN)), placed.boundary, MARBLE, 1, placed.s)
     for single, double in zip(one, two, strict=True):
         np.testing.assert_allclose(double, 2.0 * single, rtol=1e-5)
+
+
+def test_light_that_meets_a_side_under_total_reflection_goes_on(box):
+    """Down into a cube at a slant: what comes to the side x = 10 turns there, and ends at the bottom."""
+    direction, medium = np.array([0.6, 0.0, -0.8]), Medium(0.05, 0.0, 1.5)
+    lit = (box.samples.normals[:, 2] > 0.9) & (box.samples.points[:, 0] > 5.0)
+    entry = box.enter(collimated(box.samples, tuple(direction), lit=lit))
+    second, sine = entry.second, 0.6 / 1.5
+    cosine = np.sqrt(1.0 - sine**2)
+    assert len(second.rays) > 0.5 * len(entry.patches)
+    np.testing.assert_allclose(second.starts[:, 0], 10.0, atol=1e-3)
+    np.testing.assert_allclose(second.reflected, 1.0)
+    np.testing.assert_allclose(second.directions, np.tile([-sine, 0.0, -cosine], (len(second.rays), 1)), atol=1e-6)
+    np.testing.assert_allclose((entry.chords[second.rays] + second.chords) * cosine, 20.0, atol=0.02)
+    again, depths, shares = second_scattering(entry, medium)
+    np.testing.assert_array_equal(again, np.arange(len(second.rays)))
+    first = np.exp(-entry.chords[second.rays] * medium.sigma_t_prime)
+    np.testing.assert_allclose(shares.sum(axis=1), first - np.exp(-20.0 / cosine * medium.sigma_t_prime), rtol=3e-3)
+    assert (depths * medium.mean_free_path < second.chords[:, None]).all()
+    total, _ = box.moments(sources(entry, box.boundary, medium, 0, box.s)[0])
+    scattered = entry.flux[:, 0] @ -np.expm1(-entry.chords * medium.sigma_t_prime)
+    assert total == pytest.approx(scattered + entry.flux[second.rays, 0] @ shares.sum(axis=1), rel=1e-3)

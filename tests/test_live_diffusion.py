@@ -105,7 +105,7 @@ class Steps:
         (["specular.strength=0.7"], PIXELS),
         (["camera.zoom=2"], PIXELS),
         (["camera.azimuth_deg=75", "camera.elevation_deg=40", "camera.roll_deg=10"], PIXELS),
-        (OWN, SOLVED | {"spectra", "pixel terms"}),
+        (OWN, SOLVED | {"spectra", "pixel terms", "bending"}),
     ],
 )
 def test_exactly_the_stages_that_depend_on_a_parameter_run(driver, assignments, expected):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from core import materials, medium
-from core.medium import Medium, boundary_factor, media
+from core.medium import Medium, boundary_factor, curvature_factor, media
 
 
 def reflectance_from_inside(eta: float, mu: float) -> float:
@@ -105,3 +105,35 @@ def test_channels_of_a_material():
     # Grosjean's D is 3e-4 off here; the document's value is his.
     assert green.diffusion == pytest.approx(0.127226, rel=5e-4)
     assert green.attenuation == pytest.approx(0.179516, rel=5e-4)
+
+
+@pytest.mark.parametrize("eta", [1.0, 1.3, 1.5, 2.0])
+def test_curvature_factor_is_that_of_the_integral(eta):
+    """Of (1 - 3 mu^2) / 2 coming down after reflection, less what should; 1/4 without an interface."""
+    critical = np.sqrt(1.0 - 1.0 / eta**2)
+    points = [p for p in (critical, critical + 1e-3, critical + 0.03) if 0.0 < p < 1.0]
+
+    def mean(of):
+        return quad(lambda mu: reflectance_from_inside(eta, mu) * mu * of(mu), 0.0, 1.0, points=points, limit=500)[0]
+
+    expected = 2.0 * (0.125 + mean(lambda mu: 0.5 - 1.5 * mu * mu)) / (1.0 - 2.0 * mean(lambda mu: 1.0))
+    assert curvature_factor(eta) == pytest.approx(expected, rel=1e-5)
+
+
+def test_extrapolation_around_cavities_and_in_balls():
+    """Of photons from deep inside, in mean free paths, less a plane's: cavity of radius 7, without an interface."""
+    of = Medium(1.0, 0.0, 1.0)
+    flat = 2.0 * of.boundary * of.diffusion
+    assert flat * (of.bending(-2.0 / 7.0) - 1.0) == pytest.approx(0.779 - 0.710, abs=0.005)
+    assert curvature_factor(1.0) == pytest.approx(0.25, abs=1e-12)
+
+
+def test_a_curved_surface_has_a_boundary_factor_too():
+    curvatures = np.array([-1e9, -1.0, -0.1, 0.0, 0.1, 1.0, 1e9])
+    for of in (Medium(1.0, 0.0, 1.0), Medium(2.0, 0.1, 1.3), Medium(1e-300, 0.0, 3.0), Medium(1e300, 1.0, 1.5)):
+        found = of.bending(curvatures)
+        assert np.isfinite(found).all()
+        assert found.min() > 0.5
+        assert found.max() < 2.0
+        assert found[3] == 1.0
+        assert (np.diff(found) <= 0.0).all()

@@ -8,7 +8,7 @@ import pytest
 from core import materials
 from core.bodies import find_bodies
 from core.diffusion import COARSE_TOLERANCE, TOLERANCE, DiffusionTransport
-from core.diffusion_pixels import depths_at_nodes
+from core.diffusion_pixels import bending_at_nodes, depths_at_nodes
 from core.diffusion_points import point_exitance
 from core.medium import media
 from core.samples import surface_samples
@@ -53,7 +53,8 @@ class Case:
     def exitance(self, solution, terms, points):
         """M without what light that enters at the points themselves adds."""
         depths = None if terms.reach == 0.0 else depths_at_nodes(solution.boundary, terms.reach)
-        own, grid = replace(terms, depths=depths), solution.boundary.grid
+        bending = None if terms.bending is None else bending_at_nodes(solution.boundary, self.media)
+        own, grid = replace(terms, depths=depths, bending=bending), solution.boundary.grid
         mean = solution.mean_fluence()
         return point_exitance(solution.volume, mean, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
 

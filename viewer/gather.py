@@ -12,7 +12,7 @@ from viewer.gl import clamped_texture, volume_texture
 
 @dataclass(frozen=True, eq=False)
 class DiffuseTables:
-    """`core.diffusion_pixels.PixelTerms` on the GPU; `depths` is any volume where no part is thin."""
+    """`core.diffusion_pixels.PixelTerms` on the GPU; `depths` and `bending` may be missing as there."""
 
     terms: PixelTerms
     own: moderngl.Texture
@@ -20,15 +20,22 @@ class DiffuseTables:
     coupling: moderngl.Texture
     depths: moderngl.Texture3D | None
     fluence: moderngl.Texture3D
+    bending: moderngl.Texture3D | None
 
     @classmethod
-    def upload(cls, context: moderngl.Context, terms: PixelTerms, fluence: moderngl.Texture3D) -> "DiffuseTables":
-        """Make the textures; `fluence` is `core.diffusion_pixels.mean_fluence`."""
+    def upload(
+        cls,
+        context: moderngl.Context,
+        terms: PixelTerms,
+        fluence: moderngl.Texture3D,
+        bending: moderngl.Texture3D | None,
+    ) -> "DiffuseTables":
+        """Make the other textures; `fluence` is `core.diffusion_pixels.mean_fluence`, `bending` that of the terms."""
         own, across, coupling = (
             clamped_texture(context, table) for table in (terms.own, terms.across, terms.coupling[None])
         )
         depths = None if terms.depths is None else volume_texture(context, terms.depths)
-        return cls(terms, own, across, coupling, depths, fluence)
+        return cls(terms, own, across, coupling, depths, fluence, bending)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +102,8 @@ class Gather:
             "t_depths": self._depths,
             "u_thin_reach": self._thin_reach,
             "t_fluence": self.volume if diffuse is None else diffuse.fluence,
+            "u_bent": diffuse is not None and diffuse.bending is not None,
+            "t_bending": self.volume if diffuse is None or diffuse.bending is None else diffuse.bending,
         }
 
     @property

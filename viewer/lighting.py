@@ -211,7 +211,10 @@ class Lighting:
         volume = run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
         terms = run("pixel terms", [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
         mean = run("mean fluence", [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
-        tables = run("pixel tables", [terms, mean], lambda: DiffuseTables.upload(self._context, terms, mean))
+        bent = terms.bending
+        bending = None if bent is None else run("bending", [terms], lambda: volume_texture(self._context, bent))
+        request = [terms, mean, bending]
+        tables = run("pixel tables", request, lambda: DiffuseTables.upload(self._context, terms, mean, bending))
         sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
         reach = max(sheets, default=0.0)
         windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)

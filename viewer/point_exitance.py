@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from core.bodies import Bodies, bodies_at
 from core.diffusion import DiffusionTransport, Solution
-from core.diffusion_pixels import PixelTerms, depths_at_nodes
+from core.diffusion_pixels import PixelTerms, bending_at_nodes, depths_at_nodes
 from core.diffusion_points import PointLight, point_exitance
 from core.fresnel import transmittance
 from core.layers import LayerGrid, gather
@@ -130,7 +130,8 @@ def separate_exitance(
             here = body == i
             if part is not None and here.any():
                 depths = None if tables.reach == 0.0 else depths_at_nodes(part.boundary, tables.reach)
-                terms = replace(tables, depths=depths)
+                bending = None if tables.bending is None else bending_at_nodes(part.boundary, solution.media)
+                terms = replace(tables, depths=depths, bending=bending)
                 found[here] = _solved(part, terms, lights, points[here], normals[here], bodies.of_face == i)
         return found
 

@@ -1,0 +1,68 @@
+"""Mean curvature of a surface in patches, smoothed over as far as light goes before it scatters.
+
+Differences of normals between neighbours, in which either side of a thin sheet is a surface of its own. Edges between
+flat faces are none: there the normal jumps.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from core.patches import Patches
+
+Array = npt.NDArray[np.float64]
+
+NEIGHBOURS = 10
+APART = 1.0  # patches that normals a right angle apart count as
+DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Of n patches, at several widths.
+
+    Attributes
+    ----------
+    widths : (m,) float64
+        Standard deviations along the surface, mm, ascending.
+    values : (m, n) float64
+        Sum of the two principal curvatures, 2 H, 1/mm; above 0 where the surface is convex.
+    """
+
+    widths: Array
+    values: Array
+
+    def at(self, width: float) -> Array:
+        """Return 2 H, (n,), smoothed over `width`, mm, or the nearest there is."""
+        i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
+        low, high = self.widths[i - 1], self.widths[i]
+        share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
+        return np.asarray((1.0 - share) * self.values[i - 1] + share * self.values[i])
+
+
+def curvature(patches: Patches) -> Curvature:
+    """Measure between neighbours, then smooth."""
+    n = len(patches)
+    spacing = float(np.sqrt(patches.areas.mean()))
+    count = min(NEIGHBOURS, n)
+    places = np.hstack([patches.points, APART / np.sqrt(2.0) * spacing * patches.normals])
+    others = cKDTree(places).query(places, count)[1].reshape(n, count)
+    step = patches.points[others] - patches.points[:, None]
+    turn = patches.normals[others] - patches.normals[:, None]
+    along = np.einsum("ijk,ijk->ij", step, step)
+    alike = np.maximum(1.0 - 0.25 * np.einsum("ijk,ijk->ij", turn, turn), 0.0)
+    weights = alike * patches.areas[others]
+    bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
+    value = 2.0 * bent / np.maximum(np.sum(weights * along, axis=1), np.finfo(np.float64).tiny)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    rows = np.arange(0, n * count + 1, count)
+    smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
+    variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
+    values = [smoother @ value]
+    for i in range(DOUBLINGS):
+        values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))
+    return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values))
