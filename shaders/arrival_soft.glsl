@@ -4,6 +4,7 @@
 const int EVEN = 0;    // nothing to see to: a disc far away
 const int SPHERE = 1;  // of even radiance
 const int FACE = 2;    // radiates by the cosine to u_light_axis, before it only
+const int BALL = 4;    // a sphere in patches, which radiate by the cosine to its surface
 const int CONE = 3;    // fades from u_cone.y to u_cone.x, cosines to u_light_axis
 
 uniform int u_sub_lights;
@@ -11,7 +12,7 @@ uniform ivec2 u_part;          // the first one to be seen, and how many on is t
 uniform int u_light_shape;
 uniform vec3 u_light_axis;     // unit, the way that most light goes
 uniform vec2 u_cone;
-uniform float u_light_radius;  // of a sphere, mm
+uniform float u_light_radius;  // of a SPHERE or a BALL, mm
 
 int first_sub_light() { return u_part.x; }
 int next_sub_light(int i) { return i + u_part.y; }
@@ -20,6 +21,10 @@ int sub_lights() { return u_sub_lights; }
 float emission(vec3 position, vec3 to_light, float distance2) {
     float along = -dot(to_light, u_light_axis);
     if (u_light_shape == FACE) return max(along, 0.0) / distance2;
+    if (u_light_shape == BALL) {
+        vec3 normal = (position + sqrt(distance2) * to_light - u_light_vector) / u_light_radius;
+        return 4.0 * max(-dot(to_light, normal), 0.0) / distance2;
+    }
     if (u_light_shape == CONE) return smoothstep(u_cone.x, u_cone.y, along) / distance2;
     // A sphere's directions fill a cone of half angle a, sin a = R / d, evenly, and I / d^2 = L pi sin^2 a is what enters
     // with their cosines: 2 (1 - cos a) / sin^2 a as much without them.

@@ -149,6 +149,24 @@ def test_a_surface_that_faces_a_light_gets_what_the_light_says(light, count):
     np.testing.assert_allclose(found, np.array(brightness(light)) / distance**2, rtol=1e-3)
 
 
+def test_a_sphere_close_by_lights_all_places_as_a_sphere_does():
+    """I / d^2 wherever a surface faces it; sub-lights in the disc that the origin sees are another shape from aside."""
+    light = SphereLight((0.0, 45.0, 40.0), radius_mm=20.0)
+    centre = np.array(light.position_mm)
+
+    def found(count, point):
+        parts = sub_lights(light, count)
+        ways = parts.vectors - point
+        towards = (centre - point) / np.linalg.norm(centre - point)
+        cosines = np.maximum(ways @ towards / np.linalg.norm(ways, axis=1), 0.0)
+        return np.mean([c * parts.emission(i, point[None])[0] for i, c in enumerate(cosines)])
+
+    for place in ([0.0, 10.0, 20.0], [30.0, 40.0, 60.0], [-25.0, 60.0, 20.0]):
+        point = np.array(place)
+        assert found(96, point) == pytest.approx(1.0 / np.square(centre - point).sum(), rel=0.01)
+    assert found(32, point) != pytest.approx(1.0 / np.square(centre - point).sum(), rel=0.02)
+
+
 def test_a_rectangle_shines_as_the_integral_over_it():
     light = LIGHTS[3]
     width, height, way = axes(light)

@@ -15,11 +15,12 @@ Array = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 DIRECTIONAL, POINT = 0, 1  # as in irradiance.glsl
-EVEN, SPHERE, FACE, CONE = range(4)  # as in arrival_soft.glsl
+EVEN, SPHERE, FACE, CONE, BALL = range(5)  # as in arrival_soft.glsl
 GOLDEN = 0.6180339887498949  # turns: 1 - this is the golden angle's share
 PLASTIC = 0.7548776662466927  # of the next dimension (the R2 sequence)
 PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out
 MOST, MOST_DRAFT = 96, 8
+FROM_AFAR = 32  # sub-lights of a sphere: one that needs more is so near that places of the object see other sides of it
 SMALL_DEG = 1.0  # apparent diameter of a light that one shadow map and its filter do for
 DEGREES_EACH = 2.0  # of the diameter: mean absolute errors of irradiance are then 1 to 3.5 %
 
@@ -41,13 +42,13 @@ class SubLights:
     cell : float
         Radius of the disc that has a sub-light's share of the light: radians or mm.
     shape : int
-        EVEN, SPHERE, FACE or CONE.
+        EVEN, SPHERE, FACE, CONE or BALL, a sphere in patches of its surface.
     axis : 3 floats
         Unit, the way it shines; of FACE and CONE.
     cone : 2 floats
         Cosines to the axis where a CONE is dark, and from where on it is not dimmed.
     radius : float
-        Of a SPHERE, mm.
+        Of a SPHERE or a BALL, mm.
     """
 
     kind: int
@@ -77,6 +78,9 @@ class SubLights:
             low, high = self.cone
             t = np.clip((along - low) / (high - low), 0.0, 1.0)
             return np.asarray(t * t * (3.0 - 2.0 * t) / distance2)
+        if self.shape == BALL:
+            normal = (self.vectors[i] - np.array(self.vector)) / self.radius
+            return np.asarray(4.0 * np.maximum(-(way @ normal), 0.0) / distance2**1.5)
         centre2 = np.maximum(np.square(np.array(self.vector) - points).sum(axis=1), max(self.radius**2, 1e-12))
         return np.asarray(2.0 / (1.0 + np.sqrt(1.0 - self.radius**2 / centre2)) / centre2)
 
@@ -114,10 +118,10 @@ def sub_lights(light: Light, count: int, far: float = np.inf) -> SubLights:
     assert not isinstance(light, PointLight)
     colour, centre = brightness(light), np.array(light.position_mm)
     if isinstance(light, SphereLight):
-        cell = float(light.radius_mm / np.sqrt(count))
-        found = SubLights(
-            POINT, light.position_mm, centre + _facing_disc(light, count), colour, cell, SPHERE, radius=light.radius_mm
-        )
+        radius, near = light.radius_mm, count > FROM_AFAR
+        offsets = radius * _ball(count) if near else _facing_disc(light, count)
+        cell, shape = float((2.0 if near else 1.0) * radius / np.sqrt(count)), BALL if near else SPHERE
+        found = SubLights(POINT, light.position_mm, centre + offsets, colour, cell, shape, radius=radius)
     elif isinstance(light, RectangleLight):
         width, height, (x, y, z) = axes(light)
         places = _lattice(count) * light.size_mm
@@ -155,6 +159,14 @@ def _facing_disc(light: SphereLight, count: int) -> Array:
     away = distance * (1.0 - sine**2)
     around = _around(towards, away * np.sqrt(1.0 - cosine**2) / cosine, i)
     return np.asarray(around - (distance - away) * towards)
+
+
+def _ball(count: int) -> Array:
+    """Unit normals, even over all directions: (n, 3)."""
+    i = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * i / count
+    up = np.array([0.0, 1.0, 0.0])
+    return np.asarray(height[:, None] * up + _around(up, np.sqrt(1.0 - height**2), i))
 
 
 def _around(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.floating]) -> Array:
