@@ -1,7 +1,7 @@
 """Mean curvature of a surface in patches, smoothed over as far as light goes before it scatters.
 
-Differences of normals between neighbours, in which either side of a thin sheet is a surface of its own. Edges between
-flat faces are none: there the normal jumps.
+Differences of normals between neighbours, in which either side of a thin sheet is a surface of its own. An edge is as
+curved as what turns over it within a patch or two.
 """
 
 import functools

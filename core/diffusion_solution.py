@@ -43,7 +43,7 @@ class Solution:
 
     @functools.cached_property
     def fluence(self) -> tuple[Array, ...]:
-        """Phi of each channel's patches, (n,)."""
+        """2 A M of each channel's patches, (n,), A of a flat surface: phi where theirs is flat."""
         dark = np.zeros(len(self.boundary.patches))
         return tuple(dark if channel is None else channel.fluence for channel in self.channels)
 

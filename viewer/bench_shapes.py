@@ -123,6 +123,22 @@ def bowl(diameter: float = 20.0, thickness: float = 3.0, n_along: int = 160, n_a
     return Mesh.of(turned(radius, z + 0.5 * (outer - rim)), turned(outwards, upwards), faces)
 
 
+def torus(radius: float = 10.0, tube: float = 4.0, n_along: int = 128, n_around: int = 64) -> Mesh:
+    """A ring of a round tube, smooth normals: a hole."""
+    shape = trimesh.creation.torus(radius, tube, major_sections=n_along, minor_sections=n_around)
+    vertices = np.asarray(shape.vertices, np.float64)
+    ring = vertices * [1.0, 1.0, 0.0]
+    return Mesh.of(
+        vertices, (vertices - radius * ring / np.linalg.norm(ring, axis=1, keepdims=True)) / tube, shape.faces
+    )
+
+
+def washer(outer: float = 16.0, inner: float = 6.0, height: float = 10.0, edge: float = 0.7) -> Mesh:
+    """A cylinder with a hole along z, in triangles of `edge` mm at most; flat shading: square edges."""
+    shape = trimesh.creation.annulus(inner, outer, height, sections=64)
+    return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
+
+
 def flat_shaded(vertices: Array, faces: Faces) -> Mesh:
     """Give every face corners and a normal of its own."""
     corners = vertices[faces]

@@ -24,7 +24,7 @@ from core.stages import Stages
 from viewer.assets import Assets
 from viewer.bench_error import CAMERA
 from viewer.bench_schemes import Scheme
-from viewer.bench_shapes import ball, bowl, plate, torus_knot
+from viewer.bench_shapes import ball, bowl, plate, torus, torus_knot, washer
 from viewer.camera import place_camera
 from viewer.point_exitance import Evaluate, RayLights, diffusion_exitance, dipole_exitance
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
@@ -46,6 +46,9 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
     "knot": torus_knot,
     "plate, 2 mm": lambda: plate(20.0, 2.0),
     "bowl, 3 mm": bowl,
+    "torus, 8 mm": torus,
+    "washer, 10 mm": washer,
+    "washer, 6 mm": lambda: washer(10.0, 4.0, 6.0),
 }
 METHODS = Scheme("layered", 8, 128), Scheme("ewald"), Scheme("diffusion")
 ALL, LIGHT, MATERIAL = "all", "light", "material"
