@@ -150,8 +150,7 @@ def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: f
     across = at[sheet.others[lit]]
     for node in range(2):
         points = start + entry.stretch * depths[:, node, None] * entry.rays
-        weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
-        deposited += weights @ strength[:, node].astype(np.float32)
+        deposited += _at_nodes(boundary, points, strength[:, node])
         below = depths[:, node] * entry.cosines
         local[entry.patches] += share[:, node] * local_green(medium, s, below)
         left = np.abs(sheet.thickness[lit] - below[across])
@@ -179,6 +178,11 @@ def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, channel
     deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
     for node in range(2) if len(worth) else ():
         points = second.starts[worth] + ways[:, node, None] * second.directions[worth]
-        weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
-        deposited += weights @ strength[:, node].astype(np.float32)
+        deposited += _at_nodes(boundary, points, strength[:, node])
     return deposited
+
+
+def _at_nodes(boundary: Boundary, points: Array, flux: Array) -> Float32:
+    """Deposit of flux (k,) at points (k, 3): (nodes,)."""
+    weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
+    return np.asarray(weights @ flux.astype(np.float32))

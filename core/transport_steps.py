@@ -46,7 +46,6 @@ class FftTransport(Kernels):
         before = stages.kept("convolution")
 
         def convolve() -> Float32:
-            out = np.zeros_like(layers)
             lit = [i for i, spectrum in enumerate(spectra) if spectrum is not None and layers[i].any()]
             twins = {i: _twin(i, lit, layers, spectra) for i in lit}
             known = {i: _known(i, layers, spectra, before) for i in lit if twins[i] == i}
@@ -58,11 +57,9 @@ class FftTransport(Kernels):
 
             # Layers that mix pair by pair have all threads in one convolution; others are convolved side by side.
             run = map if convolvers[0].shape.mixes_pairs else thread_pool().map
-            for i, exitance in zip(known, run(convolved, known), strict=True):
-                out[i] = exitance
-            for i in lit:
-                out[i] = out[twins[i]]
-            return out
+            found = dict(zip(known, run(convolved, known), strict=True))
+            dark = np.zeros_like(layers[0])
+            return np.stack([found[twins[i]] if i in twins else dark for i in range(len(layers))])
 
         return stages.run("convolution", (layers, spectra), convolve)
 

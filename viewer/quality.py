@@ -242,6 +242,6 @@ def _most_nodes(settings: TransportSettings, profiles: Profiles, mesh: Mesh, tai
 
 
 def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
-    """Nodes that are transformed, over the channels."""
+    """Nodes that the transforms have at least, over the channels."""
     grid = transport.grid(mesh, np.eye(3))
     return sum(transport.shape(grid, p, mesh.area).least_nodes for p in profiles if not p.is_black)

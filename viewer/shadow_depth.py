@@ -7,7 +7,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from core.stages import Steps, exhausted
+from core.stages import Steps
 from viewer.buffers import MeshBuffers
 from viewer.gl import Program, checked, float_texture, leave_framebuffer
 
@@ -40,18 +40,6 @@ class DepthTiles:
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
         return texture
-
-    def draw(
-        self,
-        texture: moderngl.Texture,
-        columns: int,
-        side: int,
-        matrices: Sequence[Array] | Array,
-        buffers: MeshBuffers,
-        bodies: moderngl.Buffer | None,
-    ) -> moderngl.Texture:
-        """As `steps`, all at once."""
-        return exhausted(self.steps(texture, columns, side, matrices, buffers, bodies))
 
     def steps(
         self,

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.mesh import Mesh
+from core.stages import exhausted
 from viewer.buffers import MeshBuffers
 from viewer.settings import DirectionalLight, PointLight
 from viewer.shadow_depth import DepthTiles
@@ -99,7 +100,7 @@ class ShadowsPass:
             matrices, texel = cube_views(mesh, light.position_mm, side)
         size = side * tiles[0], side * tiles[1]
         texture = self._texture(size)
-        seen = self._tiles.draw(texture, tiles[0], side, matrices, buffers, bodies)
+        seen = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))
         padded = np.zeros((6, 4, 4))
         padded[: len(matrices)] = matrices
         return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
