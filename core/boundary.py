@@ -15,6 +15,7 @@ from scipy.sparse import csc_array
 from scipy.spatial import cKDTree
 
 from core.curvature import Curvature, curvature
+from core.edges import Edges
 from core.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
 from core.medium import Medium
 from core.mesh import Mesh, face_cross
@@ -67,6 +68,21 @@ class Boundary:
     def curvature(self) -> Curvature:
         """Of the patches."""
         return curvature(self.patches)
+
+    @functools.cached_property
+    def edges(self) -> Edges:
+        """Between the patches."""
+        is_sheet = np.zeros(len(self.patches), np.bool_)
+        is_sheet[self.sheet.patches] = True
+        return Edges(self.patches, self.thickness, is_sheet)
+
+    def means(self, values: Array) -> Float32:
+        """Means of the patches near each node, by area, of (n, k): (k, n_layers, height, width); 0 where none is."""
+        areas = self.patches.areas
+        total = self.weights @ areas.astype(np.float32)
+        sums = self.weights @ (areas[:, None] * values).astype(np.float32)
+        mean = sums / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
+        return np.ascontiguousarray(mean.T).reshape(-1, *self.grid.shape)
 
     def bending(self, medium: Medium) -> Array:
         """`Medium.bending` of the patches, (n,); curvature counts as far as light goes before it scatters."""

@@ -11,6 +11,7 @@ A surface point's own value follows from the volume O = G_L * (Q - double layer)
     phi = (O + a' E sum w rho(depth)) / (rho(0) / (2 A) - K_L 1).
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +22,7 @@ from scipy.sparse import csc_array
 from core.boundary import Boundary, Depths, depths_of, find_sheet, place
 from core.convolution import thread_pool
 from core.convolution_shape import ConvolutionShape
+from core.crossing import crossing
 from core.diffusion_channel import Channel, Iteration, Reached
 from core.diffusion_solution import Solution as Solution
 from core.diffusion_solution import reached, same_flux
@@ -247,11 +249,14 @@ class DiffusionTransport(Kernels):
 
         def make() -> Channel:
             deposited, local = np.zeros(int(np.prod(grid.shape)), np.float32), np.zeros(len(boundary.patches))
+            crossed = crossing(boundary.edges, medium, i, entries)
+            kept = np.ones(len(local)) if crossed is None else crossed.kept
             for entry in entries:
-                at_nodes, at_patches = sources(entry, boundary, medium, i, s)
+                at_nodes, at_patches = sources(entry, boundary, medium, i, s, kept)
                 deposited += at_nodes
                 local += at_patches
-            return Channel(boundary, medium, s, lambda image: convolver.convolve(image, spectrum), deposited, local)
+            convolve = functools.partial(convolver.convolve, spectra=spectrum)
+            return Channel(boundary, medium, s, convolve, deposited, local, crossed)
 
         name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
         begun = None if stages.has(name, key) else thread_pool().submit(make)

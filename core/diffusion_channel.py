@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
+from core.crossing import Crossing
 from core.green import local_green, local_slope
 from core.krylov import Step, combined, gmres
 from core.medium import NO_ABSORPTION, Medium
@@ -37,6 +38,8 @@ class Channel:
         Q.
     local : (n,) float64
         What the nodes are too coarse for.
+    crossing : Crossing, optional
+        Light near edges that is none of Q.
     """
 
     def __init__(
@@ -47,6 +50,7 @@ class Channel:
         convolve: Callable[[Float32], Float32],
         deposited: Float32,
         local: Array,
+        crossing: Crossing | None = None,
     ) -> None:
         self.boundary, self.medium = boundary, medium
         self._convolve = convolve
@@ -65,6 +69,7 @@ class Channel:
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
         self._diagonal = bending * self._diagonal + own
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
+        self._crossing = crossing
 
     @functools.cached_property
     def sources(self) -> Float32:
@@ -81,6 +86,20 @@ class Channel:
         leaving = float(np.einsum("i,i->", self._areas, fluence)) / (2.0 * self.medium.boundary)
         scattered = float(self._deposited.sum(dtype=np.float64))
         return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
+
+    @functools.cached_property
+    def crossed(self) -> tuple[Array, Float32] | None:
+        """2 A M of light that crosses edges at the patches, (n,), and what it takes at the nodes for pixels to have it.
+
+        Pixels take all of their own light for diffusing, so what does not is taken off the nodes too.
+        """
+        crossing = self._crossing
+        if crossing is None:
+            return None
+        fluence = 2.0 * self.medium.boundary * crossing.exitance
+        lost = self._local * (1.0 / crossing.kept - 1.0)
+        (volume,) = self.boundary.means((self._diagonal * fluence - lost)[:, None])
+        return fluence, volume
 
     @property
     def scale(self) -> Array:
@@ -168,8 +187,10 @@ class Reached:
 
     @functools.cached_property
     def fluence(self) -> Array:
-        """Phi of the patches, (n,), which gives out no more than scatters."""
-        return self._allowed * self.iterate
+        """Phi of the patches, (n,), which gives out no more than scatters, and the light that crosses edges."""
+        diffuse = self._allowed * self.iterate
+        crossed = self.channel.crossed
+        return diffuse if crossed is None else diffuse + crossed[0]
 
     @functools.cached_property
     def volume(self) -> Float32:
@@ -178,7 +199,8 @@ class Reached:
         volume = np.float32(self._allowed) * start.volume
         for share, part in zip(coefficients, volumes, strict=True):
             volume -= np.float32(self._allowed * share) * part
-        return volume
+        crossed = self.channel.crossed
+        return volume if crossed is None else volume + crossed[1]
 
     def settle(self) -> None:
         """Make the sums, and let go of what they are made of: ten times their memory."""

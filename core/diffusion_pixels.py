@@ -128,7 +128,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
 
 def mean_fluence(boundary: Boundary, fluence: tuple[Array, ...]) -> Float32:
     """Mean phi of the patches near each node, by area: (3, n_layers, height, width); 0 where there are none."""
-    return _means(boundary, fluence)
+    return boundary.means(np.stack(fluence, axis=-1))
 
 
 def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
@@ -165,13 +165,5 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
 def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
     """Return `PixelTerms.bending`: spread over the nodes by area."""
     flat = np.zeros(len(boundary.patches))
-    return _means(boundary, [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media])
-
-
-def _means(boundary: Boundary, channels: Sequence[Array]) -> Float32:
-    """Means of the patches near each node, by area, of values (n,) of three channels; 0 where there are none."""
-    areas = boundary.patches.areas
-    total = boundary.weights @ areas.astype(np.float32)
-    sums = boundary.weights @ (areas[:, None] * np.stack(channels, axis=-1)).astype(np.float32)
-    mean = sums / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
-    return np.ascontiguousarray(mean.T).reshape(3, *boundary.grid.shape)
+    each = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
+    return boundary.means(np.stack(each, axis=-1))

@@ -126,8 +126,12 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     return Entry(lit, rays, stretch, cosines, chords, flux[lit], second)
 
 
-def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float) -> tuple[Float32, Array]:
+def sources(
+    entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, kept: Array
+) -> tuple[Float32, Array]:
     """First scattering of one channel: on the nodes, and what the nodes are too coarse for at the patches.
+
+    `kept` is the share of each patch's light that diffuses, (n,).
 
     Returns
     -------
@@ -138,10 +142,11 @@ def sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: f
     """
     depths, shares = first_scattering(entry.chords_in(medium))
     depths *= medium.mean_free_path
-    strength = medium.albedo * entry.flux[:, channel, None] * shares
+    flux = kept[entry.patches] * entry.flux[:, channel]
+    strength = medium.albedo * flux[:, None] * shares
     start = boundary.patches.points[entry.patches]
     share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
-    deposited = _reflected_sources(entry, boundary, medium, channel)
+    deposited = _reflected_sources(entry, boundary, medium, flux)
     local = np.zeros(len(boundary.patches))
     at = np.full(len(local), -1)  # of each patch, in the entry
     at[entry.patches] = np.arange(len(entry.patches))
@@ -170,10 +175,10 @@ def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp
     return worth, depths, left[worth, None] * shares
 
 
-def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, channel: int) -> Float32:
+def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, flux: Array) -> Float32:
     """Deposit that light: (nodes,); it is too little, or too far from the surface, to need a local part."""
     second, (worth, depths, shares) = entry.second, second_scattering(entry, medium)
-    strength = medium.albedo * entry.flux[second.rays[worth], channel, None] * shares
+    strength = medium.albedo * flux[second.rays[worth], None] * shares
     ways = entry.stretch * medium.mean_free_path * depths
     deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
     for node in range(2) if len(worth) else ():
