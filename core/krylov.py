@@ -23,7 +23,7 @@ class Step(NamedTuple):
 
 
 def gmres(
-    multiply: Callable[[Array], Array], residual: Array, scale: float, tolerance: float, most: int
+    multiply: Callable[[Array], Array], residual: Array, scale: float, tolerance: float, most: int, weak: float = 0.0
 ) -> Iterator[tuple[Step, Array]]:
     """Solve A x = b from a start whose residual b - A start is given.
 
@@ -41,6 +41,9 @@ def gmres(
         Of |b - A x| / |b|; it ends the steps.
     most : int
         Products; they end the steps too.
+    weak : float
+        Directions in which A multiplies by less are noise, and get nothing; their share of the residual counts as
+        solved. At 0 all get theirs.
     """
     beta = norm(residual)
     basis = np.empty((most + 1, len(residual)))  # the system gives rows memory when they are written
@@ -60,9 +63,12 @@ def gmres(
         target = np.zeros(k + 2)
         target[0] = beta
         square = columns[: k + 2, : k + 1]
-        coefficients = np.asarray(np.linalg.lstsq(square, target, rcond=None)[0], np.float64)
-        left = float(np.linalg.norm(target - square @ coefficients)) / scale
-        yield Step(k + 1, coefficients, left), known
+        u, strength, v = np.linalg.svd(square, full_matrices=False)
+        parts = u.T @ target
+        parts[strength <= np.finfo(np.float64).eps * (k + 1) * strength[0]] = 0.0
+        left = float(np.linalg.norm(target - u @ parts)) / scale
+        least = np.maximum(strength, max(1e-2 * weak, np.finfo(np.float64).tiny))  # no power overflows
+        yield Step(k + 1, v.T @ (parts / (least * (1.0 + (weak / least) ** 8))), left), known
         if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * length:
             return
         basis[k + 1] = vector / columns[k + 1, k]
