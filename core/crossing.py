@@ -3,13 +3,9 @@
 Diffusion takes what has just entered for isotropic, and spreads all that leaves over z_b, a few mean free paths. On a
 smooth surface that evens out. Beside an edge it does not: light that scatters once below one face crosses the other
 within half a mean free path, and diffusion has that strip 10 % too dark and what is around it too bright. So this light
-is taken out of what diffuses, and added where it leaves:
-
-    M(x) dA = sum over sources S exp(-r) F_t(mu) mu dA / (4 pi r^2),
-
-S = a' E dA' w at a few depths along each refracted ray, r the way from there to x in mean free paths, mu its cosine to
-the normal at x. Nothing here is fitted. It is needed where the mean free path is not small against the object, so where
-patches are smaller than it; larger ones could not show that strip.
+is taken out of what diffuses, and added where it leaves, as in a wedge of two faces (`core.wedge`). Nothing here is
+fitted. It matters where the mean free path is not small against the object, so where patches are smaller than it;
+larger ones could not show that strip.
 """
 
 from collections.abc import Sequence
@@ -18,16 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core import fresnel
-from core.edges import CELL, Edges, Pieces
+from core.edges import Edges, Pairs, unit
 from core.entry import Entry
 from core.medium import Medium
+from core.wedge import wedge
 
 Array = npt.NDArray[np.float64]
 
-NODES = 3  # depths
 FINE, COARSE = 0.5, 1.0  # patches in mean free paths: up to here all of it counts, from here on nothing
-MOST = 0.5  # of what a source sends out
+MOST = 0.5  # of what a patch lets in
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,52 +47,43 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
     counts = float(np.clip((COARSE - edges.spacing / far) / (COARSE - FINE), 0.0, 1.0))
     if counts == 0.0 or not entries:
         return None
-    pieces = edges.pieces(far)
-    if len(pieces.start) == 0:
+    pairs = [(part, each) for part, each in edges.pairs(far) if len(each.patch)]
+    if not pairs:
         return None
-    own, way, chord = _together(len(edges.areas), entries, channel)
-    flux, rays, chords = _on_pieces(pieces, own, way, chord)
-    depths, weights = np.polynomial.laguerre.laggauss(NODES)
-    lit = np.flatnonzero(flux[pieces.start] > 0.0)
-    start, end, share = pieces.start[lit], pieces.end[lit], counts * pieces.share[lit]
-    arrived, lost = np.zeros(len(pieces.areas)), np.zeros(len(pieces.areas))
-    apart, normals, areas = pieces.points[end] - pieces.points[start], pieces.normals[end], pieces.areas[end]
-    height = np.einsum("ij,ij->i", apart, normals)  # of the end's plane over the start
-    slope = np.einsum("ij,ij->i", rays[start], normals)
-    along = np.einsum("ij,ij->i", apart, rays[start])
-    apart2 = np.einsum("ij,ij->i", apart, apart)
-    critical = np.sqrt(1.0 - 1.0 / medium.eta**2)
-    for z, weight in zip(depths * far, weights, strict=True):
-        below = height - z * slope
-        r2 = np.maximum(apart2 - 2.0 * z * along + z * z, 1e-12)
-        inside = (z < chords[start]) & (below < pieces.depth[lit] + far * CELL)
-        out = np.flatnonzero(inside & (below > critical * np.sqrt(r2)))
-        r, mu = np.sqrt(r2[out]), np.minimum(below[out] / np.sqrt(r2[out]), 1.0)
-        seen = mu * areas[out] / (4.0 * np.pi * np.maximum(r2[out], 0.5 * areas[out]))
-        crosses = share[out] * seen * np.exp(-r / far) * fresnel.transmittance(1.0 / medium.eta, mu)
-        lost += np.bincount(start[out], weight * crosses, len(lost))
-        arrived += np.bincount(end[out], flux[start[out]] * weight * crosses, len(lost))
-    exitance = pieces.near @ (arrived / pieces.areas)
-    gone = pieces.near @ np.minimum(lost, MOST)
-    taken, given = float(np.sum(gone * own)), float(np.sum(edges.areas * exitance))
+    areas = edges.patches.areas
+    flux, way = _together(len(areas), entries, channel)
+    exitance, lost = np.zeros(len(areas)), np.zeros(len(areas))
+    for part, each in pairs:
+        seen, gone = _crossed(edges, each, medium, flux, way)
+        exitance += counts * part * np.bincount(each.patch, seen, len(areas))
+        lost += counts * part * np.bincount(each.patch, gone, len(areas))
+    lost = np.minimum(lost, MOST)
+    taken, given = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
     if given == 0.0:
         return None
-    return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - gone)
+    # Both are the same light, but for faces that are no half planes: no more may leave than is taken.
+    return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - lost)
 
 
-def _together(n: int, entries: Sequence[Entry], channel: int) -> tuple[Array, Array, Array]:
-    """Flux of all lights in one channel, (n,), and sums of it times rays, (n, 3), stretch included, and chords, mm."""
-    flux, way, chord = np.zeros(n), np.zeros((n, 3)), np.zeros(n)
+def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, way: Array) -> tuple[Array, Array]:
+    """Exitance that patches have from the faces of pairs, for an albedo of 1, and their own share lost there, (k,)."""
+    own, other, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
+    irradiance = pairs.means @ ((pairs.pieces @ flux) / pairs.areas)
+    rays = unit(pairs.means @ ((pairs.pieces @ way) / pairs.areas[:, None])), unit(way)[pairs.patch]
+    # Components of rays over the edge, away from their own face's normal towards the other's.
+    sine = np.sqrt(1.0 - cosine**2)
+    in_own, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (own, other))
+    tables, distance = wedge(medium.eta), pairs.distance / medium.mean_free_path
+    seen = tables(tables.exitance, cosine, (in_own[0] - cosine * in_other[0]) / sine, distance)
+    gone = tables(tables.lost, cosine, (in_other[1] - cosine * in_own[1]) / sine, distance)
+    return pairs.share * irradiance * seen, pairs.share * gone
+
+
+def _together(n: int, entries: Sequence[Entry], channel: int) -> tuple[Array, Array]:
+    """Flux of all lights in one channel, (n,), and sums of it times their rays, (n, 3)."""
+    flux, way = np.zeros(n), np.zeros((n, 3))
     for entry in entries:
         own = entry.flux[:, channel]
         flux[entry.patches] += own
-        way[entry.patches] += (entry.stretch * own)[:, None] * entry.rays
-        chord[entry.patches] += own * entry.chords
-    return flux, way, chord
-
-
-def _on_pieces(pieces: Pieces, flux: Array, way: Array, chord: Array) -> tuple[Array, Array, Array]:
-    """Flux of pieces, (m,), and its mean rays, (m, 3), and chords, (m,)."""
-    total = pieces.of @ flux
-    over = 1.0 / np.maximum(total, np.finfo(np.float64).tiny)
-    return total, (pieces.of @ way) * over[:, None], (pieces.of @ chord) * over
+        way[entry.patches] += own[:, None] * entry.rays
+    return flux, way

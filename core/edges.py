@@ -1,9 +1,9 @@
-"""Edges of a surface, as light meets them that scatters once: pieces of it, and the pairs that are two faces.
+"""Edges of a surface: which faces meet there, and how far from it a place on one of them is.
 
-A piece is half a mean free path wide, and a pair no further apart than light goes.
+Patches are gathered to pieces a mean free path wide. A piece's plane stands for the face that it is of, so that
+a patch near an edge knows its distance from it through any piece of the other face, whichever way cells cut that.
 """
 
-import functools
 import threading
 from dataclasses import dataclass
 
@@ -11,70 +11,58 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
+from scipy.special import erfc
 
 from core.patches import Patches
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.intp]
 
-REACH = 2.5  # mean free paths between the two places
-CELL = 0.6  # mean free path that the pieces extend over
+REACH = 2.5  # mean free paths from a patch to a piece of another face
+WIDTH = 1.2  # mean free paths: pieces count by exp(-(distance / width)^2)
+CELL = 1.0  # mean free path that a piece extends over
 SAME, OTHER = 0.7, 0.3  # cosine between normals from which on two pieces are one face; below it, two
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
-LEVELS = 2  # sizes of pieces each factor of two, so that a slider finds most of them made
-NEIGHBOURS, SMOOTH = 6, 0.75  # pieces that a patch takes means over, and their widths that it looks around
+CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
-    """m pieces of a surface, each of some patches, and the k pairs that light may cross between.
+class Pairs:
+    """K pairs of a patch and a face beyond an edge, which is seen through m pieces.
 
     Attributes
     ----------
-    patches : Patches, n of them
-    width : float
-        mm.
-    of : (m, n) sparse float64
-        1 where a patch belongs to a piece.
-    points, normals : (m, 3) float64
+    patch : (k,) int
+    pieces : (m, n) sparse float64
+        Sums over the patches of each.
     areas : (m,) float64
-    start, end : (k,) int
-        Pieces.
-    depth : (k,) float64
-        Thickness of the object below the end, mm.
+        Of the pieces, mm^2.
+    means : (k, m) sparse float64
+        Over the pieces of that face, by area and nearness.
+    normals : (k, 3) float64
+        Unit, of that face.
+    distance : (k,) float64
+        From the patch to the edge, mm.
+    cosine : (k,) float64
+        Between the two normals.
     share : (k,) float64
-        How far start and end are two faces, in (0, 1].
+        How far there is an edge and a face; 1 for a straight edge between faces that go on for ever.
     """
 
-    patches: Patches
-    width: float
-    of: csr_array
-    points: Array
-    normals: Array
+    patch: Ints
+    pieces: csr_array
     areas: Array
-    start: Ints
-    end: Ints
-    depth: Array
+    means: csr_array
+    normals: Array
+    distance: Array
+    cosine: Array
     share: Array
-
-    @functools.cached_property
-    def near(self) -> csr_array:
-        """Means over the pieces around each patch whose normals are like its own: (n, m) sparse float64."""
-        count = min(NEIGHBOURS, len(self.points))
-        places = np.hstack([self.points, self.width * self.normals])
-        at = np.hstack([self.patches.on_surface, self.width * self.patches.face_normals])
-        distance, others = (each.reshape(len(at), count) for each in cKDTree(places).query(at, count))
-        weights = self.areas[others] * np.exp(-np.square(distance / (SMOOTH * self.width)))
-        weights[:, 0] += 1e-9 * self.areas[others[:, 0]] + np.finfo(np.float64).tiny
-        weights /= weights.sum(axis=1, keepdims=True)
-        rows = np.arange(0, weights.size + 1, count)
-        return csr_array((weights.ravel(), others.ravel(), rows), shape=(len(at), len(self.points)))
 
 
 class Edges:
-    """The pieces of a surface, for any mean free path; made when they are asked for, from several threads.
+    """The edges of a surface, for any mean free path; found when they are asked for, from several threads.
 
     Parameters
     ----------
@@ -82,72 +70,115 @@ class Edges:
     thickness : (n,) float64
         See `core.boundary.Boundary`.
     is_sheet : (n,) bool
-        Patches that have their other side in their own equation; no light crosses from or to them here.
+        Patches that have their other side in their own equation; they have no edges here.
     """
 
     def __init__(self, patches: Patches, thickness: Array, is_sheet: npt.NDArray[np.bool_]) -> None:
-        self._patches, self._thickness, self._is_sheet = patches, thickness, is_sheet
-        self.areas, self.spacing = patches.areas, float(np.sqrt(patches.areas.mean()))
-        self._made: dict[int, Pieces] = {}
-        self._making = threading.Lock()
+        self.patches, self._thickness, self._is_sheet = patches, thickness, is_sheet
+        self.spacing = float(np.sqrt(patches.areas.mean()))
+        self._found: dict[int, Pairs] = {}
+        self._finding = threading.Lock()
 
-    def pieces(self, mean_free_path: float) -> Pieces:
-        """Return those that serve for a mean free path, mm."""
-        level = int(np.ceil(LEVELS * np.log2(mean_free_path)))
-        with self._making:
-            if level not in self._made:
-                self._made[level] = _pieces(self._patches, self._thickness, self._is_sheet, 2.0 ** (level / LEVELS))
-            return self._made[level]
+    def pairs(self, mean_free_path: float) -> list[tuple[float, Pairs]]:
+        """Return those that serve for a mean free path, mm, and how much each counts.
+
+        They are found for powers of two, so that a slider finds them made, and mixed, so that it moves smoothly.
+        """
+        level = float(np.log2(mean_free_path))
+        low = int(np.floor(level))
+        mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
+        return [(share, self._at(each)) for share, each in mixed if share > 0.0]
+
+    def _at(self, level: int) -> Pairs:
+        with self._finding:
+            if level not in self._found:
+                self._found[level] = self._find(2.0**level)
+            return self._found[level]
+
+    def _find(self, far: float) -> Pairs:
+        """Find them for a mean free path of `far`, mm."""
+        patches = self.patches
+        piece = _cells(patches, CELL * far)
+        n, m = len(patches), int(piece.max()) + 1
+        of = csr_array((np.ones(n), (piece, np.arange(n))), shape=(m, n))
+        areas = np.maximum(of @ patches.areas, np.finfo(np.float64).tiny)
+        points = (of @ (patches.areas[:, None] * patches.on_surface)) / areas[:, None]
+        normals = unit(of @ (patches.areas[:, None] * patches.face_normals))
+        even, sharpest = _faces(points, normals, far)
+        counts = even * np.clip((ROUND * far - sharpest) / ((ROUND - SHARP) * far), 0.0, 1.0)
+        counts *= (of @ (patches.areas * ~self._is_sheet)) / areas
+        near = np.flatnonzero(counts)
+        chosen = np.flatnonzero(np.isin(piece, near))
+        trees = cKDTree(patches.on_surface[chosen]), cKDTree(points[near])
+        found = trees[0].sparse_distance_matrix(trees[1], REACH * far, output_type="ndarray")
+        a, b = chosen[found["i"]], near[found["j"]]
+        cosine = np.einsum("ij,ij->i", patches.face_normals[a], normals[b])
+        two = np.flatnonzero((cosine < SAME) & (cosine > BACK))
+        a, b, cosine, apart = a[two], b[two], cosine[two], found["v"][two]
+        step = points[b] - patches.on_surface[a]
+        below = np.einsum("ij,ij->i", step, normals[b])  # of the patch under the piece's plane
+        under = -np.einsum("ij,ij->i", step, patches.face_normals[a])  # of the piece under the patch's plane
+        convex = (below > -CONCAVE * far) & (under > -CONCAVE * far) & (under < self._thickness[a] + CELL * far)
+        distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
+        share = np.clip((SAME - cosine) / (SAME - OTHER), 0.0, 1.0) * counts[piece[a]] * counts[b]
+        share *= np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
+        share *= areas[b] * np.exp(-np.square(apart / (WIDTH * far))) / _half_plane(distance, cosine, WIDTH * far)
+        some = np.flatnonzero(convex & (share > 0.0))
+        a, b, share = a[some], b[some], share[some]
+        # Pieces of one octant of normals are one face of a patch.
+        key, pair = np.unique(8 * a + _octants(normals)[b], return_inverse=True)
+        total = np.bincount(pair, share, len(key)).astype(np.float64)
+        means = csr_array((share / total[pair], (pair, b)), shape=(len(key), m))
+        there = unit(means @ normals)
+        cosine = np.asarray(np.einsum("ij,ij->i", patches.face_normals[key // 8], there), np.float64)
+        distance = np.bincount(pair, share * distance[some], len(key)) / total
+        return Pairs(key // 8, of, areas, means, there, distance, cosine, total)
 
 
-def _pieces(patches: Patches, thickness: Array, is_sheet: npt.NDArray[np.bool_], far: float) -> Pieces:
-    """Gather patches in cells of `CELL` mean free paths of `far` mm, and pair the pieces."""
-    normals = patches.face_normals
-    cells = np.floor((patches.points - patches.points.min(axis=0)) / (CELL * far)).astype(np.int64)
-    octants = (normals > 0.0) @ np.array([1, 2, 4])
+def unit(vectors: Array) -> Array:
+    """Vectors (n, 3) at length 1; 0 stays 0."""
+    length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return np.asarray(vectors / np.maximum(length, np.finfo(np.float64).tiny)[:, None])
+
+
+def _cells(patches: Patches, width: float) -> Ints:
+    """Number of each patch's piece: one cell's patches whose normals lie in one octant."""
+    cells = np.floor((patches.points - patches.points.min(axis=0)) / width).astype(np.int64)
     counts = cells.max(axis=0) + 1
-    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + octants
-    _, piece = np.unique(key, return_inverse=True)
-    n, m = len(patches), int(piece.max()) + 1
-    of = csr_array((np.ones(n), (piece, np.arange(n))), shape=(m, n))
-    areas = np.maximum(of @ patches.areas, np.finfo(np.float64).tiny)
-    points = (of @ (patches.areas[:, None] * patches.on_surface)) / areas[:, None]
-    mean_normals = of @ (patches.areas[:, None] * normals)
-    mean_normals /= np.maximum(np.linalg.norm(mean_normals, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    depth = (of @ (patches.areas * thickness)) / areas
-    counts = (of @ (patches.areas * ~is_sheet)) / areas
-    start, end, share = _pairs(points, mean_normals, counts, far)
-    return Pieces(patches, CELL * far, of, points, mean_normals, areas, start, end, depth[end], share)
+    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + _octants(patches.face_normals)
+    return np.asarray(np.unique(key, return_inverse=True)[1])
 
 
-def _pairs(points: Array, normals: Array, counts: Array, far: float) -> tuple[Ints, Ints, Array]:
-    """Ordered pairs that light may cross between, and how far they are two faces of one edge, (k,) each."""
-    tree = cKDTree(points)
-    start, end, cosine = _neighbours(tree, normals, ROUND * far)
+def _octants(normals: Array) -> Ints:
+    return np.asarray((normals > 0.0) @ np.array([1, 2, 4]))
+
+
+def _faces(points: Array, normals: Array, far: float) -> tuple[Array, Array]:
+    """How far pieces are of flat faces, in [0, 1], and over which way, mm, the sharpest edge near them turns."""
+    start, end, cosine = _neighbours(points, normals, ROUND * far)
     n, same = len(points), cosine > SAME
     alike = np.bincount(start[same], cosine[same], n) / np.maximum(np.bincount(start[same], minlength=n), 1)
-    counts = counts * np.clip((alike - ROUGH) / (EVEN - ROUGH), 0.0, 1.0)
     turned = np.flatnonzero(~same & (cosine > BACK))
-    turn = np.full(n, np.inf)  # how far away from each piece the surface has turned
+    turn = np.full(n, np.inf)
     np.minimum.at(turn, start[turned], np.linalg.norm(points[end[turned]] - points[start[turned]], axis=1))
-    some = np.flatnonzero(counts)
-    start, end, cosine = _neighbours(cKDTree(points[some]), normals[some], REACH * far)
-    two = np.flatnonzero((cosine < SAME) & (cosine > BACK))
-    start, end, cosine = some[start[two]], some[end[two]], cosine[two]
     sharpest = turn.copy()
-    np.minimum.at(sharpest, start, turn[end])
-    share = np.clip((SAME - cosine) / (SAME - OTHER), 0.0, 1.0) * np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
-    share *= counts[start] * counts[end]
-    share *= np.clip((ROUND * far - sharpest[start]) / ((ROUND - SHARP) * far), 0.0, 1.0)
-    height = np.einsum("ij,ij->i", points[end] - points[start], normals[end])
-    over = np.maximum(height, height + REACH * far * cosine) > 0.0
-    some = np.flatnonzero((share > 0.0) & over)
-    return start[some], end[some], share[some]
+    sharp = np.flatnonzero(turn < ROUND * far)
+    if len(sharp):
+        near = cKDTree(points).sparse_distance_matrix(cKDTree(points[sharp]), REACH * far, output_type="ndarray")
+        np.minimum.at(sharpest, near["i"], turn[sharp[near["j"]]])
+    return np.clip((alike - ROUGH) / (EVEN - ROUGH), 0.0, 1.0), sharpest
 
 
-def _neighbours(tree: cKDTree, normals: Array, reach: float) -> tuple[Ints, Ints, Array]:
+def _neighbours(points: Array, normals: Array, reach: float) -> tuple[Ints, Ints, Array]:
     """All ordered pairs no further apart than `reach`, and the cosines between their normals."""
-    near = tree.query_pairs(reach, output_type="ndarray")
+    near = cKDTree(points).query_pairs(reach, output_type="ndarray")
     cosine = np.einsum("ij,ij->i", normals[near[:, 0]], normals[near[:, 1]])
     start, end = np.concatenate([near, near[:, ::-1]]).T
     return start, end, np.concatenate([cosine, cosine])
+
+
+def _half_plane(distance: Array, cosine: Array, width: float) -> Array:
+    """Integral of exp(-(r / width)^2) over the other face, from places at distances from the edge, mm^2."""
+    under = distance * np.sqrt(1.0 - cosine * cosine)
+    inside = -distance * cosine  # of the foot on the other plane, from the edge
+    return np.asarray(0.5 * np.pi * width**2 * np.exp(-np.square(under / width)) * erfc(-inside / width))

@@ -1,0 +1,120 @@
+"""Light that scatters once in a wedge: it comes in by one face and leaves by the other.
+
+Lengths in mean free paths. The lit face lies at height 0 and ends at the edge, the origin; the direction (1, 0) leads
+over it. Light of irradiance 1 that entered at distance d first scatters at y = (-d + z v, -z sqrt(1 - v^2)), along its
+ray, with a density exp(-z); a point at distance p from the edge on the other face, whose normal is (sin a, cos a), sees
+that through r2 = |x - y|^2 + l^2, l along the edge, under a cosine mu = h / r to its normal:
+
+    K(d, p) = int dz exp(-z) int dl exp(-r) F_t(mu) mu / (4 pi r^2).
+
+Its integral over d is the exitance there, that over p the share of the light that leaves so.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import map_coordinates
+
+from core import fresnel
+
+Array = npt.NDArray[np.float64]
+
+FARTHEST = 4.0  # from the edge; beyond, exp(-4) of it is left
+STEP = 0.1  # of eta
+DISTANCES, ANGLES, WAYS = 16, 24, 20
+COSINES = np.linspace(-0.8, 0.7, 7)  # between the faces' normals
+SLOPES = np.linspace(-0.9, 0.9, 7)  # of the ray: v
+RADII, HEIGHTS = 48, 65
+
+
+@dataclass(frozen=True, eq=False)
+class Wedge:
+    """Tables over cosine, slope and sqrt(distance): (7, 7, DISTANCES) float64 each.
+
+    Attributes
+    ----------
+    exitance : on the other face, for an irradiance that has entered, and an albedo, of 1
+    lost : share of the light that enters
+    """
+
+    exitance: Array
+    lost: Array
+
+    def __call__(self, table: Array, cosine: Array, slope: Array, distance: Array) -> Array:
+        """Look up one of the tables, (n,) each."""
+        at = np.stack(
+            [
+                (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
+                (slope - SLOPES[0]) / (SLOPES[1] - SLOPES[0]),
+                np.sqrt(np.maximum(distance, 0.0) / FARTHEST) * (DISTANCES - 1),
+            ]
+        )
+        return np.asarray(map_coordinates(table, at, order=1, mode="nearest"))
+
+
+def wedge(eta: float) -> Wedge:
+    """Return the tables for an index of refraction, between those of a few."""
+    at = (eta - 1.0) / STEP
+    low = int(at + 1e-6)
+    share = at - low
+    first = _tabulated(low)
+    if share < 1e-6:
+        return first
+    second = _tabulated(low + 1)
+    mixed = (a + share * (b - a) for a, b in ((first.exitance, second.exitance), (first.lost, second.lost)))
+    return Wedge(*mixed)
+
+
+@functools.lru_cache(maxsize=32)
+def _tabulated(step: int) -> Wedge:
+    distance = FARTHEST * np.linspace(0.0, 1.0, DISTANCES) ** 2
+    seen = _along_edge(1.0 + STEP * step)
+    each = [[_faces(distance, cosine, slope, seen) for slope in SLOPES] for cosine in COSINES]
+    exitance, lost = np.moveaxis(np.array(each), 2, 0)
+    return Wedge(exitance, lost)
+
+
+def _faces(distance: Array, cosine: float, slope: float, seen: Array) -> tuple[Array, Array]:
+    """Exitance and lost share at distances, (DISTANCES,) each.
+
+    In polar coordinates around the point that sees, or with the angle at which it is seen, nothing is singular.
+    """
+    sine, down = np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    angle, angle_weights = _gauss(-0.5 * np.pi, 0.5 * np.pi, ANGLES)
+    angle, angle_weights, here = angle[:, None], angle_weights[:, None], distance[:, None, None]
+    u, u_weights = _gauss(0.0, 1.0, WAYS)
+    rho, rho_weights = FARTHEST * u**2, 2.0 * FARTHEST * u * u_weights  # close where the integrand is steep
+    # From x against the normal, turned by the angle.
+    towards = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
+    z = -(rho * towards[1] - sine * here) / down
+    d = z * slope - (rho * towards[0] + cosine * here)
+    density = _looked_up(seen, rho, np.cos(angle)) * np.exp(-np.maximum(z, 0.0)) / down
+    exitance = np.sum(angle_weights * rho_weights * np.where((z > 0.0) & (d > 0.0), density, 0.0), axis=(1, 2))
+    height = sine * (here - rho * slope) + cosine * rho * down  # of the other face over y, now rho along the ray
+    p = cosine * (-here + rho * slope) + sine * rho * down + np.tan(angle) * height
+    density = np.exp(-rho) * _looked_up(seen, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
+    lost = np.sum(angle_weights * rho_weights * np.where((height > 0.0) & (p > 0.0), density, 0.0), axis=(1, 2))
+    return exitance, lost
+
+
+def _along_edge(eta: float) -> Array:
+    """Rho times the integral of K over l, at sqrt(rho) and h / rho: (RADII, HEIGHTS)."""
+    rho = FARTHEST * np.linspace(0.0, 1.0, RADII)[:, None, None] ** 2
+    height = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
+    angle, weights = _gauss(0.0, 0.5 * np.pi, WAYS)  # l = rho tan(angle), both ways
+    mu = height * np.cos(angle)
+    leaves = mu * fresnel.transmittance(1.0 / eta, mu)
+    return np.asarray(np.sum(2.0 * weights * np.exp(-rho / np.cos(angle)) * leaves, axis=-1) / (4.0 * np.pi))
+
+
+def _looked_up(seen: Array, rho: Array, cosine: Array) -> Array:
+    rows = np.sqrt(np.clip(rho / FARTHEST, 0.0, 1.0)) * (RADII - 1)
+    at = np.stack(np.broadcast_arrays(rows, cosine * (HEIGHTS - 1)))
+    return np.asarray(map_coordinates(seen, at, order=1))
+
+
+def _gauss(low: float, high: float, n: int) -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    return low + 0.5 * (high - low) * (nodes + 1.0), 0.5 * (high - low) * weights
