@@ -51,7 +51,7 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
     if not pairs:
         return None
     areas = edges.patches.areas
-    flux, way = _together(len(areas), entries, channel)
+    flux, way = _together(len(areas), entries, medium, channel)
     exitance, lost = np.zeros(len(areas)), np.zeros(len(areas))
     for part, each in pairs:
         seen, gone = _crossed(edges, each, medium, flux, way)
@@ -59,10 +59,10 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
         lost += counts * part * np.bincount(each.patch, gone, len(areas))
     lost = np.minimum(lost, MOST)
     taken, given = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
-    if given == 0.0:
+    if min(taken, given) <= 0.0:
         return None
-    # Both are the same light, but for faces that are no half planes: no more may leave than is taken.
-    return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - lost)
+    # Both are the same light, but for faces that are no half planes.
+    return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - min(given / taken, 1.0) * lost)
 
 
 def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, way: Array) -> tuple[Array, Array]:
@@ -79,11 +79,11 @@ def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, way: Array
     return pairs.share * irradiance * seen, pairs.share * gone
 
 
-def _together(n: int, entries: Sequence[Entry], channel: int) -> tuple[Array, Array]:
-    """Flux of all lights in one channel, (n,), and sums of it times their rays, (n, 3)."""
+def _together(n: int, entries: Sequence[Entry], medium: Medium, channel: int) -> tuple[Array, Array]:
+    """Flux of all lights in one channel that meets anything, (n,), and sums of it times the rays, (n, 3)."""
     flux, way = np.zeros(n), np.zeros((n, 3))
     for entry in entries:
-        own = entry.flux[:, channel]
+        own = entry.flux[:, channel] * -np.expm1(-entry.chords_in(medium))
         flux[entry.patches] += own
         way[entry.patches] += own[:, None] * entry.rays
     return flux, way

@@ -23,15 +23,15 @@ Array = npt.NDArray[np.float64]
 
 FARTHEST = 4.0  # from the edge; beyond, exp(-4) of it is left
 STEP = 0.1  # of eta
-DISTANCES, ANGLES, WAYS = 16, 24, 20
-COSINES = np.linspace(-0.8, 0.7, 7)  # between the faces' normals
-SLOPES = np.linspace(-0.9, 0.9, 7)  # of the ray: v
+DISTANCES, ANGLES, WAYS = 20, 24, 20
+COSINES = np.linspace(-0.8, 0.7, 9)  # between the faces' normals
+SLOPES = np.linspace(-0.9, 0.9, 13)  # of the ray: v
 RADII, HEIGHTS = 48, 65
 
 
 @dataclass(frozen=True, eq=False)
 class Wedge:
-    """Tables over cosine, slope and sqrt(distance): (7, 7, DISTANCES) float64 each.
+    """Tables over cosine, slope and sqrt(distance): (9, 13, DISTANCES) float64 each.
 
     Attributes
     ----------
@@ -71,32 +71,35 @@ def wedge(eta: float) -> Wedge:
 def _tabulated(step: int) -> Wedge:
     distance = FARTHEST * np.linspace(0.0, 1.0, DISTANCES) ** 2
     seen = _along_edge(1.0 + STEP * step)
-    each = [[_faces(distance, cosine, slope, seen) for slope in SLOPES] for cosine in COSINES]
-    exitance, lost = np.moveaxis(np.array(each), 2, 0)
-    return Wedge(exitance, lost)
-
-
-def _faces(distance: Array, cosine: float, slope: float, seen: Array) -> tuple[Array, Array]:
-    """Exitance and lost share at distances, (DISTANCES,) each.
-
-    In polar coordinates around the point that sees, or with the angle at which it is seen, nothing is singular.
-    """
-    sine, down = np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
     angle, angle_weights = _gauss(-0.5 * np.pi, 0.5 * np.pi, ANGLES)
-    angle, angle_weights, here = angle[:, None], angle_weights[:, None], distance[:, None, None]
     u, u_weights = _gauss(0.0, 1.0, WAYS)
-    rho, rho_weights = FARTHEST * u**2, 2.0 * FARTHEST * u * u_weights  # close where the integrand is steep
+    rho = FARTHEST * u**2  # close where the integrand is steep
+    weights = angle_weights[:, None] * 2.0 * FARTHEST * u * u_weights
+    around = weights * _looked_up(seen, rho, np.cos(angle)[:, None])
+    faces = [[(cosine, slope) for slope in SLOPES] for cosine in COSINES]
+    exitance = [[_exitance(distance, *face, angle[:, None], rho, around) for face in row] for row in faces]
+    lost = [[_lost(distance, *face, angle[:, None], rho, weights, seen) for face in row] for row in faces]
+    return Wedge(np.array(exitance), np.array(lost))
+
+
+def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: Array, around: Array) -> Array:
+    """Integrate in polar coordinates around each x, where nothing is singular: (DISTANCES,)."""
+    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
     # From x against the normal, turned by the angle.
-    towards = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
-    z = -(rho * towards[1] - sine * here) / down
-    d = z * slope - (rho * towards[0] + cosine * here)
-    density = _looked_up(seen, rho, np.cos(angle)) * np.exp(-np.maximum(z, 0.0)) / down
-    exitance = np.sum(angle_weights * rho_weights * np.where((z > 0.0) & (d > 0.0), density, 0.0), axis=(1, 2))
-    height = sine * (here - rho * slope) + cosine * rho * down  # of the other face over y, now rho along the ray
-    p = cosine * (-here + rho * slope) + sine * rho * down + np.tan(angle) * height
-    density = np.exp(-rho) * _looked_up(seen, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
-    lost = np.sum(angle_weights * rho_weights * np.where((height > 0.0) & (p > 0.0), density, 0.0), axis=(1, 2))
-    return exitance, lost
+    across, up = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
+    z = (sine * here - rho * up) / down
+    d = z * slope - rho * across - cosine * here
+    inside = (z > 0.0) & (d > 0.0)
+    return np.asarray(np.sum(around * np.where(inside, np.exp(-np.maximum(z, 0.0)), 0.0), axis=(1, 2)) / down)
+
+
+def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, weights: Array, seen: Array) -> Array:
+    """Integrate over the ray of each d and the angles under which the other face is seen from it: (DISTANCES,)."""
+    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    height = sine * (here - z * slope) + cosine * z * down  # of the other face over y
+    p = cosine * (z * slope - here) + sine * z * down + np.tan(angle) * height
+    density = np.exp(-z) * _looked_up(seen, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
+    return np.asarray(np.sum(weights * np.where((height > 0.0) & (p > 0.0), density, 0.0), axis=(1, 2)))
 
 
 def _along_edge(eta: float) -> Array:

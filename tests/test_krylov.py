@@ -13,11 +13,11 @@ def system(n=60, seed=0):
     return matrix, rng.normal(size=n)
 
 
-def solved(matrix, b, start=None, tolerance=1e-10, most=80):
+def solved(matrix, b, start=None, tolerance=1e-10, most=80, weak=0.0):
     """Steps and the solution after each."""
     x = np.zeros(len(b)) if start is None else start
     found = []
-    for step, basis in gmres(lambda v: matrix @ v, b - matrix @ x, norm(b), tolerance, most):
+    for step, basis in gmres(lambda v: matrix @ v, b - matrix @ x, norm(b), tolerance, most, weak):
         iterate = x.copy()
         for share, vector in zip(step.coefficients, basis, strict=True):
             iterate += share * vector
@@ -110,6 +110,20 @@ def test_a_singular_system_ends_finite():
     found = solved(np.diag([1.0, 1.0, 0.0]), np.array([1.0, 2.0, 3.0]))
     assert np.isfinite(found[-1][1]).all()
     assert found[-1][0].residual == pytest.approx(3.0 / np.sqrt(14.0), rel=1e-6)
+
+
+def test_weak_directions_get_nothing():
+    """One of 20 is multiplied by 0.01, which would make 100 of it; the others are solved as without."""
+    rng = np.random.default_rng(4)
+    turn, _ = np.linalg.qr(rng.normal(size=(20, 20)))
+    values = np.linspace(0.5, 1.5, 20)
+    values[7] = 0.01
+    b = turn @ np.ones(20)
+    (step, x) = solved(turn @ np.diag(values) @ turn.T, b, weak=0.1)[-1]
+    expected = 1.0 / values
+    expected[7] = 0.0
+    np.testing.assert_allclose(turn.T @ x, expected, atol=1e-3)
+    assert step.residual < 1e-6
 
 
 def test_ends_after_the_most_products():
