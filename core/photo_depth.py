@@ -111,7 +111,8 @@ def inflated(inside: Bools) -> Array:
 
 def harmonic(values: Array, known: Bools) -> Array:
     """Extend values to where they are not known, smoothly: the solution of lap u = 0."""
-    return _relaxed(known, np.where(known, values, 0.0), 0.0)
+    held = np.where(known, values, 0.0)
+    return _relaxed(known, held, 0.0) if held.any() else held
 
 
 def bilateral(values: Array, weight: Array, sigma: float, sigma_range: float) -> Array:
