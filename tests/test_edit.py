@@ -174,4 +174,4 @@ def test_a_large_photograph_is_rendered_at_a_bounded_size() -> None:
     framing = frame_object(Photo(Path("photo"), Path("mask"), pixels, None, mask, None), 100.0)
     assert max(framing.size) <= 1.5 * PICTURE
     assert framing.block == 4
-    assert framing.mm == pytest.approx(4 * 100.0 / 5000)
+    assert framing.mm == pytest.approx(framing.node * 100.0 / 5000)

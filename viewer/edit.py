@@ -58,7 +58,7 @@ class Edited:
     white : float
         Of the tone map.
     behind : (h, w, 3) float32
-        Linear RGB of the background, filled in where the object was.
+        Linear RGB of the background, filled in where the object was; pixels as of `geometry.colour`.
     timings : dict
         Stage -> ms.
     warnings : tuple of str

@@ -59,7 +59,7 @@ class Compositor:
 
     def __init__(self, edited: Edited, behind: str = "filled") -> None:
         self._edited, self._fill = edited, behind == "filled"
-        self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
+        self._framing = edited.geometry.framing
         self._known = trusted(edited.geometry) * edited.coverage
         mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
@@ -127,13 +127,15 @@ class Compositor:
         return filled(values, self._known)
 
     def _object(self, place: Region, values: Float32) -> Float32:
-        """Cut a band out of what was rendered, at the photograph's size."""
-        top, left = place.top - self._region.top, place.left - self._region.left
-        return enlarged(values, self._block, range(top, top + place.height), range(left, left + place.width))
+        """Cut a band out of what was rendered, or the background behind it, at the photograph's size."""
+        region = self._framing.region
+        top, left = place.top - region.top, place.left - region.left
+        pixel = region.height / len(values)
+        return enlarged(values, pixel, range(top, top + place.height), range(left, left + place.width))
 
     def _shown(self) -> Region:
         """The part of the region that is in the photograph."""
-        (h, w), whole = self._edited.photo.size, self._region
+        (h, w), whole = self._edited.photo.size, self._framing.region
         top, left = max(whole.top, 0), max(whole.left, 0)
         return Region(top, left, min(whole.top + whole.height, h) - top, min(whole.left + whole.width, w) - left)
 

@@ -21,7 +21,8 @@ Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 GRID = 192  # nodes along the outline's longer side, at most; solvers resolve a third of it
-PICTURE = 1536  # pixels along the longer side of the picture that is rendered, at most
+PICTURE = 1536  # pixels along the longer side of what is read of a photograph, at most
+SHADES = 3  # rendered pixels between two nodes, at most: nothing of a surface is finer, and the mask cuts its outline
 MARGIN = 4  # nodes around the outline
 DEPTH_SUFFIXES = (".png", ".exr", ".npy")
 
@@ -33,13 +34,13 @@ class Framing:
     Attributes
     ----------
     region : Region
-        Its sides are multiples of `block` times `step`.
+        Its sides are multiples of `node`.
     block : int
-        Pixels of the photograph a side of a rendered pixel.
+        Pixels of the photograph a side of a pixel that is read.
     step : int
-        Rendered pixels between two nodes of the surface.
+        Pixels read between two nodes of the surface.
     mm : float
-        Size of a rendered pixel.
+        Between two nodes.
     """
 
     region: Region
@@ -48,9 +49,19 @@ class Framing:
     mm: float
 
     @property
+    def node(self) -> int:
+        """Pixels of the photograph between two nodes of the surface."""
+        return self.block * self.step
+
+    @property
+    def shades(self) -> int:
+        """Rendered pixels between two nodes."""
+        return min(self.step, SHADES)
+
+    @property
     def size(self) -> tuple[int, int]:
         """Height and width of the rendered picture."""
-        return self.region.height // self.block, self.region.width // self.block
+        return self.region.height // self.node * self.shades, self.region.width // self.node * self.shades
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +72,7 @@ class Geometry:
     ----------
     framing : Framing
     colour : (h, w, 3) float32
-        Linear RGB of the region, a pixel each of the rendered picture.
+        Linear RGB of the region, a pixel for each `block`.
     coverage : (h, w) float32
     share : (n, m) float64
         Coverage of the nodes' squares.
@@ -88,21 +99,20 @@ class Geometry:
 
     def depth_mm(self, band: Region) -> Float32:
         """Height of a region's pixels, (height, width), 0 beside the object: between the nodes, linearly."""
-        node = self.framing.block * self.framing.step
-        nodes = (self.height * (self.framing.mm * self.framing.step)).astype(np.float32)[..., None]
+        nodes = (self.height * self.framing.mm).astype(np.float32)[..., None]
         whole = self.framing.region
         rows, columns = (
             range(start, start + n)
             for start, n in ((band.top - whole.top, band.height), (band.left - whole.left, band.width))
         )
-        return enlarged(nodes, node, rows, columns)[..., 0]
+        return enlarged(nodes, self.framing.node, rows, columns)[..., 0]
 
     def facing(self) -> Float32:
         """Cosine between the surface and the camera at every rendered pixel, (h, w); 0 at the rim."""
         down, right = np.gradient(self.height)
         cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
         rows, columns = self.framing.size
-        return enlarged(cosine, self.framing.step, range(rows), range(columns))[..., 0]
+        return enlarged(cosine, self.framing.shades, range(rows), range(columns))[..., 0]
 
 
 def frame_object(photo: Photo, size_mm: float) -> Framing:
@@ -122,7 +132,7 @@ def frame_object(photo: Photo, size_mm: float) -> Framing:
         return start - before, -(-total // node) * node
 
     (top, height), (left, width) = side(outline.top, outline.height, h), side(outline.left, outline.width, w)
-    return Framing(Region(top, left, height, width), block, step, size_mm * block / longest)
+    return Framing(Region(top, left, height, width), block, step, size_mm * node / longest)
 
 
 def make_geometry(
@@ -175,7 +185,7 @@ def make_geometry(
         )
     else:
         height = given
-    mesh = height_surface(outline, height, base, framing.mm * framing.step)
+    mesh = height_surface(outline, height, base, framing.mm)
     centre = mesh.bounds.mean(axis=0)
     mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
     camera = _camera(framing, mesh, centre)
@@ -218,7 +228,7 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     return values
 
 
-def enlarged(values: Float32, factor: int, rows: range, columns: range) -> Float32:
+def enlarged(values: Float32, factor: float, rows: range, columns: range) -> Float32:
     """Enlarge (h, w, c) to squares of `factor` pixels, linear between their centres, and cut out rows and columns."""
     for axis, wanted in enumerate((rows, columns)):
         n = values.shape[axis]
@@ -237,26 +247,25 @@ def _given_height(
     values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
 ) -> Array:
     """Height of the nodes, in nodes, from a depth map; what lies beyond the mask goes on from it."""
-    node = framing.block * framing.step
     region = framing.region
     rows = np.clip(np.arange(region.top, region.top + region.height), 0, photo.size[0] - 1)
     columns = np.clip(np.arange(region.left, region.left + region.width), 0, photo.size[1] - 1)
     # Half-covered pixels may show what is behind.
     weight = photo.coverage(region) > 0.5
     cut = np.where(weight, values[rows[:, None], columns[None, :]], 0.0)
-    means, known = over_nodes(cut, weight.astype(np.float32), node), _squares(weight.astype(np.float32), node) > 0.0
+    means, known = over_nodes(cut, weight.astype(np.float32), framing.node), _squares(weight.astype(np.float32), framing.node) > 0.0
     height = filled(means[..., None], known.astype(np.float32))[..., 0].astype(np.float64)
     low, high = float(height[known].min()), float(height[known].max())
     if not relative:
-        return (height - low) * (strength / (framing.mm * framing.step))
+        return (height - low) * (strength / framing.mm)
     scale = strength * inscribed_radius(outline.inner) / (high - low) if high > low else 0.0
     return (height - low) * scale
 
 
 def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
-    """Orthographic, from +z, so that a rendered pixel is a pixel of the region."""
+    """Orthographic, from +z, so that the picture is the region."""
     rows, columns = framing.size
-    half = 0.5 * rows * framing.mm
+    half = 0.5 * framing.region.height / framing.node * framing.mm
     zoom = mesh.radius / min(1.0, columns / rows) / half
     # Nodes are the centres of squares of pixels, so that the grid's middle, x = y = 0 before, is the region's.
     target = (-float(centre[0]), -float(centre[1]), 0.0)
