@@ -13,6 +13,7 @@ from core.photo_light import Shading, measure_shading, unexplained, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
 from core.photo_surround import filled, scene_radiance
 from core.tonemap import luminance
+from viewer.enlarge import enlarged
 from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
 from viewer.settings import CameraSettings
@@ -228,21 +229,6 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     return values
 
 
-def enlarged(values: Float32, factor: float, rows: range, columns: range) -> Float32:
-    """Enlarge (h, w, c) to squares of `factor` pixels, linear between their centres, and cut out rows and columns."""
-    for axis, wanted in enumerate((rows, columns)):
-        n = values.shape[axis]
-        if factor == 1:
-            values = np.take(values, np.clip(wanted, 0, n - 1), axis)
-            continue
-        at = np.clip((np.array(wanted) + 0.5) / factor - 0.5, 0.0, n - 1.0)
-        low = np.minimum(at.astype(np.intp), max(n - 2, 0))
-        share = (at - low).astype(np.float32).reshape(tuple(-1 if i == axis else 1 for i in range(3)))
-        lower, upper = (np.take(values, np.minimum(low + i, n - 1), axis) for i in (0, 1))
-        values = lower + share * (upper - lower)
-    return values
-
-
 def _given_height(
     values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
 ) -> Array:
@@ -253,7 +239,10 @@ def _given_height(
     # Half-covered pixels may show what is behind.
     weight = photo.coverage(region) > 0.5
     cut = np.where(weight, values[rows[:, None], columns[None, :]], 0.0)
-    means, known = over_nodes(cut, weight.astype(np.float32), framing.node), _squares(weight.astype(np.float32), framing.node) > 0.0
+    means, known = (
+        over_nodes(cut, weight.astype(np.float32), framing.node),
+        _squares(weight.astype(np.float32), framing.node) > 0.0,
+    )
     height = filled(means[..., None], known.astype(np.float32))[..., 0].astype(np.float64)
     low, high = float(height[known].min()), float(height[known].max())
     if not relative:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation
 
 from core.environment import Probe
 from core.errors import InputError
@@ -15,7 +14,7 @@ from core.mesh import Mesh
 from core.photo_surround import filled
 from viewer.assets import Assets
 from viewer.edit import clear_of, photo_light, placed_scene
-from viewer.edit_composite import softened
+from viewer.edit_composite import dilated, softened
 from viewer.live import KEEP
 from viewer.model import FileModel
 from viewer.photo import Photo, Region
@@ -249,8 +248,7 @@ def soft_edges(photo: Photo) -> npt.NDArray[np.uint8]:
     rows, columns = (-(-side // block) for side in photo.size)
     coverage = photo.coverage(Region(0, 0, rows * block, columns * block))
     coverage = coverage.reshape(rows, block, columns, block).mean(axis=(1, 3), dtype=np.float32)
-    near = binary_dilation(coverage > 0.0).astype(np.float32)
-    both = np.stack([softened(coverage), softened(near)], axis=-1)
+    both = np.stack([softened(coverage), softened(dilated(coverage))], axis=-1)
     return np.asarray(np.rint(255.0 * both), np.uint8)
 
 
