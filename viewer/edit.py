@@ -5,6 +5,7 @@ background -> light (`core.photo_surround`), then the renderer's own pipeline, a
 (`viewer.edit_composite`).
 """
 
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -17,7 +18,7 @@ from scipy.ndimage import maximum_filter
 from core.convolution import thread_pool
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
-from core.photo_light import light_around
+from core.photo_light import Shading, light_around
 from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets
@@ -134,13 +135,20 @@ def edit(
     progress("estimating the depth")
     framing = frame_object(photo, scene.model.size_mm)
     white, read = scene.display.white, scene.photo
+    lit: list[Future[Probe]] = []
     geometry = make_geometry(
-        photo, framing, white, strength=read.depth_strength, smoothing=read.depth_smoothing, depth=read.depth
+        photo,
+        framing,
+        white,
+        strength=read.depth_strength,
+        smoothing=read.depth_smoothing,
+        depth=read.depth,
+        tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
     )
     lap("depth and surface")
     behind = thread_pool().submit(filled, geometry.colour, clear_of(geometry.coverage).astype(np.float32))
     progress("looking at the surround")
-    light = photo_light(photo, geometry, white)
+    light = lit[0].result()
     lap("light")
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
@@ -181,7 +189,7 @@ def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
     return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
 
 
-def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
+def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
     """Return the light on the object, in the photograph's radiance, see `core.photo_light`."""
     h, w = photo.size
     block = max(1, max(h, w) // SURROUND_SIDE)
@@ -192,7 +200,7 @@ def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
         outline = photo.outline
         centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
         around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
-    return Probe.from_pixels(light_around(around, geometry.shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:

@@ -1,5 +1,6 @@
 """The object of a photograph as a mesh in front of a camera that sees it where the photograph shows it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +12,8 @@ from core.mesh import Mesh
 from core.photo_depth import estimate_height, inflated, inscribed_radius
 from core.photo_light import Shading, measure_shading, unexplained, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
-from core.photo_surround import filled, scene_radiance
-from core.tonemap import luminance
+from core.photo_surround import filled, scene_luminance
+from core.tonemap import LUMINANCE
 from viewer.enlarge import enlarged
 from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
@@ -137,7 +138,14 @@ def frame_object(photo: Photo, size_mm: float) -> Framing:
 
 
 def make_geometry(
-    photo: Photo, framing: Framing, white: float, *, strength: float, smoothing: float, depth: Path | None = None
+    photo: Photo,
+    framing: Framing,
+    white: float,
+    *,
+    strength: float,
+    smoothing: float,
+    depth: Path | None = None,
+    tell: Callable[[Shading], object] = lambda _: None,
 ) -> Geometry:
     """Estimate the object's depth, or read it, and make a surface of it.
 
@@ -150,6 +158,8 @@ def make_geometry(
         With a depth of one's own, strength scales it and smoothing is of no use.
     depth : Path, optional
         See `read_depth`.
+    tell : callable
+        Told the shading as soon as it is known: light can be made of it meanwhile.
 
     Raises
     ------
@@ -169,9 +179,11 @@ def make_geometry(
         given = _given_height(
             read_depth(depth, photo), photo, framing, outline, strength, depth.suffix.lower() == ".png"
         )
-    shading = _shading(colour, coverage, share, base if given is None else given, framing.step, white)
+    shown = colour @ LUMINANCE.astype(np.float32)
+    shading = _shading(shown, coverage, share, base if given is None else given, framing.step, white)
+    tell(shading)
     if given is None:
-        light = over_nodes(luminance(colour), coverage, framing.step)
+        light = over_nodes(shown, coverage, framing.step)
         # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
         more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
         light = without_lamp(light, base, outline.inner, shading)
@@ -193,9 +205,9 @@ def make_geometry(
     return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
 
 
-def _shading(colour: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
+def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
     """Measure how the object is lit, on nodes that it covers wholly, if there are any."""
-    seen = over_nodes(luminance(scene_radiance(colour, white)), coverage, step)
+    seen = over_nodes(scene_luminance(shown, white), coverage, step)
     inside = share > 0.999
     return measure_shading(seen, height, inside if inside.any() else share > 0.5)
 
@@ -269,7 +281,8 @@ def over_nodes(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating
 def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
     """Means over squares of `step` pixels, (h, w)."""
     h, w = values.shape
-    return np.asarray(values.reshape(h // step, step, w // step, step).mean(axis=(1, 3)), np.float64)
+    rows = values.reshape(h // step, step, w).sum(axis=1, dtype=np.float64)  # along memory
+    return np.asarray(rows.reshape(h // step, w // step, step).sum(axis=2) / step**2)
 
 
 def _read_npy(path: Path) -> Float32:

@@ -232,7 +232,7 @@ def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) ->
     path = photo.path.with_name(f"{photo.path.name}#{number}")
     if last is not None and last.wanted.light == wanted.light:
         return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)
-    light = photo_light(photo, geometry, wanted.white)
+    light = photo_light(photo, geometry.shading, wanted.white)
     behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
     return Made(wanted, path, path, photo, geometry, light, behind, soft_edges(photo))
 
