@@ -13,8 +13,9 @@ from time import perf_counter
 import moderngl
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import label, maximum_filter
 
+from core.bodies import Bodies
 from core.convolution import thread_pool
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
@@ -83,10 +84,17 @@ class PhotoAssets(Assets):
     def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
         super().__init__()
         self._mesh, self._path, self._light = geometry.mesh, path, light
+        self._inside = geometry.base > 0.0
 
     def probe(self, source: Path | str) -> Probe:
         """Return the photograph's light, or another light probe."""
         return self._light if source == self._path else super().probe(source)
+
+    def bodies(self, mesh: Mesh) -> Bodies:
+        """Return its bodies: one, where the outline's nodes hang together."""
+        if label(self._inside, np.ones((3, 3)))[1] == 1:
+            return Bodies(np.zeros(len(mesh.faces), np.int32), 1, 0)
+        return super().bodies(mesh)
 
     def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
         """Return what they are: the object is closed by construction."""

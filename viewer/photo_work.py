@@ -227,8 +227,9 @@ class PhotoWork:
 def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) -> Made:
     """Make the object, with what can stay of the last one; in the worker."""
     framing = frame_object(photo, wanted.size_mm)
-    read = {"strength": wanted.strength, "smoothing": wanted.smoothing}
-    geometry = make_geometry(photo, framing, wanted.white, **read, depth=wanted.depth)
+    geometry = make_geometry(
+        photo, framing, wanted.white, strength=wanted.strength, smoothing=wanted.smoothing, depth=wanted.depth
+    )
     path = photo.path.with_name(f"{photo.path.name}#{number}")
     if last is not None and last.wanted.light == wanted.light:
         return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)
