@@ -35,6 +35,12 @@ def filled(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -
     return _pulled(values.astype(np.float32) * weight, weight)
 
 
+def filled_halves(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -> Float32:
+    """Return what `filled` doubles to fill gaps: (h, w, c) of half the size, rounded up, known pixels averaged."""
+    weight = weight.astype(np.float32)[..., None]
+    return _pulled(*_saturated(_halved(values.astype(np.float32) * weight), _halved(weight)))
+
+
 def surround_map(radiance: npt.NDArray[np.floating], centre: tuple[float, float]) -> Float32:
     """Lay a background over the sphere.
 

@@ -13,14 +13,14 @@ from time import perf_counter
 import moderngl
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import label, maximum_filter
+from scipy.ndimage import label
 
 from core.bodies import Bodies
 from core.convolution import thread_pool
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
 from core.photo_light import Shading, light_around
-from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
+from core.photo_surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets
 from viewer.frame import Renderer
@@ -60,7 +60,7 @@ class Edited:
     white : float
         Of the tone map.
     behind : (h, w, 3) float32
-        Linear RGB of the background, filled in where the object was; pixels as of `geometry.colour`.
+        Linear RGB of the background, filled in where the object was; see `background`.
     timings : dict
         Stage -> ms.
     warnings : tuple of str
@@ -154,7 +154,7 @@ def edit(
         tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
     )
     lap("depth and surface")
-    behind = thread_pool().submit(filled, geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    behind = thread_pool().submit(background, geometry)
     progress("looking at the surround")
     light = lit[0].result()
     lap("light")
@@ -211,9 +211,19 @@ def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
     return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
 
 
+def background(geometry: Geometry) -> Float32:
+    """Fill the background in where the object is, (h, w, 3), two pixels of `geometry.colour` a side of one.
+
+    So large since what is filled in is smooth, and only that is seen.
+    """
+    return filled_halves(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+
+
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
     """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
-    return np.asarray(maximum_filter(coverage, 5) == 0.0)
+    near = np.pad(coverage > 0.0, 2)
+    near = near[:-4] | near[1:-3] | near[2:-2] | near[3:-1] | near[4:]
+    return ~(near[:, :-4] | near[:, 1:-3] | near[:, 2:-2] | near[:, 3:-1] | near[:, 4:])
 
 
 def exposure_match(light: Probe, geometry: Geometry, scene: Scene, rendered: float) -> float:

@@ -79,12 +79,14 @@ class Compositor:
         colour = self._object(place, self._shown)
         if not transparent:
             at = np.nonzero(touched & (alpha < 1.0))
-            behind = photo.linear(place)[at]
+            behind = photo.linear_at(at[0] + place.top, at[1] + place.left)
             if self._fill:
                 # Pixels at the edge hold some of what the object was made of.
                 behind += near[at][:, None] * (self._behind(place, *at) - behind)
             colour[at] = behind + alpha[at][:, None] * (colour[at] - behind)
-        np.copyto(target[..., :3], encoded(colour, most), where=touched[..., None])
+        shown = encoded(colour, most)
+        for i in range(3):  # one mask for all three would be copied six times as slowly
+            np.copyto(target[..., i], shown[..., i], where=touched)
         if transparent:
             target[..., 3] = _quantised(alpha, most)
         elif photo.alpha is not None:  # where there is an object, there is no hole
@@ -107,7 +109,9 @@ class Compositor:
             alpha, near = (edge[..., None] for edge in edges(photo, place))
             shown, behind = self._object(place, self._radiance), photo.linear(place)
             if self._fill:
-                behind = behind + near * (self._object(place, self._edited.behind) - behind)
+                at = np.nonzero(near[..., 0] > 0.0)
+                behind = behind.copy()
+                behind[at] += near[at] * (self._behind(place, *at) - behind[at])
             behind = scene_radiance(behind, self._edited.white)
             rows = slice(place.top, place.top + place.height)
             opaque = np.ones_like(alpha) if photo.alpha is None else photo.alpha[rows, :, None] / most
@@ -124,17 +128,16 @@ class Compositor:
         return filled(values, self._known)
 
     def _object(self, place: Region, values: Float32) -> Float32:
-        """Cut a band out of what was rendered, or the background behind it, at the photograph's size."""
-        region = self._framing.region
+        """Cut a band out of what was rendered, at the photograph's size."""
+        region, pixel = self._framing.region, self._framing.node / self._framing.shades
         top, left = place.top - region.top, place.left - region.left
-        pixel = region.height / len(values)
         return enlarged(values, pixel, range(top, top + place.height), range(left, left + place.width))
 
     def _behind(self, place: Region, rows: Ints, columns: Ints) -> Float32:
-        """Background behind some pixels of a band, (k, 3)."""
-        region, values = self._framing.region, self._edited.behind
+        """Background behind k pixels of a band, (k, 3)."""
+        region, pixel = self._framing.region, 2.0 * self._framing.block
         rows, columns = rows + (place.top - region.top), columns + (place.left - region.left)
-        return sampled(values, region.height / len(values), rows, columns)
+        return sampled(self._edited.behind, pixel, rows, columns)
 
 
 def edges(photo: Photo, place: Region) -> tuple[Float32, Float32]:

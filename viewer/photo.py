@@ -99,6 +99,10 @@ class Photo:
         """Linear RGB of a region in [0, 1]: (height, width, 3)."""
         return np.asarray(self._linear.take(_cut(self.pixels, region)))
 
+    def linear_at(self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> Float32:
+        """Linear RGB of k pixels in [0, 1]: (k, 3)."""
+        return np.asarray(self._linear.take(self.pixels[rows, columns]))
+
     def coverage(self, region: Region) -> Float32:
         """Share of each pixel that the object covers, as the mask says: (height, width)."""
         return np.asarray(self._coverage.take(_cut(self.mask, region)))

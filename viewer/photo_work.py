@@ -11,9 +11,8 @@ import numpy.typing as npt
 from core.environment import Probe
 from core.errors import InputError
 from core.mesh import Mesh
-from core.photo_surround import filled
 from viewer.assets import Assets
-from viewer.edit import clear_of, photo_light, placed_scene
+from viewer.edit import background, photo_light, placed_scene
 from viewer.edit_composite import dilated, softened
 from viewer.live import KEEP
 from viewer.model import FileModel
@@ -234,8 +233,7 @@ def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) ->
     if last is not None and last.wanted.light == wanted.light:
         return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)
     light = photo_light(photo, geometry.shading, wanted.white)
-    behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
-    return Made(wanted, path, path, photo, geometry, light, behind, soft_edges(photo))
+    return Made(wanted, path, path, photo, geometry, light, background(geometry), soft_edges(photo))
 
 
 def shown_block(photo: Photo) -> int:
