@@ -40,7 +40,9 @@ def photo_rows(sides: Sequence[int], repeats: int) -> Iterator[FrameRow]:
 def _photograph(side: int, folder: Path) -> float:
     """Write a photograph and its mask; returns the share that the mask covers."""
     display = DisplaySettings(image_size=(side, side), background="environment")
-    shown = render(Scene(camera=CAMERA, display=display, environment=EnvironmentSettings(builtin="overcast")))
+    shown = render(
+        Scene(camera=CAMERA, display=display, environment=EnvironmentSettings(builtin="overcast", occluded=False))
+    )
     write_png(folder / "photo.png", shown.image)
     write_png(folder / "mask.png", np.rint(shown.alpha * 255.0).astype(np.uint8)[..., None])
     return float(shown.alpha.mean())
