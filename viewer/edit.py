@@ -28,7 +28,8 @@ from viewer.gl import read_rgba
 from viewer.lighting import Progress
 from viewer.model import FileModel
 from viewer.photo import Photo, Region
-from viewer.photo_geometry import Geometry, frame_object, make_geometry
+from viewer.photo_framing import frame_object
+from viewer.photo_geometry import Geometry, make_geometry
 from viewer.picture import Frame, read_frame
 from viewer.scene import Scene
 from viewer.settings import DisplaySettings, ModelSettings
@@ -212,11 +213,12 @@ def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
 
 
 def background(geometry: Geometry) -> Float32:
-    """Fill the background in where the object is, (h, w, 3), two pixels of `geometry.colour` a side of one.
+    """Fill the background in where the object is, (h, w, 3), two pixels that are read a side of one.
 
     So large since what is filled in is smooth, and only that is seen.
     """
-    return filled_halves(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    step, clear = geometry.framing.step, clear_of(geometry.coverage).astype(np.float32)
+    return filled_halves(geometry.framing.cut(geometry.colour, step), geometry.framing.cut(clear, step))
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:

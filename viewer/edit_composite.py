@@ -129,13 +129,13 @@ class Compositor:
 
     def _object(self, place: Region, values: Float32) -> Float32:
         """Cut a band out of what was rendered, at the photograph's size."""
-        region, pixel = self._framing.region, self._framing.node / self._framing.shades
+        region, pixel = self._framing.shown, self._framing.node / self._framing.shades
         top, left = place.top - region.top, place.left - region.left
         return enlarged(values, pixel, range(top, top + place.height), range(left, left + place.width))
 
     def _behind(self, place: Region, rows: Ints, columns: Ints) -> Float32:
         """Background behind k pixels of a band, (k, 3)."""
-        region, pixel = self._framing.region, 2.0 * self._framing.block
+        region, pixel = self._framing.shown, 2.0 * self._framing.block
         rows, columns = rows + (place.top - region.top), columns + (place.left - region.left)
         return sampled(self._edited.behind, pixel, rows, columns)
 

@@ -17,53 +17,13 @@ from core.tonemap import LUMINANCE
 from viewer.enlarge import enlarged
 from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
+from viewer.photo_framing import Framing
 from viewer.settings import CameraSettings
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
-GRID = 192  # nodes along the outline's longer side, at most; solvers resolve a third of it
-PICTURE = 1536  # pixels along the longer side of what is read of a photograph, at most
-SHADES = 3  # rendered pixels between two nodes, at most: nothing of a surface is finer, and the mask cuts its outline
-MARGIN = 4  # nodes around the outline
 DEPTH_SUFFIXES = (".png", ".exr", ".npy")
-
-
-@dataclass(frozen=True)
-class Framing:
-    """What of a photograph is rendered, and how finely.
-
-    Attributes
-    ----------
-    region : Region
-        Its sides are multiples of `node`.
-    block : int
-        Pixels of the photograph a side of a pixel that is read.
-    step : int
-        Pixels read between two nodes of the surface.
-    mm : float
-        Between two nodes.
-    """
-
-    region: Region
-    block: int
-    step: int
-    mm: float
-
-    @property
-    def node(self) -> int:
-        """Pixels of the photograph between two nodes of the surface."""
-        return self.block * self.step
-
-    @property
-    def shades(self) -> int:
-        """Rendered pixels between two nodes."""
-        return min(self.step, SHADES)
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Height and width of the rendered picture."""
-        return self.region.height // self.node * self.shades, self.region.width // self.node * self.shades
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +46,7 @@ class Geometry:
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
     camera : CameraSettings
-        Orthographic; shows the region.
+        Orthographic; shows what is in the photograph.
     """
 
     framing: Framing
@@ -114,27 +74,7 @@ class Geometry:
         down, right = np.gradient(self.height)
         cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
         rows, columns = self.framing.size
-        return enlarged(cosine, self.framing.shades, range(rows), range(columns))[..., 0]
-
-
-def frame_object(photo: Photo, size_mm: float) -> Framing:
-    """Choose what to render, and how finely; `size_mm` is the longer side of the object's outline."""
-    outline = photo.outline
-    longest = max(outline.height, outline.width)
-    block = -(-longest // PICTURE)
-    step = max(1, -(-longest // (block * GRID)))
-    node = block * step
-    h, w = photo.size
-
-    def side(start: int, length: int, end: int) -> tuple[int, int]:
-        # What the photograph cuts off goes on beyond it: an outline there would bend to a rim that is not one.
-        before = longest // 4 if start == 0 else MARGIN * node
-        after = longest // 4 if start + length == end else MARGIN * node
-        total = max(length + before + after, 16 * block)
-        return start - before, -(-total // node) * node
-
-    (top, height), (left, width) = side(outline.top, outline.height, h), side(outline.left, outline.width, w)
-    return Framing(Region(top, left, height, width), block, step, size_mm * node / longest)
+        return enlarged(self.framing.cut(cosine), self.framing.shades, range(rows), range(columns))[..., 0]
 
 
 def make_geometry(
@@ -264,12 +204,15 @@ def _given_height(
 
 
 def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
-    """Orthographic, from +z, so that the picture is the region."""
+    """Orthographic, from +z, so that the picture is what is shown of the region."""
     rows, columns = framing.size
-    half = 0.5 * framing.region.height / framing.node * framing.mm
+    pixel, region, shown = framing.mm / framing.node, framing.region, framing.shown
+    half = 0.5 * shown.height * pixel
     zoom = mesh.radius / min(1.0, columns / rows) / half
     # Nodes are the centres of squares of pixels, so that the grid's middle, x = y = 0 before, is the region's.
-    target = (-float(centre[0]), -float(centre[1]), 0.0)
+    right = shown.left - region.left + 0.5 * (shown.width - region.width)
+    down = shown.top - region.top + 0.5 * (shown.height - region.height)
+    target = (right * pixel - float(centre[0]), -down * pixel - float(centre[1]), 0.0)
     return CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, orthographic=True, zoom=zoom, target_mm=target)
 
 

@@ -18,7 +18,8 @@ from viewer.live import KEEP
 from viewer.model import FileModel
 from viewer.photo import Photo, Region
 from viewer.photo_cut import Box, cut_out
-from viewer.photo_geometry import PICTURE, Geometry, frame_object, make_geometry
+from viewer.photo_framing import PICTURE, frame_object
+from viewer.photo_geometry import Geometry, make_geometry
 from viewer.photo_mask import PaintedMask
 from viewer.scene import Scene
 from viewer.settings import ModelSettings
