@@ -1,10 +1,10 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Eight parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
-(`viewer.bench_yardsticks`), solutions of `diffusion` (`viewer.bench_solving`), the window (`viewer.bench_window`),
-error of the transport against equation (1) (`viewer.bench_error`), sums over samples at the same error
-(`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and error of all methods against transport
-itself (`viewer.bench_transport`).
+Eight parts: speed as ratios within one run (`viewer.bench_speed`, `viewer.bench_photo`), the transport beside bare
+transforms (`viewer.bench_yardsticks`), solutions of `diffusion` (`viewer.bench_solving`), the window
+(`viewer.bench_window`), error of the transport against equation (1) (`viewer.bench_error`), sums over samples at the
+same error (`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and error of all methods against
+transport itself (`viewer.bench_transport`).
 """
 
 import os
