@@ -7,7 +7,8 @@ nothing is absorbed: k0 = -1/2 - K_L 1. It holds curvature, thin sheets and the 
 """
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from scipy.spatial import cKDTree
 from core.curvature import Curvature, curvature
 from core.edges import Edges
 from core.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
-from core.medium import Medium
+from core.medium import NO_ABSORPTION, Medium
 from core.mesh import Mesh, face_cross
 from core.patches import Patches
 from core.rays import RayMesh
@@ -168,6 +169,24 @@ class Depths:
         """Way through the object from m points of its surface, (m, 3), along unit directions: (m,) mm, 0 for none."""
         face, t = self._rays.first(points - RAY_OFFSET * cell * normals, directions)
         return np.where(face >= 0, t, 0.0)
+
+
+def put_on_grid(
+    patches: Patches, grid: LayerGrid, depths: Depths, reach: float, convolve: Callable[[Float32], Float32]
+) -> Boundary:
+    """Put a surface on a grid, and measure what the grid misses of K.
+
+    `reach`, mm, is the thickness of the thickest sheets; `convolve` does so with G_L where nothing is absorbed.
+    """
+    thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
+    sheet = find_sheet(patches, thickness, reach)
+    weights, slopes = place(grid, patches)
+    unknown = np.empty(0, np.float32), np.empty(0)
+    unplaced = Boundary(grid, patches, weights, slopes, *unknown, thickness, sheet, reach)
+    deposited = unplaced.double_layer(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
+    constant = convolve(deposited.reshape(grid.shape))
+    near = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
+    return replace(unplaced, constant=constant, near=near)
 
 
 @functools.lru_cache(maxsize=1)

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from core.boundary import Boundary, Depths, depths_of, find_sheet, place
+from core.boundary import Boundary, Depths, depths_of, put_on_grid
 from core.convolution import thread_pool
 from core.convolution_shape import ConvolutionShape
 from core.crossing import crossing
@@ -34,7 +34,7 @@ from core.kernels import Kernel, Kernels, Spectra
 from core.layers import LayerGrid, fit_nodes, smooth_matrix
 from core.medium import NO_ABSORPTION, Medium
 from core.mesh import Mesh
-from core.patches import make_patches
+from core.patches import Patches, make_patches
 from core.samples import SurfaceSamples
 from core.stages import Stages
 
@@ -99,20 +99,17 @@ class DiffusionTransport(Kernels):
 
     def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
         """Put a mesh's surface on a grid, and measure what the grid misses of K."""
-        patches = make_patches(mesh, samples, self.patch * max(grid.texel, grid.layer_distance))
-        thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
-        reach = SHEET_REACH * self.window_width(grid)
-        sheet = find_sheet(patches, thickness, reach)
-        weights, slopes = place(grid, patches)
-        shape = self.shape(grid, NO_ABSORPTION)
+        return self._on_grid(make_patches(mesh, samples, self._cell(grid)), grid, depths)
+
+    def _cell(self, grid: LayerGrid) -> float:
+        return self.patch * max(grid.texel, grid.layer_distance)
+
+    def _on_grid(self, patches: Patches, grid: LayerGrid, depths: Depths) -> Boundary:
         (spectrum,) = self.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
         assert spectrum is not None
-        unknown = np.empty(0, np.float32), np.empty(0)
-        unplaced = Boundary(grid, patches, weights, slopes, *unknown, thickness, sheet, reach)
-        deposited = unplaced.double_layer(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
-        constant = self.convolver(shape).convolve(deposited.reshape(grid.shape), spectrum)
-        near = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
-        return replace(unplaced, constant=constant, near=near)
+        convolver = self.convolver(self.shape(grid, NO_ABSORPTION))
+        reach = SHEET_REACH * self.window_width(grid)
+        return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
 
     def solve(
         self,
@@ -187,8 +184,8 @@ class DiffusionTransport(Kernels):
         stages: Stages,
     ) -> tuple[Boundary, list[Channel | None]]:
         """Put the equation up, channel by channel; None for a dark one."""
-        depths = stages.run("rays", (mesh,), lambda: depths_of(mesh))
-        boundary = stages.run("boundary", (mesh, samples, grid), lambda: self._at_hand(mesh, samples, grid, depths))
+        boundary, depths = self._surface(mesh, samples, grid, stages)
+        thread_pool().submit(lambda: boundary.curvature)  # will be asked for
         entries = [
             stages.run(
                 f"entry of light {i}",
@@ -227,12 +224,21 @@ class DiffusionTransport(Kernels):
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
 
-    def _at_hand(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
-        """Return the surface on a grid, perhaps that of the last call, between which another transport had its turn."""
-        kept = self._placed
-        if kept is None or kept[0] is not mesh or kept[1] is not samples or kept[2].grid != grid:
-            kept = self._placed = mesh, samples, self.boundary(mesh, samples, grid, depths)
-        return kept[2]
+    def _surface(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, stages: Stages) -> tuple[Boundary, Depths]:
+        """Put a surface on the grid, or take the last call's, between which another transport had its turn."""
+        kept, key = self._placed, (mesh, samples, grid)
+        at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
+        wanted = not at_hand and not stages.has("boundary", key)
+        merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if wanted else None
+        depths = stages.run("rays", (mesh,), lambda: depths_of(mesh))
+
+        def placed() -> Boundary:
+            if merging is not None:
+                self._placed = mesh, samples, self._on_grid(merging.result(), grid, depths)
+            assert self._placed is not None
+            return self._placed[2]
+
+        return stages.run("boundary", key, placed), depths
 
     def _channel(
         self,

@@ -15,7 +15,7 @@ from core.mesh import Mesh, face_cross
 from core.samples import SurfaceSamples
 
 Array = npt.NDArray[np.float64]
-Float32 = npt.NDArray[np.float32]
+Ints = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +61,13 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     octants = (face_normals > 0.0) @ np.array([1, 2, 4])
     counts = cells.max(axis=0) + 1
     key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + octants
-    _, patch = np.unique(key, return_inverse=True)
-    n = int(patch.max()) + 1
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    n, each = len(starts), np.diff(starts, append=len(order))
+    patch = np.empty(len(order), np.intp)
+    patch[order] = np.repeat(np.arange(n), each)
     ones = np.ones(len(patch), np.float32)
-    sums = csr_array((ones, (patch, np.arange(len(patch)))), shape=(n, len(patch)))
+    sums = csr_array((ones, order, np.append(starts, len(order))), shape=(n, len(patch)))
 
     def total(values: Array) -> Array:
         return np.stack([np.bincount(patch, column, n) for column in values.T], axis=-1)
@@ -72,7 +75,8 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     whole = np.bincount(patch, areas, n).astype(np.float64)
     weighted = np.maximum(areas, 1e-9 * areas.max())  # a patch of nothing but slivers has a place too
     centres = total(weighted[:, None] * points) / np.bincount(patch, weighted, n)[:, None]
-    nearest = _nearest(patch, np.linalg.norm(points - centres[patch], axis=1))
+    away = points - centres[patch]
+    nearest = _nearest(order, starts, patch, np.einsum("ij,ij->i", away, away))
     normals = total(weighted[:, None] * samples.normals)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 0.0, normals / np.maximum(length, np.finfo(np.float64).tiny), face_normals[nearest])
@@ -87,9 +91,10 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     )
 
 
-def _nearest(patch: npt.NDArray[np.intp], distance: Array) -> npt.NDArray[np.intp]:
-    """Sample of the least distance in each patch."""
-    order = np.lexsort((distance, patch))
-    first = np.ones(len(order), bool)
-    first[1:] = np.diff(patch[order]) > 0
-    return np.asarray(order[first])
+def _nearest(order: Ints, starts: Ints, patch: Ints, distance: Array) -> Ints:
+    """Sample of the least distance in each patch; `order` has them patch by patch, beginning at `starts`."""
+    least = np.minimum.reduceat(distance[order], starts)
+    found = np.flatnonzero(distance == least[patch])[::-1]
+    nearest = np.empty(len(starts), np.intp)
+    nearest[patch[found]] = found  # the first of equals
+    return nearest

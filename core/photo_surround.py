@@ -35,6 +35,12 @@ def filled(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -
     return _pulled(values.astype(np.float32) * weight, weight)
 
 
+def filled_halves(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -> Float32:
+    """Return what `filled` doubles to fill gaps: (h, w, c) of half the size, rounded up, known pixels averaged."""
+    weight = weight.astype(np.float32)[..., None]
+    return _pulled(*_saturated(_halved(values.astype(np.float32) * weight), _halved(weight)))
+
+
 def surround_map(radiance: npt.NDArray[np.floating], centre: tuple[float, float]) -> Float32:
     """Lay a background over the sphere.
 
@@ -71,11 +77,15 @@ def scene_radiance(display: npt.NDArray[np.floating], white: float) -> Float32:
     and windows shine brighter than paper. Results go back through the same curve, so that they match what is around.
     """
     shown = luminance(display)
-    # L (1 + L / w^2) / (1 + L) = d, solved for L >= 0.
-    half = 0.5 * white**2 * (shown - 1.0)
-    bright = half + np.sqrt(half**2 + white**2 * shown)
-    ratio = np.where(shown > 1e-6, bright / np.maximum(shown, 1e-6), 1.0)
+    ratio = np.where(shown > 1e-6, scene_luminance(shown, white) / np.maximum(shown, 1e-6), 1.0)
     return np.asarray(display * ratio[..., None], np.float32)
+
+
+def scene_luminance(shown: npt.NDArray[np.floating], white: float) -> npt.NDArray[np.floating]:
+    """Return the same of luminance in [0, 1], of the type that it has."""
+    # L (1 + L / w^2) / (1 + L) = d, solved for L >= 0 without a difference that cancels.
+    half = 0.5 * white**2 * (1.0 - shown)
+    return white**2 * shown / (half + np.sqrt(half**2 + white**2 * shown))
 
 
 def linear(srgb: npt.NDArray[np.floating]) -> Float32:
@@ -91,7 +101,9 @@ def _pulled(flux: Float32, weight: Float32) -> Float32:
     coarse_flux, coarse_weight = _halved(flux), _halved(weight)
     # Weights saturate: one known pixel among four is known.
     coarser = _pulled(*_saturated(coarse_flux, coarse_weight))
-    return np.asarray(flux + (1.0 - weight) * _doubled(coarser, (h, w)), np.float32)
+    between = (1.0 - weight) * _doubled(coarser, (h, w))
+    between += flux
+    return np.asarray(between, np.float32)
 
 
 def _saturated(flux: Float32, weight: Float32) -> tuple[Float32, Float32]:
@@ -102,15 +114,22 @@ def _saturated(flux: Float32, weight: Float32) -> tuple[Float32, Float32]:
 def _halved(values: Float32) -> Float32:
     """Sums of two by two."""
     h, w = values.shape[:2]
-    even = np.pad(values, ((0, h % 2), (0, w % 2), (0, 0)))
-    return np.asarray(even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2], np.float32)
+    if h % 2 or w % 2:
+        values = np.pad(values, ((0, h % 2), (0, w % 2), (0, 0)))
+    rows = values[::2] + values[1::2]  # first, along memory
+    return np.asarray(rows[:, ::2] + rows[:, 1::2], np.float32)
 
 
-def _doubled(values: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.NDArray[np.floating]:
+def _doubled(values: Float32, size: tuple[int, int]) -> Float32:
     """Interpolate to twice the size, linearly, and cut to `size`."""
-    for axis in (0, 1):
-        values = np.moveaxis(values, axis, 0)
-        edge = np.concatenate([values[:1], values, values[-1:]])
-        between = np.stack([0.75 * values + 0.25 * edge[:-2], 0.75 * values + 0.25 * edge[2:]], axis=1)
-        values = np.moveaxis(between.reshape(-1, *values.shape[1:])[: size[axis]], 0, axis)
-    return np.ascontiguousarray(values)
+    for axis in (1, 0):  # of the larger part along memory
+        n, shape = values.shape[axis], list(values.shape)
+        shape[axis] = 2 * n
+        doubled = np.empty(shape, np.float32)
+        from_, to = np.moveaxis(values, axis, 0), np.moveaxis(doubled, axis, 0)
+        own, beside = np.float32(0.75) * from_, np.float32(0.25) * from_
+        to[0], to[-1] = from_[0], from_[-1]
+        np.add(own[1:], beside[:-1], out=to[2::2])
+        np.add(own[:-1], beside[1:], out=to[1:-1:2])
+        values = doubled[tuple(slice(size[i]) if i == axis else slice(None) for i in range(3))]
+    return values

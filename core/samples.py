@@ -53,32 +53,39 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
     done: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]] = []
     while len(corners):
         edge, longest = _longest_edges(corners)
-        small = longest <= spacing
+        small, large = np.flatnonzero(longest <= spacing), np.flatnonzero(longest > spacing)
         done.append((corners[small], normals[small], faces[small]))
-        corners, normals, faces = corners[~small], normals[~small], np.tile(faces[~small], 2)
-        corners, normals = _halve(corners, edge[~small]), _halve(normals, edge[~small])
+        corners, normals, faces = corners[large], normals[large], np.tile(faces[large], 2)
+        corners, normals = _halve(corners, edge[large]), _halve(normals, edge[large])
     corners = np.concatenate([piece for piece, _, _ in done])
-    normals = np.concatenate([piece for _, piece, _ in done]).sum(axis=1)
+    normals = _sums(np.concatenate([piece for _, piece, _ in done]))
     sides = (corners[:, 1:] - corners[:, :1]).astype(np.float64)
     cross = np.cross(sides[:, 0], sides[:, 1])
-    areas = 0.5 * np.linalg.norm(cross, axis=1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    flat = cross / np.maximum(2.0 * areas[:, None], 1e-300)
-    normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), flat)
+    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
+    length = np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
+    unknown = np.flatnonzero(length <= 1e-6)
+    normals /= np.maximum(length, 1e-6)
+    normals[unknown] = cross[unknown] / np.maximum(2.0 * areas[unknown, None], 1e-300)
     return SurfaceSamples(
-        points=corners.mean(axis=1),
-        normals=normals.astype(np.float32),
+        points=_sums(corners) / np.float32(3.0),
+        normals=normals,
         areas=areas.astype(np.float32),
         faces=np.concatenate([face for _, _, face in done]),
     )
 
 
+def _sums(corners: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Sums over the three corners: (n, 3 corners, 3) -> (n, 3)."""
+    return np.asarray(corners[:, 0] + corners[:, 1] + corners[:, 2])
+
+
 def _longest_edges(corners: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
     """Which edge of each triangle is longest (edge i runs from corner i to i + 1), and its length."""
-    sides = np.roll(corners, -1, axis=1) - corners
-    squares = np.einsum("nij,nij->ni", sides, sides)
-    edge = squares.argmax(axis=1)
-    return edge, np.sqrt(squares[np.arange(len(edge)), edge])
+    a, b, c = np.moveaxis(corners, 1, 0)
+    squares = [np.einsum("ni,ni->n", side, side) for side in (b - a, c - b, a - c)]
+    longest = np.maximum(np.maximum(squares[0], squares[1]), squares[2])
+    edge = np.where(squares[0] == longest, 0, np.where(squares[1] == longest, 1, 2))
+    return edge, np.sqrt(longest)
 
 
 def _halve(values: npt.NDArray[np.float32], edge: npt.NDArray[np.intp]) -> npt.NDArray[np.float32]:

@@ -89,8 +89,8 @@ class Case:
 
     def error(self, edited: Edited) -> Error:
         """Compare what was edited with the picture that it was made of."""
-        region, (h, w) = edited.geometry.framing.region, self.photo.size
-        assert edited.geometry.framing.block == 1
+        region, (h, w) = edited.geometry.framing.shown, self.photo.size
+        assert edited.geometry.framing.size == (region.height, region.width)  # a rendered pixel for each
         rows = np.clip(np.arange(region.top, region.top + region.height), 0, h - 1)
         columns = np.clip(np.arange(region.left, region.left + region.width), 0, w - 1)
         place = np.ix_(rows, columns)

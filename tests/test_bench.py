@@ -34,7 +34,7 @@ from viewer.settings import TransportSettings
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
     pictures=(), rivals=(), window=(), yardsticks=(), solved=(), methods=(), occluded_points=0,
-    repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
+    photographs=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
 SETTLING = bench_window.FIRST, bench_window.SETTLED
@@ -65,7 +65,7 @@ def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_
     monkeypatch.setattr("viewer.bench_chain.IMAGE", 64)
     plan = replace(
         NOTHING, convolutions=(2,), frames=(SMALL,), schemes=(SMALL, DEFAULT), picture_schemes=(SMALL,),
-        pictures=(("plate", "skim milk", "back"),),
+        pictures=(("plate", "skim milk", "back"),), photographs=(64,),
     )  # fmt: skip
     bench.run_plan(plan, tmp_path / "new" / "folder")
     found = {path.name: path for path in (tmp_path / "new" / "folder").iterdir()}
@@ -74,6 +74,8 @@ def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_
         rows = rows_of(found[name])
         assert rows
         assert_finite(rows)
+    edited = {row["stage"]: float(row["ms"]) for row in rows_of(found["frames.csv"]) if "edit" in row["change"]}
+    assert edited["reading"] + edited["depth and surface"] + edited["rendering"] + edited["file"] <= edited["frame"]
     rows = rows_of(found["error.csv"])
     assert len(rows) == 2 * 1 * 1 * 4
     for row in rows:  # what was used, not what was asked for

@@ -8,15 +8,19 @@ import pytest
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from core.photo_surround import filled, filled_halves
+from core.tonemap import srgb
 from tests.photo_errors import Case
 from tests.photographing import ball_photo, small_photo, write_photo
 from viewer.cli import main
 from viewer.edit import edit
 from viewer.edit_command import START
-from viewer.edit_composite import BEHIND, LAYERS, Compositor
+from viewer.edit_composite import BEHIND, LAYERS, Compositor, encoded
+from viewer.enlarge import enlarged, sampled
 from viewer.images import read_channels, read_photo, write_png
 from viewer.photo import Photo, load_photo
-from viewer.photo_geometry import PICTURE, frame_object, make_geometry
+from viewer.photo_framing import PICTURE, frame_object
+from viewer.photo_geometry import make_geometry
 from viewer.scene import DirectionalLight, apply_set
 
 COARSE = ["transport.method=ewald", "transport.resolution=24"]
@@ -174,4 +178,33 @@ def test_a_large_photograph_is_rendered_at_a_bounded_size() -> None:
     framing = frame_object(Photo(Path("photo"), Path("mask"), pixels, None, mask, None), 100.0)
     assert max(framing.size) <= 1.5 * PICTURE
     assert framing.block == 4
-    assert framing.mm == pytest.approx(4 * 100.0 / 5000)
+    assert framing.mm == pytest.approx(framing.node * 100.0 / 5000)
+
+
+def test_an_object_that_is_cut_off_is_rendered_where_the_photograph_is(context, tmp_path: Path) -> None:
+    picture, mask, _ = ball_photo(96)
+    cut = load_photo(*write_photo(tmp_path, picture[:60, 30:], mask[:60, 30:]))
+    framing = frame_object(cut, 100.0)
+    assert framing.region.height > framing.shown.height >= 60 - framing.shown.top
+    edited = edit(cut, SCENE, context, parts=False)
+    shown = edited.coverage > 0.5
+    covered = framing.cut(edited.geometry.coverage, framing.step)
+    assert not ((covered > 0.5) & ~shown).any()
+
+
+def test_gaps_are_filled_at_half_the_size_as_at_the_whole() -> None:
+    rng = np.random.default_rng(5)
+    values, known = rng.random((38, 51, 3)).astype(np.float32), np.ones((38, 51), np.float32)
+    known[9:30, 12:44] = 0.0
+    rows, columns = np.nonzero(known == 0.0)
+    half = sampled(filled_halves(values, known), 2.0, rows, columns)
+    np.testing.assert_allclose(half, filled(values, known)[rows, columns], atol=1e-6)
+    between = enlarged(values, 1.5, range(38), range(51))[rows, columns]
+    np.testing.assert_allclose(sampled(values, 1.5, rows, columns), between, atol=1e-6)
+
+
+@pytest.mark.parametrize("most", [255, 65535])
+def test_pictures_are_encoded_as_srgb(most: int) -> None:
+    linear = np.concatenate([np.linspace(0.0, 0.01, 5000), np.linspace(0.0, 1.0, 5000)]).astype(np.float32)
+    exact = srgb(linear.astype(np.float64)) * most
+    assert np.abs(encoded(linear, most) - exact).max() < 0.51

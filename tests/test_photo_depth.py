@@ -13,7 +13,8 @@ from core.photo_depth import SMOOTHING, bilateral, estimate_height, harmonic, in
 from core.photo_light import Shading, _normals, unexplained
 from core.photo_surface import find_outline, height_surface
 from viewer.photo import load_photo
-from viewer.photo_geometry import frame_object, make_geometry
+from viewer.photo_framing import frame_object
+from viewer.photo_geometry import make_geometry
 
 
 def disc(size: int, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -97,6 +98,18 @@ def test_surfaces_of_all_sorts_of_masks_are_solid() -> None:
         mesh = height_surface(outline, rng.uniform(0.2, 3.0) * base, base, 0.5)
         assert flaws(mesh).solid
         assert np.isfinite(mesh.normals).all()
+
+
+def test_the_back_has_few_triangles_and_the_volume_it_would_have_with_all() -> None:
+    inside, _ = disc(81, 36.0)
+    outline = find_outline(inside)
+    base = inflated(outline.inner)
+    mesh = height_surface(outline, 0.7 * base, base, 1.0)
+    assert flaws(mesh).solid
+    before = mesh.vertices[mesh.faces][..., 2].mean(axis=1) > 0.0
+    assert (~before).sum() < 0.4 * before.sum()
+    volume = 1.7 * base.sum()  # of columns from front to back
+    assert mesh.volume == pytest.approx(volume, rel=0.01)
 
 
 def test_a_hollow_front_stays_before_its_back() -> None:

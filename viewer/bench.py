@@ -1,10 +1,10 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Eight parts: speed as ratios within one run (`viewer.bench_speed`), the transport beside bare transforms
-(`viewer.bench_yardsticks`), solutions of `diffusion` (`viewer.bench_solving`), the window (`viewer.bench_window`),
-error of the transport against equation (1) (`viewer.bench_error`), sums over samples at the same error
-(`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and error of all methods against transport
-itself (`viewer.bench_transport`).
+Eight parts: speed as ratios within one run (`viewer.bench_speed`, `viewer.bench_photo`), the transport beside bare
+transforms (`viewer.bench_yardsticks`), solutions of `diffusion` (`viewer.bench_solving`), the window
+(`viewer.bench_window`), error of the transport against equation (1) (`viewer.bench_error`), sums over samples at the
+same error (`viewer.bench_rivals`), error of the whole renderer (`viewer.bench_chain`), and error of all methods against
+transport itself (`viewer.bench_transport`).
 """
 
 import os
@@ -24,6 +24,7 @@ from viewer import (
     bench_error_report,
     bench_occlusion,
     bench_occlusion_error,
+    bench_photo,
     bench_report,
     bench_rivals,
     bench_solving,
@@ -58,6 +59,7 @@ class Plan:
     frame_repeats: int = 7
     processes: tuple[Scheme, ...] = (PAPER, DEFAULT)
     process_repeats: int = 3
+    photographs: tuple[int, ...] = (1024,)  # pixels a side
     window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
     window_repeats: int = 24
     # the transport beside bare transforms, on shapes and on the scene's model
@@ -186,11 +188,14 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
     for scheme in plan.frames:
         rows = bench_speed.frame_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.frame_repeats)
         frames += _watched(rows, len(bench_speed.CHANGES), f"frames, {scheme}")
+    photographs = bench_photo.photo_rows(plan.photographs, plan.frame_repeats)
+    edits = _watched(photographs, len(plan.photographs), "edited photographs")
     if frames:
         mesh, _ = Assets().mesh(scene.model)
         turned = bench_occlusion.occlusion_rows(mesh, plan.repeats)
         frames += _watched(turned, bench_occlusion.COUNT, "occluded environment")
-        bench_report.report_frames(report, frames)
+    if frames or edits:
+        bench_report.report_frames(report, [*frames, *edits])
     if plan.processes:
         with tempfile.TemporaryDirectory() as folder:
             processes = (

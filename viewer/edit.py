@@ -5,6 +5,7 @@ background -> light (`core.photo_surround`), then the renderer's own pipeline, a
 (`viewer.edit_composite`).
 """
 
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -12,13 +13,14 @@ from time import perf_counter
 import moderngl
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import label
 
+from core.bodies import Bodies
 from core.convolution import thread_pool
 from core.environment import Probe, irradiance_table, lookup
 from core.mesh import Mesh
-from core.photo_light import light_around
-from core.photo_surround import MAP_HEIGHT, filled, scene_radiance, surround_map
+from core.photo_light import Shading, light_around
+from core.photo_surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
 from core.tonemap import luminance
 from viewer.assets import Assets
 from viewer.frame import Renderer
@@ -26,7 +28,8 @@ from viewer.gl import read_rgba
 from viewer.lighting import Progress
 from viewer.model import FileModel
 from viewer.photo import Photo, Region
-from viewer.photo_geometry import Geometry, frame_object, make_geometry
+from viewer.photo_framing import frame_object
+from viewer.photo_geometry import Geometry, make_geometry
 from viewer.picture import Frame, read_frame
 from viewer.scene import Scene
 from viewer.settings import DisplaySettings, ModelSettings
@@ -58,7 +61,7 @@ class Edited:
     white : float
         Of the tone map.
     behind : (h, w, 3) float32
-        Linear RGB of the background, filled in where the object was.
+        Linear RGB of the background, filled in where the object was; see `background`.
     timings : dict
         Stage -> ms.
     warnings : tuple of str
@@ -82,10 +85,17 @@ class PhotoAssets(Assets):
     def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
         super().__init__()
         self._mesh, self._path, self._light = geometry.mesh, path, light
+        self._inside = geometry.base > 0.0
 
     def probe(self, source: Path | str) -> Probe:
         """Return the photograph's light, or another light probe."""
         return self._light if source == self._path else super().probe(source)
+
+    def bodies(self, mesh: Mesh) -> Bodies:
+        """Return its bodies: one, where the outline's nodes hang together."""
+        if label(self._inside, np.ones((3, 3)))[1] == 1:
+            return Bodies(np.zeros(len(mesh.faces), np.int32), 1, 0)
+        return super().bodies(mesh)
 
     def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
         """Return what they are: the object is closed by construction."""
@@ -134,13 +144,20 @@ def edit(
     progress("estimating the depth")
     framing = frame_object(photo, scene.model.size_mm)
     white, read = scene.display.white, scene.photo
+    lit: list[Future[Probe]] = []
     geometry = make_geometry(
-        photo, framing, white, strength=read.depth_strength, smoothing=read.depth_smoothing, depth=read.depth
+        photo,
+        framing,
+        white,
+        strength=read.depth_strength,
+        smoothing=read.depth_smoothing,
+        depth=read.depth,
+        tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
     )
     lap("depth and surface")
-    behind = thread_pool().submit(filled, geometry.colour, clear_of(geometry.coverage).astype(np.float32))
+    behind = thread_pool().submit(background, geometry)
     progress("looking at the surround")
-    light = photo_light(photo, geometry, white)
+    light = lit[0].result()
     lap("light")
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
@@ -181,7 +198,7 @@ def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
     return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
 
 
-def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
+def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
     """Return the light on the object, in the photograph's radiance, see `core.photo_light`."""
     h, w = photo.size
     block = max(1, max(h, w) // SURROUND_SIDE)
@@ -192,12 +209,23 @@ def photo_light(photo: Photo, geometry: Geometry, white: float) -> Probe:
         outline = photo.outline
         centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
         around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
-    return Probe.from_pixels(light_around(around, geometry.shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+
+
+def background(geometry: Geometry) -> Float32:
+    """Fill the background in where the object is, (h, w, 3), two pixels that are read a side of one.
+
+    So large since what is filled in is smooth, and only that is seen.
+    """
+    step, clear = geometry.framing.step, clear_of(geometry.coverage).astype(np.float32)
+    return filled_halves(geometry.framing.cut(geometry.colour, step), geometry.framing.cut(clear, step))
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
     """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
-    return np.asarray(maximum_filter(coverage, 5) == 0.0)
+    near = np.pad(coverage > 0.0, 2)
+    near = near[:-4] | near[1:-3] | near[2:-2] | near[3:-1] | near[4:]
+    return ~(near[:, :-4] | near[:, 1:-3] | near[:, 2:-2] | near[:, 3:-1] | near[:, 4:])
 
 
 def exposure_match(light: Probe, geometry: Geometry, scene: Scene, rendered: float) -> float:

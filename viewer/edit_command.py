@@ -105,15 +105,13 @@ def _run(scene: Scene, photo: str, mask: str, samples: int, parts: bool) -> "Edi
 
 def _save(edited: "Edited", outputs: list[str], depth_output: str | None, background: str) -> None:
     from viewer.edit_composite import Compositor
-    from viewer.images import write_exr_bands, write_png
+    from viewer.images import write_exr_bands, write_png_bands
 
     compositor = Compositor(edited, "filled" if background == "transparent" else background)
-    picture = None
     for output in outputs:
         if Path(output).suffix.lower() == ".png":
-            if picture is None:
-                picture = compositor.picture(transparent=background == "transparent")
-            write_png(output, picture, edited.photo.profile)
+            pixels = compositor.bands(transparent=background == "transparent")
+            write_png_bands(output, edited.photo.size, pixels, edited.photo.profile)
         else:
             names, bands = compositor.layers()
             write_exr_bands(output, names, edited.photo.size, bands)

@@ -3,48 +3,31 @@
 Pixels farther than three from the mask, counted along rows and columns, stay what they were, bit for bit.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import functools
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation, convolve1d
 
+from core.convolution import thread_pool
 from core.photo_surround import filled, scene_radiance
 from core.tonemap import srgb, tone_map
 from viewer.edit import Edited
+from viewer.enlarge import enlarged, sampled
 from viewer.images import BAND, PixelsInt
-from viewer.photo import Region
-from viewer.photo_geometry import Geometry, enlarged
+from viewer.photo import Photo, Region
+from viewer.photo_geometry import Geometry
 
 Float32 = npt.NDArray[np.float32]
-Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.intp]
 
 BEHIND = ("filled", "seen")  # what soft edges show: the background without the object, or the photograph as it is
 LAYERS = {"irradiance": "RGB", "exitance": "RGB", "subsurface": "RGB", "specular": "RGB", "position": "XYZ",
           "normal": "XYZ"}  # fmt: skip
 GRAZING = 0.3  # cosine towards the camera below which the object takes the colour of what is beside
-_MARGIN = 2  # rows and columns that an edge pixel looks at
-
-
-@dataclass(frozen=True, eq=False)
-class Band:
-    """Rows of the photograph: linear RGB as displayed (h, w, 3), and what the object covers.
-
-    Attributes
-    ----------
-    place : Region
-    alpha : (h, w) float32
-        Coverage by the object, its edge softened by a pixel.
-    behind : (h, w, 3) float32
-    touched : (h, w) bool
-        What differs from the photograph.
-    """
-
-    place: Region
-    alpha: Float32
-    behind: Float32
-    touched: npt.NDArray[np.bool_]
+_MARGIN = 2  # rows and columns that an edge pixel looks at, and that the object changes around its outline
 
 
 class Compositor:
@@ -59,7 +42,7 @@ class Compositor:
 
     def __init__(self, edited: Edited, behind: str = "filled") -> None:
         self._edited, self._fill = edited, behind == "filled"
-        self._region, self._block = edited.geometry.framing.region, edited.geometry.framing.block
+        self._framing = edited.geometry.framing
         self._known = trusted(edited.geometry) * edited.coverage
         mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
@@ -69,27 +52,45 @@ class Compositor:
 
         `transparent`: the object alone, with alpha that is not multiplied in.
         """
+        return np.concatenate(list(self.bands(transparent)))
+
+    def bands(self, transparent: bool = False) -> Iterator[PixelsInt]:
+        """Return the picture in bands of at most `BAND` rows, from the top, made while others are on their way."""
+        h, w = self._edited.photo.size
+        rows = (Region(top, 0, min(BAND, h - top), w) for top in range(0, h, BAND))
+        return ahead(lambda place: self._developed(place, transparent), rows)
+
+    @functools.cached_property
+    def _shown(self) -> Float32:
+        """The object as the photograph's tone curve shows it, linear in [0, 1]."""
+        return np.minimum(tone_map(self._radiance, 1.0, self._edited.white), 1.0).astype(np.float32)
+
+    def _developed(self, rows: Region, transparent: bool) -> PixelsInt:
+        """Rows of the picture."""
         photo = self._edited.photo
-        most = int(np.iinfo(photo.pixels.dtype).max)
+        out = _beside(photo, rows, transparent)
+        place = _common(rows, _grown(photo.outline, _MARGIN))
+        if place.height <= 0 or place.width <= 0:
+            return out
+        top, most = place.top - rows.top, int(np.iinfo(photo.pixels.dtype).max)
+        target = out[top : top + place.height, place.left : place.left + place.width]
+        alpha, near = edges(photo, place)
+        touched = near > 0.0 if self._fill and not transparent else alpha > 0.0
+        colour = self._object(place, self._shown)
+        if not transparent:
+            at = np.nonzero(touched & (alpha < 1.0))
+            behind = photo.linear_at(at[0] + place.top, at[1] + place.left)
+            if self._fill:
+                # Pixels at the edge hold some of what the object was made of.
+                behind += near[at][:, None] * (self._behind(place, *at) - behind)
+            colour[at] = behind + alpha[at][:, None] * (colour[at] - behind)
+        shown = encoded(colour, most)
+        for i in range(3):  # one mask for all three would be copied six times as slowly
+            np.copyto(target[..., i], shown[..., i], where=touched)
         if transparent:
-            out = np.zeros((*photo.size, 4), photo.pixels.dtype)
-        elif photo.alpha is None:
-            out = photo.pixels.copy()
-        else:
-            out = np.concatenate([photo.pixels, photo.alpha[..., None]], axis=2)
-        for band in self._bands(self._shown()):
-            shown = tone_map(self._object(band.place, self._radiance), 1.0, self._edited.white)
-            place = band.place
-            target = out[place.top : place.top + place.height, place.left : place.left + place.width]
-            if transparent:
-                seen = band.alpha > 0.0
-                target[seen, :3] = _quantised(srgb(shown[seen]), most)
-                target[..., 3] = _quantised(band.alpha, most)
-                continue
-            mixed = band.behind + band.alpha[..., None] * (np.minimum(shown, 1.0) - band.behind)
-            target[band.touched, :3] = _quantised(srgb(mixed[band.touched]), most)
-            if photo.alpha is not None:  # where there is an object, there is no hole
-                target[..., 3] = np.maximum(target[..., 3], _quantised(band.alpha, most))
+            target[..., 3] = _quantised(alpha, most)
+        elif photo.alpha is not None:  # where there is an object, there is no hole
+            target[..., 3] = np.maximum(target[..., 3], _quantised(alpha, most))
         return out
 
     def layers(self) -> tuple[tuple[str, ...], Iterator[Float32]]:
@@ -103,20 +104,20 @@ class Compositor:
         assert frame is not None
         parts = {name: self._continued(getattr(frame, name)) for name in LAYERS}
         most = np.float32(np.iinfo(photo.pixels.dtype).max)
-        for band in self._bands(photo.whole):
-            place, alpha = band.place, band.alpha[..., None]
+        for top in range(0, photo.size[0], BAND):
+            place = Region(top, 0, min(BAND, photo.size[0] - top), photo.size[1])
+            alpha, near = (edge[..., None] for edge in edges(photo, place))
+            shown, behind = self._object(place, self._radiance), photo.linear(place)
+            if self._fill:
+                at = np.nonzero(near[..., 0] > 0.0)
+                behind = behind.copy()
+                behind[at] += near[at] * (self._behind(place, *at) - behind[at])
+            behind = scene_radiance(behind, self._edited.white)
             rows = slice(place.top, place.top + place.height)
-            shown = self._object(place, self._radiance)
-            behind = scene_radiance(band.behind, self._edited.white)
-            opaque = np.ones_like(band.alpha) if photo.alpha is None else photo.alpha[rows] / most
-            depth = self._edited.geometry.depth_mm(place)
-            planes = [
-                behind + alpha * (shown - behind),
-                np.maximum(opaque, band.alpha)[..., None],
-                alpha * shown,
-                alpha,
-            ]
-            planes += [behind, np.where(band.alpha > 0.0, depth, 0.0)[..., None]]
+            opaque = np.ones_like(alpha) if photo.alpha is None else photo.alpha[rows, :, None] / most
+            depth = self._edited.geometry.depth_mm(place)[..., None]
+            planes = [behind + alpha * (shown - behind), np.maximum(opaque, alpha), alpha * shown, alpha]
+            planes += [behind, np.where(alpha > 0.0, depth, 0.0)]
             for name, values in parts.items():
                 scale = exposure if LAYERS[name] == "RGB" else 1.0
                 planes.append(np.where(alpha > 0.0, scale * self._object(place, values), 0.0))
@@ -128,34 +129,32 @@ class Compositor:
 
     def _object(self, place: Region, values: Float32) -> Float32:
         """Cut a band out of what was rendered, at the photograph's size."""
-        top, left = place.top - self._region.top, place.left - self._region.left
-        return enlarged(values, self._block, range(top, top + place.height), range(left, left + place.width))
+        region, pixel = self._framing.shown, self._framing.node / self._framing.shades
+        top, left = place.top - region.top, place.left - region.left
+        return enlarged(values, pixel, range(top, top + place.height), range(left, left + place.width))
 
-    def _shown(self) -> Region:
-        """The part of the region that is in the photograph."""
-        (h, w), whole = self._edited.photo.size, self._region
-        top, left = max(whole.top, 0), max(whole.left, 0)
-        return Region(top, left, min(whole.top + whole.height, h) - top, min(whole.left + whole.width, w) - left)
+    def _behind(self, place: Region, rows: Ints, columns: Ints) -> Float32:
+        """Background behind k pixels of a band, (k, 3)."""
+        region, pixel = self._framing.shown, 2.0 * self._framing.block
+        rows, columns = rows + (place.top - region.top), columns + (place.left - region.left)
+        return sampled(self._edited.behind, pixel, rows, columns)
 
-    def _bands(self, region: Region) -> Iterator[Band]:
-        for start in range(0, region.height, BAND):
-            yield self._band(Region(region.top + start, region.left, min(BAND, region.height - start), region.width))
 
-    def _band(self, place: Region) -> Band:
-        photo = self._edited.photo
-        around = Region(
-            place.top - _MARGIN, place.left - _MARGIN, place.height + 2 * _MARGIN, place.width + 2 * _MARGIN
-        )
-        coverage = photo.coverage(around)
-        alpha = _softened(coverage)
-        behind, touched = photo.linear(place), alpha > 0.0
-        if self._fill:
-            # Pixels at the edge hold some of what the object was made of.
-            near = _softened(binary_dilation(coverage > 0.0).astype(np.float32))
-            share = near[..., None]
-            behind = behind + share * (self._object(place, self._edited.behind) - behind)
-            touched = near > 0.0
-        return Band(place, alpha, behind, touched)
+def edges(photo: Photo, place: Region) -> tuple[Float32, Float32]:
+    """Coverage by the object and how far the background is filled in, (h, w) each, softened by a pixel."""
+    coverage = photo.coverage(_grown(place, _MARGIN))
+    return _binomial(coverage)[1:-1, 1:-1], _binomial(dilated(coverage))[1:-1, 1:-1]
+
+
+def dilated(coverage: Float32) -> Float32:
+    """1 where a pixel or one of the four beside it is covered, else 0."""
+    there = coverage > 0.0
+    near = there.copy()
+    near[1:] |= there[:-1]
+    near[:-1] |= there[1:]
+    near[:, 1:] |= there[:, :-1]
+    near[:, :-1] |= there[:, 1:]
+    return near.astype(np.float32)
 
 
 def trusted(geometry: Geometry) -> Float32:
@@ -169,14 +168,62 @@ def trusted(geometry: Geometry) -> Float32:
 
 def softened(values: Float32) -> Float32:
     """Binomial mean over 3 x 3 pixels; beyond the border it goes on."""
-    for axis in (0, 1):
-        values = convolve1d(values, [0.25, 0.5, 0.25], axis, mode="nearest")
-    return values
+    return _binomial(np.pad(values, 1, mode="edge"))
 
 
-def _softened(values: Float32) -> Float32:
-    """Likewise, without the margin."""
-    return softened(values)[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
+def encoded(linear: Float32, most: int) -> PixelsInt:
+    """Linear RGB in [0, 1] as sRGB of 8 or 16 bits; of 8, by a table over the root, off by 0.003 levels at most."""
+    if most != 255:
+        return _quantised(srgb(linear), most)
+    at = np.sqrt(linear)
+    at *= np.float32(65535.0)
+    at += np.float32(0.5)
+    return _levels().take(at.astype(np.uint16))
+
+
+def ahead(make: Callable[[Region], PixelsInt], regions: Iterable[Region], most: int = 3) -> Iterator[PixelsInt]:
+    """Make something of each region in the worker threads, `most` of them before they are asked for."""
+    begun: deque[Future[PixelsInt]] = deque()
+    for region in regions:
+        begun.append(thread_pool().submit(make, region))
+        if len(begun) > most:
+            yield begun.popleft().result()
+    while begun:
+        yield begun.popleft().result()
+
+
+@functools.cache
+def _levels() -> npt.NDArray[np.uint8]:
+    roots = np.arange(65536) / 65535.0
+    return np.rint(255.0 * srgb(roots**2)).astype(np.uint8)
+
+
+def _binomial(values: Float32) -> Float32:
+    """Binomial mean over 3 x 3 pixels, without a margin of one."""
+    quarter, half = np.float32(0.25), np.float32(0.5)
+    values = quarter * (values[:-2] + values[2:]) + half * values[1:-1]
+    return quarter * (values[:, :-2] + values[:, 2:]) + half * values[:, 1:-1]
+
+
+def _beside(photo: Photo, rows: Region, transparent: bool) -> PixelsInt:
+    """A copy of the photograph's rows, or nothing, (h, w, 3 or 4)."""
+    cut = slice(rows.top, rows.top + rows.height)
+    if transparent:
+        return np.zeros((rows.height, rows.width, 4), photo.pixels.dtype)
+    if photo.alpha is None:
+        return photo.pixels[cut].copy()
+    return np.concatenate([photo.pixels[cut], photo.alpha[cut, :, None]], axis=2)
+
+
+def _grown(region: Region, by: int) -> Region:
+    return Region(region.top - by, region.left - by, region.height + 2 * by, region.width + 2 * by)
+
+
+def _common(a: Region, b: Region) -> Region:
+    """What two regions have in common; without a side above 0 where that is nothing."""
+    top, left = max(a.top, b.top), max(a.left, b.left)
+    bottom, right = min(a.top + a.height, b.top + b.height), min(a.left + a.width, b.left + b.width)
+    return Region(top, left, bottom - top, right - left)
 
 
 def _quantised(values: npt.NDArray[np.floating], most: int) -> PixelsInt:

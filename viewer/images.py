@@ -5,6 +5,7 @@ written under a temporary name in the same folder and then renamed: no reader se
 left behind.
 """
 
+import itertools
 import os
 import secrets
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -15,6 +16,7 @@ import numpy.typing as npt
 import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 
 from core.errors import InputError
+from viewer.complete_file import is_complete
 
 Pixels8 = npt.NDArray[np.uint8]
 PixelsInt = npt.NDArray[np.unsignedinteger]  # uint8 or uint16
@@ -29,7 +31,7 @@ MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photogra
 # ringing and become 0; more of them mean that the picture is something else.
 NEGATIVE_SHARE = 1e-3
 BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
-_PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksum
+_PNG_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
 _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 _FORMATS |= {".tif": "tiff", ".tiff": "tiff", ".webp": "webp", ".bmp": "bmp"}
 
@@ -148,17 +150,27 @@ def write_png(path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | 
 
     Tagged sRGB, or with an ICC profile of its own.
     """
-    if pixels.dtype not in (np.uint8, np.uint16) or pixels.ndim != 3 or pixels.shape[2] not in (1, 3, 4):
-        raise ValueError(f"pixels must be (h, w, 1, 3 or 4) uint8 or uint16, not {pixels.shape} {pixels.dtype}")
-    height, width, count = pixels.shape
-    spec = oiio.ImageSpec(width, height, count, pixels.dtype.name)
-    spec.attribute("png:compressionLevel", 4)  # a third of the time of 6, for a file 7 % larger
+    write_png_bands(path, pixels.shape[:2], [pixels], profile)
+
+
+def write_png_bands(
+    path: str | os.PathLike[str], size: tuple[int, ...], bands: Iterable[PixelsInt], profile: bytes | None = None
+) -> None:
+    """Write a PNG as `write_png`, whose rows come in bands (rows, w, 1, 3 or 4), from the top."""
+    made = iter(bands)
+    first = next(made)
+    if first.dtype not in (np.uint8, np.uint16) or first.ndim != 3 or first.shape[2] not in (1, 3, 4):
+        raise ValueError(f"pixels must be (h, w, 1, 3 or 4) uint8 or uint16, not {first.shape} {first.dtype}")
+    spec = oiio.ImageSpec(size[1], size[0], first.shape[2], first.dtype.name)
+    # Half the time of zlib's level 4 without a filter; files are 3 % smaller (photographs) to 11 % larger (windows).
+    spec.attribute("compression", "rle")
+    spec.attribute("png:filter", _PNG_AVERAGE)
     if profile is None:
         spec.attribute("oiio:ColorSpace", "sRGB")
     else:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
     spec.attribute("oiio:UnassociatedAlpha", 1)  # else colours are divided by alpha on the way out
-    _write(Path(path), ".png", spec, [pixels])
+    _write(Path(path), ".png", spec, itertools.chain([first], made))
 
 
 def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) -> None:
@@ -264,31 +276,13 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.ND
             top += len(band)
         done = output.close() and done
         output.geterror()  # fetched so that it is not printed at exit
-        if not done or not _is_complete(temporary, spec.height):
+        if not done or not is_complete(temporary, spec.height):
             raise InputError(f"{path} could not be written: check the free space and the permissions.")
         os.replace(temporary, target)
     except OSError as error:
         raise InputError(f"{path} could not be written: {error.strerror}.") from error
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def _is_complete(path: Path, height: int) -> bool:
-    """Whether a file just written has its end: on a full disk OpenImageIO reports success for PNG, and for EXR too
-    where only the last few kilobytes are missing.
-    """
-    if path.suffix == ".png":
-        with path.open("rb") as file:
-            file.seek(max(0, path.stat().st_size - 12))
-            return file.read() == _PNG_END
-    source = oiio.ImageInput.open(str(path))
-    if source is None:
-        oiio.geterror()
-        return False
-    last_row = source.read_scanline(height - 1, 0, "float")
-    source.geterror()
-    source.close()
-    return last_row is not None
 
 
 def _count(mask: npt.NDArray[np.bool_]) -> str:

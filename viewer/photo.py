@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from core.convolution import thread_pool
 from core.errors import InputError
 from core.photo_surround import linear
 from viewer.images import PixelsInt, read_photo
@@ -98,6 +99,10 @@ class Photo:
         """Linear RGB of a region in [0, 1]: (height, width, 3)."""
         return np.asarray(self._linear.take(_cut(self.pixels, region)))
 
+    def linear_at(self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> Float32:
+        """Linear RGB of k pixels in [0, 1]: (k, 3)."""
+        return np.asarray(self._linear.take(self.pixels[rows, columns]))
+
     def coverage(self, region: Region) -> Float32:
         """Share of each pixel that the object covers, as the mask says: (height, width)."""
         return np.asarray(self._coverage.take(_cut(self.mask, region)))
@@ -124,12 +129,13 @@ def load_photo(path: Path, mask_path: Path | None) -> Photo:
     InputError
         Files that cannot be read, or do not belong together.
     """
+    painted = None if mask_path is None else thread_pool().submit(read_photo, mask_path)
     pixels, profile = read_photo(path)
     mask: PixelsInt
-    if mask_path is None:
+    if mask_path is None or painted is None:
         mask_path, mask = Path("the mask"), np.zeros(pixels.shape[:2], np.uint8)
     else:
-        mask = _mask(read_photo(mask_path)[0])
+        mask = _mask(painted.result()[0])
     if mask.shape != pixels.shape[:2]:
         raise InputError(
             f"{mask_path} measures {mask.shape[1]}x{mask.shape[0]} pixels but {path} {pixels.shape[1]}x"

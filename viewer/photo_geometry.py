@@ -1,5 +1,6 @@
 """The object of a photograph as a mesh in front of a camera that sees it where the photograph shows it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,46 +12,18 @@ from core.mesh import Mesh
 from core.photo_depth import estimate_height, inflated, inscribed_radius
 from core.photo_light import Shading, measure_shading, unexplained, without_lamp
 from core.photo_surface import Outline, find_outline, height_surface
-from core.photo_surround import filled, scene_radiance
-from core.tonemap import luminance
+from core.photo_surround import filled, scene_luminance
+from core.tonemap import LUMINANCE
+from viewer.enlarge import enlarged
 from viewer.images import read_channels, read_photo
 from viewer.photo import Photo, Region
+from viewer.photo_framing import Framing
 from viewer.settings import CameraSettings
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
-GRID = 192  # nodes along the outline's longer side, at most; solvers resolve a third of it
-PICTURE = 1536  # pixels along the longer side of the picture that is rendered, at most
-MARGIN = 4  # nodes around the outline
 DEPTH_SUFFIXES = (".png", ".exr", ".npy")
-
-
-@dataclass(frozen=True)
-class Framing:
-    """What of a photograph is rendered, and how finely.
-
-    Attributes
-    ----------
-    region : Region
-        Its sides are multiples of `block` times `step`.
-    block : int
-        Pixels of the photograph a side of a rendered pixel.
-    step : int
-        Rendered pixels between two nodes of the surface.
-    mm : float
-        Size of a rendered pixel.
-    """
-
-    region: Region
-    block: int
-    step: int
-    mm: float
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Height and width of the rendered picture."""
-        return self.region.height // self.block, self.region.width // self.block
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +34,7 @@ class Geometry:
     ----------
     framing : Framing
     colour : (h, w, 3) float32
-        Linear RGB of the region, a pixel each of the rendered picture.
+        Linear RGB of the region, a pixel for each `block`.
     coverage : (h, w) float32
     share : (n, m) float64
         Coverage of the nodes' squares.
@@ -73,7 +46,7 @@ class Geometry:
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
     camera : CameraSettings
-        Orthographic; shows the region.
+        Orthographic; shows what is in the photograph.
     """
 
     framing: Framing
@@ -88,45 +61,31 @@ class Geometry:
 
     def depth_mm(self, band: Region) -> Float32:
         """Height of a region's pixels, (height, width), 0 beside the object: between the nodes, linearly."""
-        node = self.framing.block * self.framing.step
-        nodes = (self.height * (self.framing.mm * self.framing.step)).astype(np.float32)[..., None]
+        nodes = (self.height * self.framing.mm).astype(np.float32)[..., None]
         whole = self.framing.region
         rows, columns = (
             range(start, start + n)
             for start, n in ((band.top - whole.top, band.height), (band.left - whole.left, band.width))
         )
-        return enlarged(nodes, node, rows, columns)[..., 0]
+        return enlarged(nodes, self.framing.node, rows, columns)[..., 0]
 
     def facing(self) -> Float32:
         """Cosine between the surface and the camera at every rendered pixel, (h, w); 0 at the rim."""
         down, right = np.gradient(self.height)
         cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
         rows, columns = self.framing.size
-        return enlarged(cosine, self.framing.step, range(rows), range(columns))[..., 0]
-
-
-def frame_object(photo: Photo, size_mm: float) -> Framing:
-    """Choose what to render, and how finely; `size_mm` is the longer side of the object's outline."""
-    outline = photo.outline
-    longest = max(outline.height, outline.width)
-    block = -(-longest // PICTURE)
-    step = max(1, -(-longest // (block * GRID)))
-    node = block * step
-    h, w = photo.size
-
-    def side(start: int, length: int, end: int) -> tuple[int, int]:
-        # What the photograph cuts off goes on beyond it: an outline there would bend to a rim that is not one.
-        before = longest // 4 if start == 0 else MARGIN * node
-        after = longest // 4 if start + length == end else MARGIN * node
-        total = max(length + before + after, 16 * block)
-        return start - before, -(-total // node) * node
-
-    (top, height), (left, width) = side(outline.top, outline.height, h), side(outline.left, outline.width, w)
-    return Framing(Region(top, left, height, width), block, step, size_mm * block / longest)
+        return enlarged(self.framing.cut(cosine), self.framing.shades, range(rows), range(columns))[..., 0]
 
 
 def make_geometry(
-    photo: Photo, framing: Framing, white: float, *, strength: float, smoothing: float, depth: Path | None = None
+    photo: Photo,
+    framing: Framing,
+    white: float,
+    *,
+    strength: float,
+    smoothing: float,
+    depth: Path | None = None,
+    tell: Callable[[Shading], object] = lambda _: None,
 ) -> Geometry:
     """Estimate the object's depth, or read it, and make a surface of it.
 
@@ -139,6 +98,8 @@ def make_geometry(
         With a depth of one's own, strength scales it and smoothing is of no use.
     depth : Path, optional
         See `read_depth`.
+    tell : callable
+        Told the shading as soon as it is known: light can be made of it meanwhile.
 
     Raises
     ------
@@ -158,9 +119,11 @@ def make_geometry(
         given = _given_height(
             read_depth(depth, photo), photo, framing, outline, strength, depth.suffix.lower() == ".png"
         )
-    shading = _shading(colour, coverage, share, base if given is None else given, framing.step, white)
+    shown = colour @ LUMINANCE.astype(np.float32)
+    shading = _shading(shown, coverage, share, base if given is None else given, framing.step, white)
+    tell(shading)
     if given is None:
-        light = over_nodes(luminance(colour), coverage, framing.step)
+        light = over_nodes(shown, coverage, framing.step)
         # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
         more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
         light = without_lamp(light, base, outline.inner, shading)
@@ -175,16 +138,16 @@ def make_geometry(
         )
     else:
         height = given
-    mesh = height_surface(outline, height, base, framing.mm * framing.step)
+    mesh = height_surface(outline, height, base, framing.mm)
     centre = mesh.bounds.mean(axis=0)
     mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
     camera = _camera(framing, mesh, centre)
     return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
 
 
-def _shading(colour: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
+def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
     """Measure how the object is lit, on nodes that it covers wholly, if there are any."""
-    seen = over_nodes(luminance(scene_radiance(colour, white)), coverage, step)
+    seen = over_nodes(scene_luminance(shown, white), coverage, step)
     inside = share > 0.999
     return measure_shading(seen, height, inside if inside.any() else share > 0.5)
 
@@ -218,48 +181,38 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     return values
 
 
-def enlarged(values: Float32, factor: int, rows: range, columns: range) -> Float32:
-    """Enlarge (h, w, c) to squares of `factor` pixels, linear between their centres, and cut out rows and columns."""
-    for axis, wanted in enumerate((rows, columns)):
-        n = values.shape[axis]
-        if factor == 1:
-            values = np.take(values, np.clip(wanted, 0, n - 1), axis)
-            continue
-        at = np.clip((np.array(wanted) + 0.5) / factor - 0.5, 0.0, n - 1.0)
-        low = np.minimum(at.astype(np.intp), max(n - 2, 0))
-        share = (at - low).astype(np.float32).reshape(tuple(-1 if i == axis else 1 for i in range(3)))
-        lower, upper = (np.take(values, np.minimum(low + i, n - 1), axis) for i in (0, 1))
-        values = lower + share * (upper - lower)
-    return values
-
-
 def _given_height(
     values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
 ) -> Array:
     """Height of the nodes, in nodes, from a depth map; what lies beyond the mask goes on from it."""
-    node = framing.block * framing.step
     region = framing.region
     rows = np.clip(np.arange(region.top, region.top + region.height), 0, photo.size[0] - 1)
     columns = np.clip(np.arange(region.left, region.left + region.width), 0, photo.size[1] - 1)
     # Half-covered pixels may show what is behind.
     weight = photo.coverage(region) > 0.5
     cut = np.where(weight, values[rows[:, None], columns[None, :]], 0.0)
-    means, known = over_nodes(cut, weight.astype(np.float32), node), _squares(weight.astype(np.float32), node) > 0.0
+    means, known = (
+        over_nodes(cut, weight.astype(np.float32), framing.node),
+        _squares(weight.astype(np.float32), framing.node) > 0.0,
+    )
     height = filled(means[..., None], known.astype(np.float32))[..., 0].astype(np.float64)
     low, high = float(height[known].min()), float(height[known].max())
     if not relative:
-        return (height - low) * (strength / (framing.mm * framing.step))
+        return (height - low) * (strength / framing.mm)
     scale = strength * inscribed_radius(outline.inner) / (high - low) if high > low else 0.0
     return (height - low) * scale
 
 
 def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
-    """Orthographic, from +z, so that a rendered pixel is a pixel of the region."""
+    """Orthographic, from +z, so that the picture is what is shown of the region."""
     rows, columns = framing.size
-    half = 0.5 * rows * framing.mm
+    pixel, region, shown = framing.mm / framing.node, framing.region, framing.shown
+    half = 0.5 * shown.height * pixel
     zoom = mesh.radius / min(1.0, columns / rows) / half
     # Nodes are the centres of squares of pixels, so that the grid's middle, x = y = 0 before, is the region's.
-    target = (-float(centre[0]), -float(centre[1]), 0.0)
+    right = shown.left - region.left + 0.5 * (shown.width - region.width)
+    down = shown.top - region.top + 0.5 * (shown.height - region.height)
+    target = (right * pixel - float(centre[0]), -down * pixel - float(centre[1]), 0.0)
     return CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, orthographic=True, zoom=zoom, target_mm=target)
 
 
@@ -271,7 +224,8 @@ def over_nodes(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating
 def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
     """Means over squares of `step` pixels, (h, w)."""
     h, w = values.shape
-    return np.asarray(values.reshape(h // step, step, w // step, step).mean(axis=(1, 3)), np.float64)
+    rows = values.reshape(h // step, step, w).sum(axis=1, dtype=np.float64)  # along memory
+    return np.asarray(rows.reshape(h // step, w // step, step).sum(axis=2) / step**2)
 
 
 def _read_npy(path: Path) -> Float32:

@@ -98,7 +98,7 @@ class PhotoPass:
         """Draw an object whose radiance is in all levels over its `backdrop`; `behind` likewise."""
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = ">"
-        region = made.geometry.framing.region
+        region = made.geometry.framing.shown
         out.use()
         self._photo.set(
             {

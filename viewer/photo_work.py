@@ -7,20 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation
 
 from core.environment import Probe
 from core.errors import InputError
 from core.mesh import Mesh
-from core.photo_surround import filled
 from viewer.assets import Assets
-from viewer.edit import clear_of, photo_light, placed_scene
-from viewer.edit_composite import softened
+from viewer.edit import background, photo_light, placed_scene
+from viewer.edit_composite import dilated, softened
 from viewer.live import KEEP
 from viewer.model import FileModel
 from viewer.photo import Photo, Region
 from viewer.photo_cut import Box, cut_out
-from viewer.photo_geometry import PICTURE, Geometry, frame_object, make_geometry
+from viewer.photo_framing import PICTURE, frame_object
+from viewer.photo_geometry import Geometry, make_geometry
 from viewer.photo_mask import PaintedMask
 from viewer.scene import Scene
 from viewer.settings import ModelSettings
@@ -228,14 +227,14 @@ class PhotoWork:
 def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) -> Made:
     """Make the object, with what can stay of the last one; in the worker."""
     framing = frame_object(photo, wanted.size_mm)
-    read = {"strength": wanted.strength, "smoothing": wanted.smoothing}
-    geometry = make_geometry(photo, framing, wanted.white, **read, depth=wanted.depth)
+    geometry = make_geometry(
+        photo, framing, wanted.white, strength=wanted.strength, smoothing=wanted.smoothing, depth=wanted.depth
+    )
     path = photo.path.with_name(f"{photo.path.name}#{number}")
     if last is not None and last.wanted.light == wanted.light:
         return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)
-    light = photo_light(photo, geometry, wanted.white)
-    behind = filled(geometry.colour, clear_of(geometry.coverage).astype(np.float32))
-    return Made(wanted, path, path, photo, geometry, light, behind, soft_edges(photo))
+    light = photo_light(photo, geometry.shading, wanted.white)
+    return Made(wanted, path, path, photo, geometry, light, background(geometry), soft_edges(photo))
 
 
 def shown_block(photo: Photo) -> int:
@@ -249,8 +248,7 @@ def soft_edges(photo: Photo) -> npt.NDArray[np.uint8]:
     rows, columns = (-(-side // block) for side in photo.size)
     coverage = photo.coverage(Region(0, 0, rows * block, columns * block))
     coverage = coverage.reshape(rows, block, columns, block).mean(axis=(1, 3), dtype=np.float32)
-    near = binary_dilation(coverage > 0.0).astype(np.float32)
-    both = np.stack([softened(coverage), softened(near)], axis=-1)
+    both = np.stack([softened(coverage), softened(dilated(coverage))], axis=-1)
     return np.asarray(np.rint(255.0 * both), np.uint8)
 
 

@@ -149,7 +149,8 @@ class ViewArea:
         # Still a draft while the worker is at it: the old volume in full quality would hold up the new one.
         draft = self._dragged and (age < DRAFT_UNTIL or (was_draft and self.live.working))
         if draft and not was_draft:
-            predicted = self._per_pixel * self.size[0] * self.size[1]
+            width, height = self._sized(scene).display.image_size
+            predicted = self._per_pixel * width * height
             fitting = [scale for scale in SCALES if predicted * scale**2 <= DRAFT_MS]
             self._scale = fitting[0] if fitting else SCALES[-1]
         self.detail = Detail(draft, 1 if draft or age < FINE_AFTER else self.detail.samples)
