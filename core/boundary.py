@@ -25,6 +25,7 @@ from core.rays import RayMesh
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
+Bools = npt.NDArray[np.bool_]
 
 ROWS = 24  # points at which the row sum is measured
 TOLERANCE = 0.02  # of the row sum -1/2: a closed surface has it to the last digits, one with a hole does not near it
@@ -73,9 +74,22 @@ class Boundary:
     @functools.cached_property
     def edges(self) -> Edges:
         """Between the patches."""
-        is_sheet = np.zeros(len(self.patches), np.bool_)
-        is_sheet[self.sheet.patches] = True
-        return Edges(self.patches, self.thickness, is_sheet)
+        return Edges(self.patches, self.thickness, self.is_sheet)
+
+    @functools.cached_property
+    def mean_chord(self) -> float:
+        """4 V / A, mm."""
+        patches = self.patches
+        middle = patches.points.mean(axis=0)
+        volume = float(np.einsum("ij,ij->", patches.points - middle, patches.vector_areas)) / 3.0
+        return max(4.0 * volume / float(patches.areas.sum()), np.finfo(np.float64).tiny)
+
+    @functools.cached_property
+    def is_sheet(self) -> Bools:
+        """Patches that have another side, (n,)."""
+        each = np.zeros(len(self.patches), np.bool_)
+        each[self.sheet.patches] = True
+        return each
 
     def means(self, values: Array) -> Float32:
         """Means of the patches near each node, by area, of (n, k): (k, n_layers, height, width); 0 where none is."""
@@ -87,7 +101,11 @@ class Boundary:
 
     def bending(self, medium: Medium) -> Array:
         """`Medium.bending` of the patches, (n,); curvature counts as far as light goes before it scatters."""
-        return medium.bending(self.curvature.at(0.5 * medium.mean_free_path))
+        far = medium.mean_free_path
+        curvature, edges = self.curvature.at(0.5 * far)
+        # On sheets, and where light flies through without meeting anything, there is no face to speak of.
+        counts = np.clip(2.0 - far / self.mean_chord, 0.0, 1.0)
+        return medium.bending(curvature, np.where(self.is_sheet, 0.0, counts * edges))
 
     def double_layer(self, boundary_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
         """Deposit of 2 A M dA: W / (2 A) + b D n . grad W, (nodes, n) sparse float32; b is 1 or (n,)."""

@@ -18,6 +18,7 @@ Array = npt.NDArray[np.float64]
 
 NEIGHBOURS = 10
 APART = 1.0  # patches that normals a right angle apart count as
+ROUND, SHARP = 0.15, 0.35  # radians that the surface turns over a patch: up to here no edge, from here on one
 DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
 
 
@@ -29,19 +30,20 @@ class Curvature:
     ----------
     widths : (m,) float64
         Standard deviations along the surface, mm, ascending.
-    values : (m, n) float64
-        Sum of the two principal curvatures, 2 H, 1/mm; above 0 where the surface is convex.
+    values : (m, n, 2) float64
+        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what edges are of it.
     """
 
     widths: Array
     values: Array
 
-    def at(self, width: float) -> Array:
-        """Return 2 H, (n,), smoothed over `width`, mm, or the nearest there is."""
+    def at(self, width: float) -> tuple[Array, Array]:
+        """Return both, (n,) each, smoothed over `width`, mm, or the nearest there is."""
         i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
         low, high = self.widths[i - 1], self.widths[i]
         share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
-        return np.asarray((1.0 - share) * self.values[i - 1] + share * self.values[i])
+        both = (1.0 - share) * self.values[i - 1] + share * self.values[i]
+        return both[:, 0], both[:, 1]
 
 
 def curvature(patches: Patches) -> Curvature:
@@ -62,7 +64,8 @@ def curvature(patches: Patches) -> Curvature:
     rows = np.arange(0, n * count + 1, count)
     smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
     variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
-    values = [smoother @ value]
+    edge = value * np.clip((value * spacing - ROUND) / (SHARP - ROUND), 0.0, 1.0)
+    values = [smoother @ np.stack([value, edge], axis=-1)]
     for i in range(DOUBLINGS):
         values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))
     return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values))

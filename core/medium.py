@@ -17,8 +17,9 @@ with it the condition that what goes down is F_r of what comes up, as a mean ove
 
 Photons from deep inside a shell or a ball tell z_b by where they leave: without a boundary it is 0.779 mean free paths
 around a cavity of radius 7, 0.577 in a ball of radius 4 and 0.710 on a plane, and gamma = 1/4 makes 0.071 and -0.125 of
-that. It holds where the surface is concave, as inside a bowl; on convex ones lit from outside it is too much, as light
-that has just entered is held back there by total reflection, and what is left of it was fitted to balls.
+that. It holds where the surface is concave, as inside a bowl, and at edges. On smooth convex ones lit from outside it
+is too much, as light that has just entered is held back there by total reflection, and what is left of it was fitted to
+balls; at an edge it is let out by the other face (`core.crossing`).
 """
 
 import functools
@@ -39,6 +40,7 @@ ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CLEAR = 1e9  # mean free path, mm; more changes nothing
 CONVEX = 0.6  # share of the effect that is left where the surface is convex but nearly flat
+SHARPEST = 1.5  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
 
 
@@ -93,10 +95,17 @@ class Medium:
         """A, >= 1."""
         return boundary_factor(self.eta) * float(1.0 + ANISOTROPY * np.sqrt(1.0 - self.albedo))
 
-    def bending(self, curvature: npt.ArrayLike) -> Array:
-        """A on a curved surface over `boundary`, > 0; `curvature` is 2 H, 1/mm, above 0 where convex, any shape."""
-        bent = np.clip(np.asarray(curvature, np.float64) * min(self.mean_free_path, CLEAR), -DEEPEST, CLEAR)
-        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
+    def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
+        """A on a curved surface over `boundary`, > 0.
+
+        `curvature` is 2 H, 1/mm, above 0 where convex, any shape; `edges` what edges are of that, >= 0.
+        """
+        far = min(self.mean_free_path, CLEAR)
+        sharp = np.asarray(edges, np.float64) * far
+        bent = np.clip(np.asarray(curvature, np.float64) * far - sharp, -DEEPEST, CLEAR)
+        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent) + sharp / np.hypot(
+            1.0, sharp / SHARPEST
+        )
         extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 

@@ -29,20 +29,20 @@ def shell(outer, inner, subdivisions=4):
 
 @pytest.mark.parametrize("width", [0.0, 0.5, 2.0, 100.0])
 def test_of_a_ball_whatever_the_width(width):
-    np.testing.assert_allclose(curvature(patches_of(ball(20.0))).at(width), 0.2, rtol=0.01)
+    np.testing.assert_allclose(curvature(patches_of(ball(20.0))).at(width)[0], 0.2, rtol=0.01)
 
 
 def test_inside_of_a_bowl_is_concave():
     patches = patches_of(bowl())
     radius, low = np.linalg.norm(patches.points - [0.0, 0.0, 4.25], axis=1), patches.points[:, 2] < 1.0
-    found = curvature(patches).at(0.5)
+    found = curvature(patches).at(0.5)[0]
     np.testing.assert_allclose(found[low & (radius < 8.5)], -2.0 / 7.0, rtol=0.02)
     np.testing.assert_allclose(found[low & (radius > 8.5)], 0.2, rtol=0.02)
 
 
 def test_sides_of_a_sheet_do_not_mix():
     patches = patches_of(shell(10.0, 9.8))
-    found = curvature(patches).at(0.5)
+    found = curvature(patches).at(0.5)[0]
     outside = np.einsum("ij,ij->i", patches.points, patches.normals) > 0.0
     np.testing.assert_allclose(found[outside], 0.2, rtol=0.05)
     np.testing.assert_allclose(found[~outside], -0.2, rtol=0.07)
@@ -50,20 +50,33 @@ def test_sides_of_a_sheet_do_not_mix():
 
 def test_edges_are_convex_and_faces_flat():
     patches = patches_of(cube())
-    found = curvature(patches).at(0.5)
+    found = curvature(patches).at(0.5)[0]
     to_edge = np.sort(10.0 - np.abs(patches.points), axis=1)[:, 1]
     assert np.abs(found[to_edge > 4.0]).max() < 1e-6
     assert found[to_edge < 0.3].min() > 0.2
 
 
+@pytest.mark.parametrize("shape", [lambda: ball(20.0), lambda: shell(10.0, 9.8)])
+def test_no_edges_on_what_is_smooth(shape):
+    total, edges = curvature(patches_of(shape())).at(0.5)
+    assert edges.min() >= 0.0
+    assert np.median(edges) < 1e-9
+    assert edges.mean() < 0.02 * np.abs(total).mean()
+
+
+def test_edges_of_a_cube_are_most_of_its_curvature():
+    total, edges = curvature(patches_of(cube())).at(0.5)
+    assert 0.7 * total.sum() < edges.sum() <= total.sum()
+
+
 def test_a_wider_mean_sees_no_detail():
     found = curvature(patches_of(detail(subdivisions=5)))
-    spreads = [found.at(width).std() for width in (0.0, 0.5, 1.0, 2.0)]
+    spreads = [found.at(width)[0].std() for width in (0.0, 0.5, 1.0, 2.0)]
     assert (np.diff(spreads) < 0.0).all()
     assert spreads[-1] < 0.1 * spreads[0]
-    np.testing.assert_array_equal(found.at(1e3), found.values[-1])
+    np.testing.assert_array_equal(np.stack(found.at(1e3), axis=-1), found.values[-1])
     between = found.at(float(found.widths[:2].mean()))
-    np.testing.assert_allclose(between, found.values[:2].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(np.stack(between, axis=-1), found.values[:2].mean(axis=0), atol=1e-12)
 
 
 def test_light_around_a_cavity_against_photons():
