@@ -30,6 +30,7 @@ Bools = npt.NDArray[np.bool_]
 ROWS = 24  # points at which the row sum is measured
 TOLERANCE = 0.02  # of the row sum -1/2: a closed surface has it to the last digits, one with a hole does not near it
 LEAST_PARALLEL, PARALLEL = 0.6, 0.95  # cosine between the sides of a sheet: below it is none, from there on it is one
+PLAIN = 0.96  # evenness above which patches may be of a face that has edges
 RAY_OFFSET = 1e-3  # cells that a ray starts below the surface
 
 
@@ -74,7 +75,7 @@ class Boundary:
     @functools.cached_property
     def edges(self) -> Edges:
         """Between the patches."""
-        return Edges(self.patches, self.thickness, self.is_sheet)
+        return Edges(self.patches, self.thickness, (self.curvature.evenness > PLAIN) & ~self.is_sheet)
 
     @functools.cached_property
     def mean_chord(self) -> float:

@@ -47,7 +47,7 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
     counts = float(np.clip((COARSE - edges.spacing / far) / (COARSE - FINE), 0.0, 1.0))
     if counts == 0.0 or not entries:
         return None
-    pairs = [(part, each) for part, each in edges.pairs(far) if len(each.patch)]
+    pairs = edges.pairs(far)
     if not pairs:
         return None
     areas = edges.patches.areas

@@ -18,6 +18,7 @@ Array = npt.NDArray[np.float64]
 
 NEIGHBOURS = 10
 APART = 1.0  # patches that normals a right angle apart count as
+FACE = 0.7  # cosine between normals of one face
 ROUND, SHARP = 0.15, 0.35  # radians that the surface turns over a patch: up to here no edge, from here on one
 DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
 
@@ -32,10 +33,13 @@ class Curvature:
         Standard deviations along the surface, mm, ascending.
     values : (m, n, 2) float64
         Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what edges are of it.
+    evenness : (n,) float64
+        Mean cosine between a patch's normal and those around it on its own face: 0.93 on a scan's bumps, 1 if flat.
     """
 
     widths: Array
     values: Array
+    evenness: Array
 
     def at(self, width: float) -> tuple[Array, Array]:
         """Return both, (n,) each, smoothed over `width`, mm, or the nearest there is."""
@@ -55,8 +59,10 @@ def curvature(patches: Patches) -> Curvature:
     others = cKDTree(places).query(places, count)[1].reshape(n, count)
     step = patches.points[others] - patches.points[:, None]
     turn = patches.normals[others] - patches.normals[:, None]
-    along = np.einsum("ijk,ijk->ij", step, step)
-    alike = np.maximum(1.0 - 0.25 * np.einsum("ijk,ijk->ij", turn, turn), 0.0)
+    along, turned = np.einsum("ijk,ijk->ij", step, step), np.einsum("ijk,ijk->ij", turn, turn)
+    alike = np.maximum(1.0 - 0.25 * turned, 0.0)
+    face = turned < 2.0 - 2.0 * FACE
+    evenness = 1.0 - 0.5 * np.sum(turned * face, axis=1) / np.sum(face, axis=1)
     weights = alike * patches.areas[others]
     bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
     value = 2.0 * bent / np.maximum(np.sum(weights * along, axis=1), np.finfo(np.float64).tiny)
@@ -68,4 +74,4 @@ def curvature(patches: Patches) -> Curvature:
     values = [smoother @ np.stack([value, edge], axis=-1)]
     for i in range(DOUBLINGS):
         values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))
-    return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values))
+    return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values), evenness)

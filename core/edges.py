@@ -25,6 +25,7 @@ SAME, OTHER = 0.7, 0.3  # cosine between normals from which on two pieces are on
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
+LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
 CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat
 
 
@@ -69,84 +70,98 @@ class Edges:
     patches : Patches, n of them
     thickness : (n,) float64
         See `core.boundary.Boundary`.
-    is_sheet : (n,) bool
-        Patches that have their other side in their own equation; they have no edges here.
+    plain : (n,) bool
+        Patches that may be of a face with edges; the others cost nothing.
     """
 
-    def __init__(self, patches: Patches, thickness: Array, is_sheet: npt.NDArray[np.bool_]) -> None:
-        self.patches, self._thickness, self._is_sheet = patches, thickness, is_sheet
+    def __init__(self, patches: Patches, thickness: Array, plain: npt.NDArray[np.bool_]) -> None:
+        self.patches, self._thickness, self._plain = patches, thickness, np.flatnonzero(plain)
         self.spacing = float(np.sqrt(patches.areas.mean()))
         self._found: dict[int, Pairs] = {}
         self._finding = threading.Lock()
 
     def pairs(self, mean_free_path: float) -> list[tuple[float, Pairs]]:
-        """Return those that serve for a mean free path, mm, and how much each counts.
+        """Return those that serve for a mean free path, mm, and how much each counts; none where there are none.
 
         They are found for powers of two, so that a slider finds them made, and mixed, so that it moves smoothly.
         """
         level = float(np.log2(mean_free_path))
         low = int(np.floor(level))
         mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
-        return [(share, self._at(each)) for share, each in mixed if share > 0.0]
+        each = [(share, self._at(one)) for share, one in mixed if share > 0.0 and len(self._plain)]
+        return [(share, pairs) for share, pairs in each if pairs.share.sum() > LEAST * len(self.patches)]
 
     def _at(self, level: int) -> Pairs:
         with self._finding:
             if level not in self._found:
-                self._found[level] = self._find(2.0**level)
+                pieces = _gather(self.patches, self._plain, 2.0**level)
+                self._found[level] = _pair(self.patches, self._thickness, self._plain, pieces, 2.0**level)
             return self._found[level]
 
-    def _find(self, far: float) -> Pairs:
-        """Find them for a mean free path of `far`, mm."""
-        patches = self.patches
-        piece = _cells(patches, CELL * far)
-        n, m = len(patches), int(piece.max()) + 1
-        of = csr_array((np.ones(n), (piece, np.arange(n))), shape=(m, n))
-        areas = np.maximum(of @ patches.areas, np.finfo(np.float64).tiny)
-        points = (of @ (patches.areas[:, None] * patches.on_surface)) / areas[:, None]
-        normals = unit(of @ (patches.areas[:, None] * patches.face_normals))
-        even, sharpest = _faces(points, normals, far)
-        counts = even * np.clip((ROUND * far - sharpest) / ((ROUND - SHARP) * far), 0.0, 1.0)
-        counts *= (of @ (patches.areas * ~self._is_sheet)) / areas
-        near = np.flatnonzero(counts)
-        chosen = np.flatnonzero(np.isin(piece, near))
-        trees = cKDTree(patches.on_surface[chosen]), cKDTree(points[near])
-        found = trees[0].sparse_distance_matrix(trees[1], REACH * far, output_type="ndarray")
-        a, b = chosen[found["i"]], near[found["j"]]
-        cosine = np.einsum("ij,ij->i", patches.face_normals[a], normals[b])
-        two = np.flatnonzero((cosine < SAME) & (cosine > BACK))
-        a, b, cosine, apart = a[two], b[two], cosine[two], found["v"][two]
-        step = points[b] - patches.on_surface[a]
-        below = np.einsum("ij,ij->i", step, normals[b])  # of the patch under the piece's plane
-        under = -np.einsum("ij,ij->i", step, patches.face_normals[a])  # of the piece under the patch's plane
-        convex = (below > -CONCAVE * far) & (under > -CONCAVE * far) & (under < self._thickness[a] + CELL * far)
-        distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
-        share = np.clip((SAME - cosine) / (SAME - OTHER), 0.0, 1.0) * counts[piece[a]] * counts[b]
-        share *= np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
-        share *= areas[b] * np.exp(-np.square(apart / (WIDTH * far))) / _half_plane(distance, cosine, WIDTH * far)
-        some = np.flatnonzero(convex & (share > 0.0))
-        a, b, share = a[some], b[some], share[some]
-        # Pieces of one octant of normals are one face of a patch.
-        key, pair = np.unique(8 * a + _octants(normals)[b], return_inverse=True)
-        total = np.bincount(pair, share, len(key)).astype(np.float64)
-        means = csr_array((share / total[pair], (pair, b)), shape=(len(key), m))
-        there = unit(means @ normals)
-        cosine = np.asarray(np.einsum("ij,ij->i", patches.face_normals[key // 8], there), np.float64)
-        distance = np.bincount(pair, share * distance[some], len(key)) / total
-        return Pairs(key // 8, of, areas, means, there, distance, cosine, total)
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """M pieces of some patches: which each is of, sums over them (m, n), areas, centres, normals; how far they end."""
+
+    of_patch: Ints
+    sums: csr_array
+    areas: Array
+    points: Array
+    normals: Array
+    counts: Array
+
+
+def _gather(patches: Patches, chosen: Ints, far: float) -> _Pieces:
+    """Gather chosen patches of a cell whose normals lie in one octant."""
+    points, normals, areas = patches.on_surface[chosen], patches.face_normals[chosen], patches.areas[chosen]
+    cells = np.floor((points - points.min(axis=0)) / (CELL * far)).astype(np.int64)
+    counts = cells.max(axis=0) + 1
+    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + _octants(normals)
+    piece = np.unique(key, return_inverse=True)[1]
+    sums = csr_array((np.ones(len(chosen)), (piece, chosen)), shape=(int(piece.max()) + 1, len(patches)))
+    of = sums[:, chosen]
+    total = np.maximum(of @ areas, np.finfo(np.float64).tiny)
+    centres, means = (of @ (areas[:, None] * points)) / total[:, None], unit(of @ (areas[:, None] * normals))
+    even, sharpest = _faces(centres, means, far)
+    edged = even * np.clip((ROUND * far - sharpest) / ((ROUND - SHARP) * far), 0.0, 1.0)
+    return _Pieces(piece, sums, total, centres, means, edged)
+
+
+def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far: float) -> Pairs:
+    """Pair patches with the pieces of other faces that light may come from."""
+    near = np.flatnonzero(pieces.counts)
+    own = np.flatnonzero(pieces.counts[pieces.of_patch])
+    points, normals = patches.on_surface[chosen[own]], patches.face_normals[chosen[own]]
+    trees = cKDTree(points), cKDTree(pieces.points[near])
+    found = trees[0].sparse_distance_matrix(trees[1], REACH * far, output_type="ndarray")
+    a, b, apart = found["i"], near[found["j"]], found["v"]
+    cosine = np.einsum("ij,ij->i", normals[a], pieces.normals[b])
+    two = np.flatnonzero((cosine < SAME) & (cosine > BACK))
+    a, b, cosine, apart = a[two], b[two], cosine[two], apart[two]
+    step = pieces.points[b] - points[a]
+    below = np.einsum("ij,ij->i", step, pieces.normals[b])  # of the patch under the piece's plane
+    under = -np.einsum("ij,ij->i", step, normals[a])  # of the piece under the patch's plane
+    convex = (below > -CONCAVE * far) & (under > -CONCAVE * far) & (under < thickness[chosen[own]][a] + CELL * far)
+    distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
+    share = np.clip((SAME - cosine) / (SAME - OTHER), 0.0, 1.0) * np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
+    share *= pieces.counts[pieces.of_patch[own]][a] * pieces.counts[b]
+    share *= pieces.areas[b] * np.exp(-np.square(apart / (WIDTH * far))) / _half_plane(distance, cosine, WIDTH * far)
+    some = np.flatnonzero(convex & (share > 0.0))
+    a, b, share = a[some], b[some], share[some]
+    # Pieces of one octant of normals are one face of a patch.
+    key, pair = np.unique(8 * a.astype(np.int64) + _octants(pieces.normals)[b], return_inverse=True)
+    total = np.bincount(pair, share, len(key)).astype(np.float64)
+    means = csr_array((share / total[pair], (pair, b)), shape=(len(key), len(pieces.areas)))
+    there = unit(means @ pieces.normals)
+    cosine = np.asarray(np.einsum("ij,ij->i", normals[key // 8], there), np.float64)
+    distance = np.bincount(pair, share * distance[some], len(key)) / total
+    return Pairs(chosen[own[key // 8]], pieces.sums, pieces.areas, means, there, distance, cosine, total)
 
 
 def unit(vectors: Array) -> Array:
     """Vectors (n, 3) at length 1; 0 stays 0."""
     length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return np.asarray(vectors / np.maximum(length, np.finfo(np.float64).tiny)[:, None])
-
-
-def _cells(patches: Patches, width: float) -> Ints:
-    """Number of each patch's piece: one cell's patches whose normals lie in one octant."""
-    cells = np.floor((patches.points - patches.points.min(axis=0)) / width).astype(np.int64)
-    counts = cells.max(axis=0) + 1
-    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + _octants(patches.face_normals)
-    return np.asarray(np.unique(key, return_inverse=True)[1])
 
 
 def _octants(normals: Array) -> Ints:

@@ -11,6 +11,7 @@ Its integral over d is the exitance there, that over p the share of the light th
 """
 
 import functools
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +24,11 @@ Array = npt.NDArray[np.float64]
 
 FARTHEST = 4.0  # from the edge; beyond, exp(-4) of it is left
 STEP = 0.1  # of eta
-DISTANCES, ANGLES, WAYS = 20, 24, 20
+DISTANCES, ANGLES, WAYS = 20, 20, 16
 COSINES = np.linspace(-0.8, 0.7, 9)  # between the faces' normals
 SLOPES = np.linspace(-0.9, 0.9, 13)  # of the ray: v
 RADII, HEIGHTS = 48, 65
+_TABULATING = threading.Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +61,11 @@ def wedge(eta: float) -> Wedge:
     at = (eta - 1.0) / STEP
     low = int(at + 1e-6)
     share = at - low
-    first = _tabulated(low)
-    if share < 1e-6:
-        return first
-    second = _tabulated(low + 1)
+    with _TABULATING:  # channels ask at once
+        first = _tabulated(low)
+        if share < 1e-6:
+            return first
+        second = _tabulated(low + 1)
     mixed = (a + share * (b - a) for a, b in ((first.exitance, second.exitance), (first.lost, second.lost)))
     return Wedge(*mixed)
 

@@ -69,7 +69,7 @@ def test_wedge_against_random_points(eta, cosine, slope, at):
         (found,) = tables(table, np.array([cosine]), np.array([slope]), np.array([at]))
         clipped = np.minimum(seen, np.quantile(seen, 0.9999))  # of 1 / r^2, whose variance has no end
         error = 4.0 * clipped.std() / np.sqrt(n)
-        assert found == pytest.approx(seen.mean(), rel=0.09, abs=error)
+        assert found == pytest.approx(seen.mean(), rel=0.11, abs=error)
 
 
 def test_what_one_face_loses_the_other_lets_out():
@@ -168,12 +168,11 @@ def test_short_paths_and_darkness_have_none(block):
     assert crossing(edges, MEDIUM, 0, []) is None
 
 
-def test_sheets_have_their_own_equation(block):
+def test_where_nothing_is_plain_there_is_no_edge(block):
     solved, _, _ = block
     patches = solved.patches
-    everywhere = np.ones(len(patches), np.bool_)
-    ((_, pairs),) = Edges(patches, solved.boundary.thickness, everywhere).pairs(1.0)
-    assert len(pairs.patch) == 0
+    nowhere = np.zeros(len(patches), np.bool_)
+    assert Edges(patches, solved.boundary.thickness, nowhere).pairs(1.0) == []
 
 
 def test_a_washer_is_near_photons():
