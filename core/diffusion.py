@@ -22,12 +22,11 @@ from scipy.sparse import csc_array
 from core.boundary import Boundary, Depths, depths_of, put_on_grid
 from core.convolution import thread_pool
 from core.convolution_shape import ConvolutionShape
-from core.crossing import crossing
-from core.diffusion_channel import Channel, Iteration, Reached
+from core.diffusion_channel import Channel, Iteration, Reached, lit
 from core.diffusion_solution import Solution as Solution
 from core.diffusion_solution import reached, same_flux
 from core.diffusion_start import End, begin
-from core.entry import EnteringLight, Entry, enter, sources
+from core.entry import EnteringLight, Entry, enter
 from core.ewald import SHEET_REACH
 from core.green import green_spectrum
 from core.kernels import Kernel, Kernels, Spectra
@@ -253,17 +252,8 @@ class DiffusionTransport(Kernels):
         grid = boundary.grid
         s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium), i)
 
-        def make() -> Channel:
-            deposited, local = np.zeros(int(np.prod(grid.shape)), np.float32), np.zeros(len(boundary.patches))
-            crossed = crossing(boundary.edges, medium, i, entries)
-            kept = np.ones(len(local)) if crossed is None else crossed.kept
-            for entry in entries:
-                at_nodes, at_patches = sources(entry, boundary, medium, i, s, kept)
-                deposited += at_nodes
-                local += at_patches
-            convolve = functools.partial(convolver.convolve, spectra=spectrum)
-            return Channel(boundary, medium, s, convolve, deposited, local, crossed)
-
+        convolve = functools.partial(convolver.convolve, spectra=spectrum)
+        make = functools.partial(lit, boundary, medium, s, convolve, entries, i)
         name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
         begun = None if stages.has(name, key) else thread_pool().submit(make)
         return lambda: stages.run(name, key, make if begun is None else begun.result)

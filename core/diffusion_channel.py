@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
-from core.crossing import Crossing
+from core.crossing import Crossing, crossing
+from core.entry import Entry, sources
 from core.green import local_green, local_slope
 from core.krylov import Step, combined, gmres
 from core.medium import NO_ABSORPTION, Medium
@@ -140,6 +141,25 @@ class Channel:
 
     def _gathered(self, volume: Float32) -> Array:
         return np.asarray(self._gather @ volume.ravel(), np.float64)
+
+
+def lit(
+    boundary: Boundary,
+    medium: Medium,
+    s: float,
+    convolve: Callable[[Float32], Float32],
+    entries: Sequence[Entry],
+    i: int,
+) -> Channel:
+    """Put the i-th channel of lights up; see `Channel`."""
+    deposited, local = np.zeros(int(np.prod(boundary.grid.shape)), np.float32), np.zeros(len(boundary.patches))
+    crossed = crossing(boundary.edges, medium, i, entries)
+    kept = np.ones(len(local)) if crossed is None else crossed.kept
+    for entry in entries:
+        at_nodes, at_patches = sources(entry, boundary, medium, i, s, kept)
+        deposited += at_nodes
+        local += at_patches
+    return Channel(boundary, medium, s, convolve, deposited, local, crossed)
 
 
 @dataclass(frozen=True, eq=False)

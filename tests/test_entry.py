@@ -26,6 +26,11 @@ class Placed:
     def enter(self, light, eta=1.5):
         return enter(light, self.boundary, self.depths, eta)
 
+    @property
+    def all(self):
+        """Of each patch's light."""
+        return np.ones(len(self.boundary.patches))
+
     def moments(self, deposited):
         """Sum of the nodes, and the mean of their places."""
         z, y, x = np.indices(self.grid.shape).reshape(3, -1)
@@ -88,7 +93,7 @@ def test_sources_lie_a_mean_free_path_deep(box):
     medium = Medium(1.2, 0.3, 1.5)
     lit = box.samples.normals[:, 2] > 0.9
     entry = box.enter(collimated(box.samples, lit=lit))
-    deposited, local = sources(entry, box.boundary, medium, 0, box.s)
+    deposited, local = sources(entry, box.boundary, medium, 0, box.s, box.all)
     total, place = box.moments(deposited)
     assert total == pytest.approx(0.8 * 400.0, rel=1e-4)
     np.testing.assert_allclose(place, [0.0, 0.0, 10.0 - medium.mean_free_path], atol=2e-3)
@@ -104,7 +109,7 @@ def test_slanting_light_goes_in_along_the_refracted_ray(box):
     direction, medium = np.array([0.6, 0.0, -0.8]), Medium(2.0, 0.0, 1.5)
     lit = (box.samples.normals[:, 2] > 0.9) & (np.abs(box.samples.points[:, 0]) < 5.0)
     entry = box.enter(collimated(box.samples, tuple(direction), lit=lit))
-    total, place = box.moments(sources(entry, box.boundary, medium, 0, box.s)[0])
+    total, place = box.moments(sources(entry, box.boundary, medium, 0, box.s, box.all)[0])
     sine = 0.6 / 1.5
     assert total == pytest.approx(entry.flux[:, 0].sum(), rel=1e-4)
     start = np.average(box.boundary.patches.points[entry.patches], axis=0, weights=entry.flux[:, 0])
@@ -117,7 +122,7 @@ def test_thin_parts_keep_their_sources_inside(thickness):
     lit = plate.samples.normals[:, 2] > 0.9
     entry = plate.enter(collimated(plate.samples, lit=lit))
     np.testing.assert_allclose(entry.chords, thickness, rtol=0.02)
-    deposited, _ = sources(entry, plate.boundary, MARBLE, 0, plate.s)
+    deposited, _ = sources(entry, plate.boundary, MARBLE, 0, plate.s, plate.all)
     total, place = plate.moments(deposited)
     chord = thickness * MARBLE.sigma_t_prime
     assert total == pytest.approx(MARBLE.albedo * 400.0 * -np.expm1(-chord), rel=0.02)
@@ -128,20 +133,30 @@ def test_thin_parts_keep_their_sources_inside(thickness):
 def test_sources_of_a_sheet_reach_the_other_side():
     plate = Placed(mesh_of(block((20.0, 20.0, 0.3))))
     lit = plate.samples.normals[:, 2] > 0.9
-    _, local = sources(plate.enter(collimated(plate.samples, lit=lit)), plate.boundary, MARBLE, 0, plate.s)
+    _, local = sources(plate.enter(collimated(plate.samples, lit=lit)), plate.boundary, MARBLE, 0, plate.s, plate.all)
     patches = plate.boundary.patches
     middle = np.abs(patches.points[:, :2]).max(axis=1) < 8.0
     assert np.abs(local[middle & (patches.normals[:, 2] < -0.9)]).min() > 0.0
     thick = Placed(cube())
     lit = thick.samples.normals[:, 2] > 0.9
-    _, local = sources(thick.enter(collimated(thick.samples, lit=lit)), thick.boundary, MARBLE, 0, thick.s)
+    _, local = sources(thick.enter(collimated(thick.samples, lit=lit)), thick.boundary, MARBLE, 0, thick.s, thick.all)
     assert not local[thick.boundary.patches.normals[:, 2] < -0.9].any()
+
+
+def test_what_is_not_kept_is_in_neither_part(placed):
+    entry = placed.enter(collimated(placed.samples))
+    whole = sources(entry, placed.boundary, MARBLE, 0, placed.s, placed.all)
+    half = sources(entry, placed.boundary, MARBLE, 0, placed.s, 0.5 * placed.all)
+    for part, of in zip(half, whole, strict=True):
+        np.testing.assert_allclose(part, 0.5 * of, rtol=1e-4, atol=1e-6)
 
 
 def test_flux_grows_with_the_light(placed):
     light = collimated(placed.samples)
-    one = sources(placed.enter(light), placed.boundary, MARBLE, 1, placed.s)
-    two = sources(placed.enter(EnteringLight(2.0 * light.flux, direction=DOWN)), placed.boundary, MARBLE, 1, placed.s)
+    one = sources(placed.enter(light), placed.boundary, MARBLE, 1, placed.s, placed.all)
+    two = sources(
+        placed.enter(EnteringLight(2.0 * light.flux, direction=DOWN)), placed.boundary, MARBLE, 1, placed.s, placed.all
+    )
     for single, double in zip(one, two, strict=True):
         np.testing.assert_allclose(double, 2.0 * single, rtol=1e-5)
 
@@ -163,6 +178,6 @@ def test_light_that_meets_a_side_under_total_reflection_goes_on(box):
     first = np.exp(-entry.chords[second.rays] * medium.sigma_t_prime)
     np.testing.assert_allclose(shares.sum(axis=1), first - np.exp(-20.0 / cosine * medium.sigma_t_prime), rtol=3e-3)
     assert (depths * medium.mean_free_path < second.chords[:, None]).all()
-    total, _ = box.moments(sources(entry, box.boundary, medium, 0, box.s)[0])
+    total, _ = box.moments(sources(entry, box.boundary, medium, 0, box.s, box.all)[0])
     scattered = entry.flux[:, 0] @ -np.expm1(-entry.chords * medium.sigma_t_prime)
     assert total == pytest.approx(scattered + entry.flux[second.rays, 0] @ shares.sum(axis=1), rel=1e-3)
