@@ -16,7 +16,7 @@ from viewer.edit_command import START
 from viewer.edit_composite import Compositor
 from viewer.events import Key, MouseButton, MouseMoved
 from viewer.images import read_photo, write_png
-from viewer.photo import load_photo
+from viewer.photo import Region, load_photo
 from viewer.photo_command import work_and_scene
 from viewer.photo_mouse import FIXED
 from viewer.photo_work import PhotoWork
@@ -76,6 +76,21 @@ def test_the_window_shows_what_edit_writes(window) -> None:
     there = alone[..., 3] > 250
     assert close_to(alone[there][None, :, :3], picture[there][None])
     assert not alone[work.photo.mask == 0][:20].any()
+
+
+def test_steep_parts_are_filled_without_steps(window) -> None:
+    """Of a ball read four times as deep most is too steep to be trusted."""
+    deep = replace(SCENE, photo=replace(SCENE.photo, depth_strength=4.0))
+    shown = window(deep)
+    picture = shown.picture().astype(int)
+    work = work_of(shown)
+    written = Compositor(edit(work.photo, deep, shown._context, samples=4, parts=False)).picture().astype(int)
+    inside = work.photo.coverage(Region(0, 0, *work.photo.size)) == 1.0
+    for axis in (0, 1):
+        pairs = np.minimum(inside, np.roll(inside, -1, axis)).astype(bool)
+        steps, smooth = (np.abs(np.roll(each, -1, axis) - each).max(axis=2)[pairs] for each in (picture, written))
+        assert np.percentile(steps, 99) <= np.percentile(smooth, 99) + 4
+    assert np.abs(picture - written)[inside].mean() < 3.7
 
 
 def test_light_by_hand_is_as_bright_as_edit_makes_it(window) -> None:
