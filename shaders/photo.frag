@@ -17,29 +17,23 @@ uniform int u_behind;
 
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 
-// One known pixel among those of a coarse one is enough: its colour in rgb weighted by how far it is known, in a.
-vec4 filled_pixel(ivec2 at, ivec2 size, int level) {
-    vec4 mean = texelFetch(t_object, clamp(at, ivec2(0), size - 1), level);
-    float known = min(exp2(2.0 * float(level)) * mean.a, 1.0);
-    return vec4(mean.rgb * (known / max(mean.a, 1e-7)), known);
-}
+const float ENOUGH = 0.25;  // share of a coarse pixel that is known, from which on it counts in full: were one pixel of
+                            // many enough, it would as soon as a linear mean is not 0, in blocks
 
-// Fills where little is known from coarser levels, linear between their filled pixels: a linear mean of pixels filled
-// afterwards would be filled at once wherever it is not 0, in blocks.
+// Fills where little is known from coarser levels.
 vec3 object_radiance(vec2 place) {
     vec4 finest = textureLod(t_object, place, 0.0);
     if (finest.a > 0.999) return finest.rgb;  // as most are
-    vec4 sum = vec4(0.0);
+    vec3 sum = vec3(0.0);
+    float known = 0.0;
     int levels = int(ceil(log2(float(max(textureSize(t_object, 0).x, textureSize(t_object, 0).y)))));
-    for (int level = 0; level <= levels && sum.a < 0.999; level++) {
-        ivec2 size = textureSize(t_object, level);
-        vec2 at = place * vec2(size) - 0.5, share = fract(at);
-        ivec2 low = ivec2(floor(at));
-        vec4 lower = mix(filled_pixel(low, size, level), filled_pixel(low + ivec2(1, 0), size, level), share.x);
-        vec4 upper = mix(filled_pixel(low + ivec2(0, 1), size, level), filled_pixel(low + 1, size, level), share.x);
-        sum += (1.0 - sum.a) * mix(lower, upper, share.y);
+    for (int level = 0; level <= levels && known < 0.999; level++) {
+        vec4 mean = textureLod(t_object, place, float(level));
+        float share = (1.0 - known) * min(mean.a / ENOUGH, 1.0);
+        sum += share * mean.rgb / max(mean.a, 1e-7);
+        known += share;
     }
-    return sum.rgb / max(sum.a, 1e-6);
+    return sum / max(known, 1e-6);
 }
 
 void main() {
