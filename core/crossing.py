@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core.edges import Edges, Pairs, unit
+from core.edges import Edges, Pairs
 from core.entry import Entry
 from core.medium import Medium
-from core.wedge import wedge
+from core.normals import unit
+from core.wedge import look_up, wedge
 
 Array = npt.NDArray[np.float64]
 
@@ -69,13 +70,13 @@ def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, way: Array
     """Exitance that patches have from the faces of pairs, for an albedo of 1, and their own share lost there, (k,)."""
     own, other, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
     irradiance = pairs.means @ ((pairs.pieces @ flux) / pairs.areas)
-    rays = unit(pairs.means @ ((pairs.pieces @ way) / pairs.areas[:, None])), unit(way)[pairs.patch]
+    rays = unit(pairs.means @ ((pairs.pieces @ way) / pairs.areas[:, None])), unit(way[pairs.patch])
     # Components of rays over the edge, away from their own face's normal towards the other's.
     sine = np.sqrt(1.0 - cosine**2)
     in_own, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (own, other))
     tables, distance = wedge(medium.eta), pairs.distance / medium.mean_free_path
-    seen = tables(tables.exitance, cosine, (in_own[0] - cosine * in_other[0]) / sine, distance)
-    gone = tables(tables.lost, cosine, (in_other[1] - cosine * in_own[1]) / sine, distance)
+    seen = look_up(tables.exitance, cosine, (in_own[0] - cosine * in_other[0]) / sine, distance)
+    gone = look_up(tables.lost, cosine, (in_other[1] - cosine * in_own[1]) / sine, distance)
     return pairs.share * irradiance * seen, pairs.share * gone
 
 

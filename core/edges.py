@@ -13,7 +13,9 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 from scipy.special import erfc
 
-from core.patches import Patches
+from core.curvature import FACE
+from core.normals import unit
+from core.patches import Patches, cells, octants
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.intp]
@@ -21,7 +23,7 @@ Ints = npt.NDArray[np.intp]
 REACH = 2.5  # mean free paths from a patch to a piece of another face
 WIDTH = 1.2  # mean free paths: pieces count by exp(-(distance / width)^2)
 CELL = 1.0  # mean free path that a piece extends over
-SAME, OTHER = 0.7, 0.3  # cosine between normals from which on two pieces are one face; below it, two
+OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from `FACE` on they are one
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
@@ -114,10 +116,7 @@ class _Pieces:
 def _gather(patches: Patches, chosen: Ints, far: float) -> _Pieces:
     """Gather chosen patches of a cell whose normals lie in one octant."""
     points, normals, areas = patches.on_surface[chosen], patches.face_normals[chosen], patches.areas[chosen]
-    cells = np.floor((points - points.min(axis=0)) / (CELL * far)).astype(np.int64)
-    counts = cells.max(axis=0) + 1
-    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + _octants(normals)
-    piece = np.unique(key, return_inverse=True)[1]
+    piece = np.unique(cells(points, normals, CELL * far), return_inverse=True)[1]
     sums = csr_array((np.ones(len(chosen)), (piece, chosen)), shape=(int(piece.max()) + 1, len(patches)))
     of = sums[:, chosen]
     total = np.maximum(of @ areas, np.finfo(np.float64).tiny)
@@ -136,20 +135,20 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far
     found = trees[0].sparse_distance_matrix(trees[1], REACH * far, output_type="ndarray")
     a, b, apart = found["i"], near[found["j"]], found["v"]
     cosine = np.einsum("ij,ij->i", normals[a], pieces.normals[b])
-    two = np.flatnonzero((cosine < SAME) & (cosine > BACK))
+    two = np.flatnonzero((cosine < FACE) & (cosine > BACK))
     a, b, cosine, apart = a[two], b[two], cosine[two], apart[two]
     step = pieces.points[b] - points[a]
     below = np.einsum("ij,ij->i", step, pieces.normals[b])  # of the patch under the piece's plane
     under = -np.einsum("ij,ij->i", step, normals[a])  # of the piece under the patch's plane
     convex = (below > -CONCAVE * far) & (under > -CONCAVE * far) & (under < thickness[chosen[own]][a] + CELL * far)
     distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
-    share = np.clip((SAME - cosine) / (SAME - OTHER), 0.0, 1.0) * np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
+    share = np.clip((FACE - cosine) / (FACE - OTHER), 0.0, 1.0) * np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
     share *= pieces.counts[pieces.of_patch[own]][a] * pieces.counts[b]
     share *= pieces.areas[b] * np.exp(-np.square(apart / (WIDTH * far))) / _half_plane(distance, cosine, WIDTH * far)
     some = np.flatnonzero(convex & (share > 0.0))
     a, b, share = a[some], b[some], share[some]
     # Pieces of one octant of normals are one face of a patch.
-    key, pair = np.unique(8 * a.astype(np.int64) + _octants(pieces.normals)[b], return_inverse=True)
+    key, pair = np.unique(8 * a.astype(np.int64) + octants(pieces.normals)[b], return_inverse=True)
     total = np.bincount(pair, share, len(key)).astype(np.float64)
     means = csr_array((share / total[pair], (pair, b)), shape=(len(key), len(pieces.areas)))
     there = unit(means @ pieces.normals)
@@ -158,20 +157,10 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far
     return Pairs(chosen[own[key // 8]], pieces.sums, pieces.areas, means, there, distance, cosine, total)
 
 
-def unit(vectors: Array) -> Array:
-    """Vectors (n, 3) at length 1; 0 stays 0."""
-    length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-    return np.asarray(vectors / np.maximum(length, np.finfo(np.float64).tiny)[:, None])
-
-
-def _octants(normals: Array) -> Ints:
-    return np.asarray((normals > 0.0) @ np.array([1, 2, 4]))
-
-
 def _faces(points: Array, normals: Array, far: float) -> tuple[Array, Array]:
     """How far pieces are of flat faces, in [0, 1], and over which way, mm, the sharpest edge near them turns."""
     start, end, cosine = _neighbours(points, normals, ROUND * far)
-    n, same = len(points), cosine > SAME
+    n, same = len(points), cosine > FACE
     alike = np.bincount(start[same], cosine[same], n) / np.maximum(np.bincount(start[same], minlength=n), 1)
     turned = np.flatnonzero(~same & (cosine > BACK))
     turn = np.full(n, np.inf)

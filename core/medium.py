@@ -103,9 +103,8 @@ class Medium:
         far = min(self.mean_free_path, CLEAR)
         sharp = np.asarray(edges, np.float64) * far
         bent = np.clip(np.asarray(curvature, np.float64) * far - sharp, -DEEPEST, CLEAR)
-        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent) + sharp / np.hypot(
-            1.0, sharp / SHARPEST
-        )
+        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
+        bent = bent + sharp / np.hypot(1.0, sharp / SHARPEST)
         extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 

@@ -57,10 +57,7 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     cross = face_cross(mesh.vertices, mesh.faces)[samples.faces]
     face_normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     points, areas = samples.points.astype(np.float64), samples.areas.astype(np.float64)
-    cells = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
-    octants = (face_normals > 0.0) @ np.array([1, 2, 4])
-    counts = cells.max(axis=0) + 1
-    key = ((cells[:, 0] * counts[1] + cells[:, 1]) * counts[2] + cells[:, 2]) * 8 + octants
+    key = cells(points, face_normals, spacing)
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     n, each = len(starts), np.diff(starts, append=len(order))
@@ -89,6 +86,18 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
         vector_areas=total(areas[:, None] * face_normals),
         sums=sums,
     )
+
+
+def cells(points: Array, normals: Array, spacing: float) -> npt.NDArray[np.int64]:
+    """Number the cells of `spacing`, each octant of normals apart, that places (n, 3) are in: (n,)."""
+    at = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
+    counts = at.max(axis=0) + 1
+    return np.asarray(((at[:, 0] * counts[1] + at[:, 1]) * counts[2] + at[:, 2]) * 8 + octants(normals))
+
+
+def octants(normals: Array) -> npt.NDArray[np.int64]:
+    """Which of eight a vector lies in, (n, 3) -> (n,)."""
+    return np.asarray((normals > 0.0) @ np.array([1, 2, 4]))
 
 
 def _nearest(order: Ints, starts: Ints, patch: Ints, distance: Array) -> Ints:

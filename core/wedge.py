@@ -44,16 +44,17 @@ class Wedge:
     exitance: Array
     lost: Array
 
-    def __call__(self, table: Array, cosine: Array, slope: Array, distance: Array) -> Array:
-        """Look up one of the tables, (n,) each."""
-        at = np.stack(
-            [
-                (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
-                (slope - SLOPES[0]) / (SLOPES[1] - SLOPES[0]),
-                np.sqrt(np.maximum(distance, 0.0) / FARTHEST) * (DISTANCES - 1),
-            ]
-        )
-        return np.asarray(map_coordinates(table, at, order=1, mode="nearest"))
+
+def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array:
+    """Read a table of a `Wedge`, (n,) each."""
+    at = np.stack(
+        [
+            (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
+            (slope - SLOPES[0]) / (SLOPES[1] - SLOPES[0]),
+            np.sqrt(np.maximum(distance, 0.0) / FARTHEST) * (DISTANCES - 1),
+        ]
+    )
+    return np.asarray(map_coordinates(table, at, order=1, mode="nearest"))
 
 
 def wedge(eta: float) -> Wedge:

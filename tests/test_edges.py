@@ -10,7 +10,7 @@ from core.edges import Edges
 from core.entry import enter
 from core.medium import Medium
 from core.mesh import Mesh
-from core.wedge import wedge
+from core.wedge import look_up, wedge
 from tests.diffusing import collimated, diffuse, samples_of
 from tests.shapes import ball
 from viewer.bench_schemes import Scheme
@@ -66,7 +66,7 @@ def test_wedge_against_random_points(eta, cosine, slope, at):
         mu = np.clip(-(sine * y[0] + cosine * y[1]) / r, 0.0, 1.0)
         seen = np.exp(-r) * fresnel.transmittance(1.0 / eta, mu) * mu / (4.0 * np.pi * r**2)
         seen *= 2.0 * np.exp(across + along)
-        (found,) = tables(table, np.array([cosine]), np.array([slope]), np.array([at]))
+        (found,) = look_up(table, np.array([cosine]), np.array([slope]), np.array([at]))
         clipped = np.minimum(seen, np.quantile(seen, 0.9999))  # of 1 / r^2, whose variance has no end
         error = 4.0 * clipped.std() / np.sqrt(n)
         assert found == pytest.approx(seen.mean(), rel=0.11, abs=error)
@@ -77,7 +77,9 @@ def test_what_one_face_loses_the_other_lets_out():
     u = np.linspace(0.0, 2.0, 400)  # sqrt(distance)
     flat = np.zeros_like(u)
     for cosine in (-0.5, 0.0, 0.5):
-        both = (np.trapezoid(tables(t, flat + cosine, flat, u**2) * 2.0 * u, u) for t in (tables.exitance, tables.lost))
+        both = (
+            np.trapezoid(look_up(t, flat + cosine, flat, u**2) * 2.0 * u, u) for t in (tables.exitance, tables.lost)
+        )
         exitance, lost = both
         assert exitance == pytest.approx(lost, rel=0.04)
 
