@@ -18,6 +18,9 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.intp]
 
 
+ASKEW = np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0  # orthogonal
+
+
 @dataclass(frozen=True, eq=False)
 class Patches:
     """n pieces of a surface.
@@ -96,8 +99,11 @@ def cells(points: Array, normals: Array, spacing: float) -> npt.NDArray[np.int64
 
 
 def octants(normals: Array) -> npt.NDArray[np.int64]:
-    """Which of eight a vector lies in, (n, 3) -> (n,)."""
-    return np.asarray((normals > 0.0) @ np.array([1, 2, 4]))
+    """Which of eight, of axes askew, a vector lies in, (n, 3) -> (n,).
+
+    Of the world's axes three of a box's faces would border on the same one.
+    """
+    return np.asarray((normals @ ASKEW > 0.0) @ np.array([1, 2, 4]))
 
 
 def _nearest(order: Ints, starts: Ints, patch: Ints, distance: Array) -> Ints:

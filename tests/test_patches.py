@@ -88,6 +88,15 @@ def test_sides_of_a_sheet_stay_apart(turn, thickness):
     )
 
 
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (0.25, 0.0, 0.0), (0.25, 0.25, 0.0), (0.5, 0.0, 0.25)])
+def test_faces_of_a_box_stay_apart(angles):
+    """Along the world's axes, or turned by parts of pi: three faces of a box would share an octant of those axes."""
+    box = block((9.0, 9.0, 9.0))
+    box.apply_transform(trimesh.transformations.euler_matrix(*(np.pi * np.array(angles))))
+    _, patches = patched(mesh_of(box), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(patches.vector_areas, axis=1), patches.areas, rtol=1e-4)
+
+
 def test_slivers_and_faces_of_no_area():
     good = ball(subdivisions=3)
     n = len(good.vertices)
