@@ -31,8 +31,9 @@ class Curvature:
     ----------
     widths : (m,) float64
         Standard deviations along the surface, mm, ascending.
-    values : (m, n, 2) float64
-        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what edges are of it.
+    values : (m, n, 3) float64
+        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what convex and what
+        concave edges are of it, both >= 0.
     evenness : (n,) float64
         Mean cosine between a patch's normal and those around it on its own face: 0.93 on a scan's bumps, 1 if flat.
     """
@@ -41,13 +42,13 @@ class Curvature:
     values: Array
     evenness: Array
 
-    def at(self, width: float) -> tuple[Array, Array]:
-        """Return both, (n,) each, smoothed over `width`, mm, or the nearest there is."""
+    def at(self, width: float) -> tuple[Array, Array, Array]:
+        """Return the three, (n,) each, smoothed over `width`, mm, or the nearest there is."""
         i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
         low, high = self.widths[i - 1], self.widths[i]
         share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
-        both = (1.0 - share) * self.values[i - 1] + share * self.values[i]
-        return both[:, 0], both[:, 1]
+        all_, convex, concave = ((1.0 - share) * self.values[i - 1] + share * self.values[i]).T
+        return all_, convex, concave
 
 
 def curvature(patches: Patches) -> Curvature:
@@ -70,8 +71,8 @@ def curvature(patches: Patches) -> Curvature:
     rows = np.arange(0, n * count + 1, count)
     smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
     variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
-    edge = value * np.clip((value * spacing - ROUND) / (SHARP - ROUND), 0.0, 1.0)
-    values = [smoother @ np.stack([value, edge], axis=-1)]
+    edge = value * np.clip((np.abs(value) * spacing - ROUND) / (SHARP - ROUND), 0.0, 1.0)
+    values = [smoother @ np.stack([value, np.maximum(edge, 0.0), np.maximum(-edge, 0.0)], axis=-1)]
     for i in range(DOUBLINGS):
         values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))
     return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values), evenness)

@@ -22,10 +22,11 @@ from scipy.sparse import csc_array
 from core.boundary import Boundary, Depths, depths_of, put_on_grid
 from core.convolution import thread_pool
 from core.convolution_shape import ConvolutionShape
-from core.diffusion_channel import Channel, Iteration, Reached, lit
+from core.diffusion_channel import Channel, lit
 from core.diffusion_solution import Solution as Solution
 from core.diffusion_solution import reached, same_flux
 from core.diffusion_start import End, begin
+from core.diffusion_steps import Iteration, Reached
 from core.entry import EnteringLight, Entry, enter
 from core.ewald import SHEET_REACH
 from core.green import green_spectrum
@@ -202,7 +203,7 @@ class DiffusionTransport(Kernels):
             twin = next((k for k in made if media[k] == medium and same_flux(entries, i, k)), i)
             twins.append(None if dark else twin)
             if spectrum is not None and twins[-1] == i:
-                made[i] = self._channel(boundary, medium, i, entries, spectrum, stages)
+                made[i] = self._channel(boundary, depths, medium, i, entries, spectrum, stages)
         channels = {i: channel() for i, channel in made.items()}
         return boundary, [None if twin is None else channels[twin] for twin in twins]
 
@@ -242,6 +243,7 @@ class DiffusionTransport(Kernels):
     def _channel(
         self,
         boundary: Boundary,
+        depths: Depths,
         medium: Medium,
         i: int,
         entries: Sequence[Entry],
@@ -253,7 +255,7 @@ class DiffusionTransport(Kernels):
         s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium), i)
 
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
-        make = functools.partial(lit, boundary, medium, s, convolve, entries, i)
+        make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
         name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
         begun = None if stages.has(name, key) else thread_pool().submit(make)
         return lambda: stages.run(name, key, make if begun is None else begun.result)

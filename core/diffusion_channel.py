@@ -1,27 +1,22 @@
-"""One colour channel of the boundary integral equation: its operator, its right side, its steps to the solution."""
+"""One colour channel of the boundary integral equation: its operator, its right side, what is added beside edges."""
 
 import functools
-import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from core.boundary import Boundary
+from core.boundary import Boundary, Depths
 from core.crossing import Crossing, crossing
 from core.entry import Entry, sources
 from core.green import local_green, local_slope
-from core.krylov import Step, combined, gmres
+from core.last_flight import LastFlight, last_flight
 from core.medium import NO_ABSORPTION, Medium
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 
 EVEN = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
-# Singular value of the scaled equation: objects have 0.1 (a ball of 0.3 mean free paths) and more, mostly 0.3. Where
-# strands thinner than a node come close to each other the grid can have one near 0, and light of 100 times what enters.
-WEAK = 0.06
 JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes carry of a phi that varies slowly
 
 
@@ -44,6 +39,8 @@ class Channel:
         What the nodes are too coarse for.
     crossing : Crossing, optional
         Light near edges that is none of Q.
+    flight : LastFlight, optional
+        How light leaves beside concave edges.
     """
 
     def __init__(
@@ -55,6 +52,7 @@ class Channel:
         deposited: Float32,
         local: Array,
         crossing: Crossing | None = None,
+        flight: LastFlight | None = None,
     ) -> None:
         self.boundary, self.medium = boundary, medium
         self._convolve = convolve
@@ -73,7 +71,7 @@ class Channel:
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
         self._diagonal = bending * self._diagonal + own
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
-        self._crossing = crossing
+        self._crossing, self._flight = crossing, flight
 
     @functools.cached_property
     def sources(self) -> Float32:
@@ -91,19 +89,22 @@ class Channel:
         scattered = float(self._deposited.sum(dtype=np.float64))
         return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
 
-    @functools.cached_property
-    def crossed(self) -> tuple[Array, Float32] | None:
-        """2 A M of light that crosses edges at the patches, (n,), and what it takes at the nodes for pixels to have it.
+    def beside_edges(self, fluence: Array, volume: Float32) -> tuple[Array, Float32]:
+        """Phi of the patches and O at the nodes, with what light does beside edges, from those of diffusion.
 
-        Pixels take all of their own light for diffusing, so what does not is taken off the nodes too.
+        Pixels take all of their own light for diffusing, so what does not is taken off the nodes.
         """
-        crossing = self._crossing
-        if crossing is None:
-            return None
-        fluence = 2.0 * self.medium.boundary * crossing.exitance
-        lost = self._local * (1.0 / crossing.kept - 1.0)
-        (volume,) = self.boundary.means((self._diagonal * fluence - lost)[:, None])
-        return fluence, volume
+        crossing, flight = self._crossing, self._flight
+        if crossing is None and flight is None:
+            return fluence, volume
+        more, lost = np.zeros(len(fluence)), np.zeros(len(fluence))
+        if crossing is not None:
+            more += 2.0 * self.medium.boundary * crossing.exitance
+            lost = self._local * (1.0 / crossing.kept - 1.0)
+        if flight is not None:
+            more += flight.turned(fluence, volume, self.medium.boundary)
+        (nodes,) = self.boundary.means((self._diagonal * more - lost)[:, None])
+        return fluence + more, volume + nodes
 
     @property
     def scale(self) -> Array:
@@ -145,6 +146,7 @@ class Channel:
 
 def lit(
     boundary: Boundary,
+    depths: Depths,
     medium: Medium,
     s: float,
     convolve: Callable[[Float32], Float32],
@@ -159,117 +161,5 @@ def lit(
         at_nodes, at_patches = sources(entry, boundary, medium, i, s, kept)
         deposited += at_nodes
         local += at_patches
-    return Channel(boundary, medium, s, convolve, deposited, local, crossed)
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """Where a channel's iteration begins.
-
-    Attributes
-    ----------
-    fluence : (n,) float64
-    volume : (n_layers, height, width) float32
-        O that it leaves at the nodes.
-    residual : (n,) float64
-        Right less left side.
-    size : float
-        Norm of the right side.
-    products : int
-        Convolutions that it took.
-    """
-
-    fluence: Array
-    volume: Float32
-    residual: Array
-    size: float
-    products: int
-
-
-class Reached:
-    """What an iteration has come to; sums are made when they are asked for, and stay as they are while it goes on.
-
-    Attributes
-    ----------
-    channel : Channel
-    residual : float
-        Relative to the right side.
-    products : int
-        Convolutions so far, with those of the start.
-    """
-
-    def __init__(self, channel: Channel, start: Start, step: Step, basis: Array, volumes: Sequence[Float32]) -> None:
-        self.channel, self.residual, self.products = channel, step.residual, step.products + start.products
-        self._parts: tuple[Start, Array, Array, Sequence[Float32]] = start, step.coefficients, basis, volumes
-
-    @functools.cached_property
-    def iterate(self) -> Array:
-        """Phi of the patches, (n,), as the steps have it."""
-        start, coefficients, basis, _ = self._parts
-        return start.fluence + combined(coefficients, basis) * self.channel.scale
-
-    @functools.cached_property
-    def fluence(self) -> Array:
-        """Phi of the patches, (n,), which gives out no more than scatters, and the light that crosses edges."""
-        diffuse = self._allowed * self.iterate
-        crossed = self.channel.crossed
-        return diffuse if crossed is None else diffuse + crossed[0]
-
-    @functools.cached_property
-    def volume(self) -> Float32:
-        """O at the nodes that goes with `fluence`: a sum of volumes that were made anyway."""
-        start, coefficients, _, volumes = self._parts
-        volume = np.float32(self._allowed) * start.volume
-        for share, part in zip(coefficients, volumes, strict=True):
-            volume -= np.float32(self._allowed * share) * part
-        crossed = self.channel.crossed
-        return volume if crossed is None else volume + crossed[1]
-
-    def settle(self) -> None:
-        """Make the sums, and let go of what they are made of: ten times their memory."""
-        _ = self.fluence, self.volume
-        del self._parts
-
-    @functools.cached_property
-    def _allowed(self) -> float:
-        return self.channel.allowed(self.iterate)
-
-
-class Iteration:
-    """The way of a channel to its solution.
-
-    Parameters
-    ----------
-    channel : Channel
-    start : Start
-    tolerance, most
-        See `core.krylov.gmres`.
-    """
-
-    def __init__(self, channel: Channel, start: Start, tolerance: float, most: int) -> None:
-        self.channel, self._start, self._busy = channel, start, threading.Lock()
-        self._volumes: list[Float32] = []
-        scale = start.size or 1.0  # 0 where so little scatters that its square underflows
-        multiply = functools.partial(_multiply, channel, self._volumes)
-        self._steps = gmres(multiply, start.residual, scale, tolerance, most, WEAK)
-        self._step, self._basis = next(self._steps)
-
-    def advance(self) -> bool:
-        """Take one product more; False when there is nothing left to do. A second thread waits for its turn."""
-        with self._busy:
-            step = next(self._steps, None)
-            if step is not None:
-                self._step, self._basis = step
-            return step is not None
-
-    @property
-    def reached(self) -> Reached:
-        """Where it is now."""
-        return Reached(self.channel, self._start, self._step, self._basis, self._volumes[: self._step.products])
-
-
-def _multiply(channel: Channel, volumes: list[Float32], vector: Array) -> Array:
-    """Take a product and keep its volume; no method, which would tie an iteration to itself through its generator."""
-    fluence = vector * channel.scale
-    volumes.append(channel.volume(fluence))
-    return channel.product(fluence, volumes[-1])
+    flight = last_flight(boundary, depths, medium, s, entries, i, kept)
+    return Channel(boundary, medium, s, convolve, deposited, local, crossed, flight)

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
-from core.diffusion_channel import Channel, Iteration, Reached
+from core.diffusion_channel import Channel
 from core.diffusion_pixels import PixelTerms, mean_fluence, pixel_terms
+from core.diffusion_steps import Iteration, Reached
 from core.entry import Entry
 from core.layers import LayerGrid
 from core.medium import Medium

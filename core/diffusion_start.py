@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from core.boundary import Boundary
-from core.diffusion_channel import Channel, Start
+from core.diffusion_channel import Channel
+from core.diffusion_steps import Start
 from core.krylov import inner, norm
 from core.samples import SurfaceSamples
 

@@ -27,6 +27,7 @@ OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
+HALF = 0.5  # share of an edge that there must be of it at least
 LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
 CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat
 
@@ -52,6 +53,8 @@ class Pairs:
         Between the two normals.
     share : (k,) float64
         How far there is an edge and a face; 1 for a straight edge between faces that go on for ever.
+    turn : (k,) float64
+        Angle between the two normals; less of it where several pairs are of one edge.
     """
 
     patch: Ints
@@ -62,6 +65,7 @@ class Pairs:
     distance: Array
     cosine: Array
     share: Array
+    turn: Array
 
 
 class Edges:
@@ -92,6 +96,17 @@ class Edges:
         mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
         each = [(share, self._at(one)) for share, one in mixed if share > 0.0 and len(self._plain)]
         return [(share, pairs) for share, pairs in each if pairs.share.sum() > LEAST * len(self.patches)]
+
+    def curvature(self, mean_free_path: float) -> Array:
+        """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,), smoothed over half a path."""
+        found = np.zeros(len(self.patches))
+        counts = float(np.clip(4.0 * mean_free_path / self.spacing - 1.0, 0.0, 1.0))  # of strips narrower than a patch
+        if counts > 0.0:
+            width = 0.5 * max(mean_free_path, self.spacing)
+            for part, pairs in self.pairs(mean_free_path):
+                bell = np.exp(-0.5 * np.square(pairs.distance / width)) / (np.sqrt(2.0 * np.pi) * width)
+                found += counts * part * np.bincount(pairs.patch, pairs.turn * bell, len(found))
+        return found
 
     def _at(self, level: int) -> Pairs:
         with self._finding:
@@ -154,7 +169,23 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far
     there = unit(means @ pieces.normals)
     cosine = np.asarray(np.einsum("ij,ij->i", normals[key // 8], there), np.float64)
     distance = np.bincount(pair, share * distance[some], len(key)) / total
-    return Pairs(chosen[own[key // 8]], pieces.sums, pieces.areas, means, there, distance, cosine, total)
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0)) * _alone(key // 8, total, there)
+    return Pairs(chosen[own[key // 8]], pieces.sums, pieces.areas, means, there, distance, cosine, total, turn)
+
+
+def _alone(patch: Ints, share: Array, normals: Array) -> Array:
+    """How far each pair is the only one of an edge: a curved face has several in one, a corner has two edges.
+
+    `patch` ascends. A half of an edge, as at a corner, is one.
+    """
+    first = np.flatnonzero(np.diff(patch, prepend=-1))
+    row = np.repeat(np.arange(len(first)), np.diff(first, append=len(patch)))
+    slot = np.arange(len(patch)) - first[row]
+    shares, ways = np.zeros((len(first), 8)), np.zeros((len(first), 8, 3))
+    shares[row, slot], ways[row, slot] = share, normals
+    alike = np.maximum(np.einsum("iaj,ibj->iab", ways, ways), 0.0)
+    of_edge = np.einsum("iab,ib->ia", alike, shares)
+    return np.asarray((shares / np.maximum(of_edge, HALF))[row, slot])
 
 
 def _faces(points: Array, normals: Array, far: float) -> tuple[Array, Array]:

@@ -140,13 +140,10 @@ def sources(
     local : (n,) float64
         a' E sum of w rho(depth) at every patch.
     """
-    depths, shares = first_scattering(entry.chords_in(medium))
-    depths *= medium.mean_free_path
-    flux = kept[entry.patches] * entry.flux[:, channel]
-    strength = medium.albedo * flux[:, None] * shares
+    depths, strength = first_sources(entry, medium, channel, kept)
     start = boundary.patches.points[entry.patches]
     share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
-    deposited = _reflected_sources(entry, boundary, medium, flux)
+    deposited = _reflected_sources(entry, boundary, medium, kept[entry.patches] * entry.flux[:, channel])
     local = np.zeros(len(boundary.patches))
     at = np.full(len(local), -1)  # of each patch, in the entry
     at[entry.patches] = np.arange(len(entry.patches))
@@ -161,6 +158,13 @@ def sources(
         left = np.abs(sheet.thickness[lit] - below[across])
         local[sheet.patches[lit]] += sheet.share[lit] * share[across, node] * local_green(medium, s, left)
     return deposited, local
+
+
+def first_sources(entry: Entry, medium: Medium, channel: int, kept: Array) -> tuple[Array, Array]:
+    """Depths along the rays, mm, and a' E dA of what scatters there, (m, 2) each; `kept` as above."""
+    depths, shares = first_scattering(entry.chords_in(medium))
+    flux = kept[entry.patches] * entry.flux[:, channel]
+    return medium.mean_free_path * depths, medium.albedo * flux[:, None] * shares
 
 
 def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp], Array, Array]:

@@ -40,7 +40,7 @@ ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CLEAR = 1e9  # mean free path, mm; more changes nothing
 CONVEX = 0.6  # share of the effect that is left where the surface is convex but nearly flat
-SHARPEST = 1.5  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
+SHARPEST = 1.0  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
 
 
@@ -98,11 +98,11 @@ class Medium:
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
         """A on a curved surface over `boundary`, > 0.
 
-        `curvature` is 2 H, 1/mm, above 0 where convex, any shape; `edges` what edges are of that, >= 0.
+        `curvature` is 2 H, 1/mm, above 0 where convex, any shape, and `edges` what convex edges add to it, >= 0.
         """
         far = min(self.mean_free_path, CLEAR)
         sharp = np.asarray(edges, np.float64) * far
-        bent = np.clip(np.asarray(curvature, np.float64) * far - sharp, -DEEPEST, CLEAR)
+        bent = np.clip(np.asarray(curvature, np.float64) * far, -DEEPEST, CLEAR)
         bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
         bent = bent + sharp / np.hypot(1.0, sharp / SHARPEST)
         extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path

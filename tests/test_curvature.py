@@ -13,6 +13,7 @@ from core.photon_shapes import Solid
 from core.photon_walk import walk
 from tests.diffusing import diffuse, samples_of
 from tests.shapes import ball, cube
+from tests.solids import mesh_of
 from viewer.bench_shapes import bowl, detail
 
 
@@ -58,15 +59,31 @@ def test_edges_are_convex_and_faces_flat():
 
 @pytest.mark.parametrize("shape", [lambda: ball(20.0), lambda: shell(10.0, 9.8)])
 def test_no_edges_on_what_is_smooth(shape):
-    total, edges = curvature(patches_of(shape())).at(0.5)
-    assert edges.min() >= 0.0
-    assert np.median(edges) < 1e-9
-    assert edges.mean() < 0.02 * np.abs(total).mean()
+    total, *edges = curvature(patches_of(shape())).at(0.5)
+    for each in edges:
+        assert each.min() >= 0.0
+        assert np.median(each) < 1e-9
+        assert each.mean() < 0.02 * np.abs(total).mean()
 
 
 def test_edges_of_a_cube_are_most_of_its_curvature():
-    total, edges = curvature(patches_of(cube())).at(0.5)
-    assert 0.7 * total.sum() < edges.sum() <= total.sum()
+    total, convex, concave = curvature(patches_of(cube())).at(0.5)
+    assert 0.6 * total.sum() < convex.sum() <= total.sum()
+    assert not concave.any()
+
+
+def test_a_floor_meets_a_wall_in_a_concave_edge():
+    """A step turned on a lathe: its inner edge is concave, at a radius of 4 and a height of 0."""
+    turned = trimesh.creation.revolve(np.array([(0, -6), (9, -6), (9, 0), (4, 0), (4, 6), (0, 6)], float), sections=64)
+    patches = patches_of(
+        mesh_of(trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(turned.vertices, turned.faces, 1.0)))
+    )
+    _, convex, concave = curvature(patches).at(0.5)
+    radius, height = np.hypot(*patches.points[:, :2].T), patches.points[:, 2]
+    away = np.hypot(radius - 4.0, height)
+    assert np.median(concave[away < 0.5]) > 0.1
+    assert concave[away > 3.0].max() < 1e-3
+    assert convex[away < 0.3].max() < 1e-3
 
 
 def test_a_wider_mean_sees_no_detail():

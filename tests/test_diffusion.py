@@ -9,8 +9,9 @@ import trimesh
 from scipy.special import iv, ivp, kv, kvp
 
 from core.diffusion import DiffusionTransport
-from core.diffusion_channel import Channel, Iteration
+from core.diffusion_channel import Channel
 from core.diffusion_start import fitted
+from core.diffusion_steps import Iteration
 from core.green import local_green
 from core.layers import smooth_matrix
 from core.medium import Medium

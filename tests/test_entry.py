@@ -63,7 +63,9 @@ def test_rays_and_chords_in_a_ball(placed):
     entry = placed.enter(collimated(placed.samples))
     normals = placed.boundary.patches.normals[entry.patches]
     cosine = np.sqrt(1.0 - (1.0 - np.maximum(normals[:, 2], 0.0) ** 2) / 1.5**2)
-    np.testing.assert_allclose(entry.cosines, cosine, atol=1e-6)
+    up = normals[:, 2] > 0.0  # patches on the terminator may be half lit and face away
+    np.testing.assert_allclose(entry.cosines[up], cosine[up], atol=1e-6)
+    np.testing.assert_allclose(entry.cosines, cosine, atol=0.01)
     np.testing.assert_allclose(entry.chords, 20.0 * cosine, rtol=0.03)
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.diffusion_channel import Iteration, Start
+from core.diffusion_steps import Iteration, Start
 from viewer.bench_speed import process_row
 from viewer.frame import Renderer, render
 from viewer.images import write_exr
