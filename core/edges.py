@@ -27,6 +27,7 @@ OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
+SPREAD = 0.2  # mean free paths over which an edge is curved: photons leave a box beside its edges so
 HALF = 0.5  # share of an edge that there must be of it at least
 LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
 CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat
@@ -98,11 +99,11 @@ class Edges:
         return [(share, pairs) for share, pairs in each if pairs.share.sum() > LEAST * len(self.patches)]
 
     def curvature(self, mean_free_path: float) -> Array:
-        """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,), smoothed over half a path."""
+        """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,)."""
         found = np.zeros(len(self.patches))
         counts = float(np.clip(4.0 * mean_free_path / self.spacing - 1.0, 0.0, 1.0))  # of strips narrower than a patch
         if counts > 0.0:
-            width = 0.5 * max(mean_free_path, self.spacing)
+            width = max(SPREAD * mean_free_path, 0.5 * self.spacing)
             for part, pairs in self.pairs(mean_free_path):
                 bell = np.exp(-0.5 * np.square(pairs.distance / width)) / (np.sqrt(2.0 * np.pi) * width)
                 found += counts * part * np.bincount(pairs.patch, pairs.turn * bell, len(found))

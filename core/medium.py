@@ -40,7 +40,7 @@ ANISOTROPY = 0.5
 NEARLY_CLEAR = 0.06  # albedo
 CLEAR = 1e9  # mean free path, mm; more changes nothing
 CONVEX = 0.6  # share of the effect that is left where the surface is convex but nearly flat
-SHARPEST = 1.0  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
+SHARPEST = 0.8  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
 DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
 
 

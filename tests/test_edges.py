@@ -100,10 +100,34 @@ def test_a_straight_edge_is_found_whole_and_at_its_distance(block):
     assert len(np.unique(pairs.patch)) >= np.count_nonzero(mine < 1.0)
 
 
+@pytest.mark.parametrize("far", [0.5, 1.0, 1.3])
+def test_edges_turn_by_their_angle(block, far):
+    """Summed over the surface, 2 H of an edge is its length times the angle; corners are curved more than that."""
+    solved, points, normals = block
+    found = solved.boundary.edges.curvature(far)
+    middle = to_edges(points, normals)[:, 1] > 3.0  # of edges, away from corners
+    length = 2.0 * sum(4.0 * (2.0 * half - 6.0) for half in HALF)  # each is seen from both its faces
+    total = float(solved.patches.areas[middle] @ found[middle])
+    assert total == pytest.approx(0.5 * length * 0.5 * np.pi, rel=0.15)
+    corner = to_edges(points, normals)[:, 1] < 0.5
+    edge = middle & (to_edges(points, normals)[:, 0] < 0.5)
+    assert found[corner].mean() > 1.3 * found[edge].mean()
+    assert found[to_edges(points, normals)[:, 0] > 2.0].max() < 1e-3
+
+
+def test_rims_of_a_tin_are_edges_too():
+    """Of a flat face with a curved one, which has several octants of normals."""
+    mesh = faceted(trimesh.creation.cylinder(6.0, 8.0, sections=64), 0.8)
+    solved = diffuse(mesh, (MEDIUM,) * 3, 40, samples=samples_of(mesh, 40))
+    total = float(solved.patches.areas @ solved.boundary.edges.curvature(1.0))
+    assert total == pytest.approx(2.0 * 12.0 * np.pi * 0.5 * np.pi, rel=0.15)
+
+
 @pytest.mark.parametrize("far", [0.7, 1.4, 2.8])
 def test_a_ball_has_no_edge(far):
     solved = diffuse(ball(8.0), (MEDIUM,) * 3, 40)
     assert all(pairs.share.sum() < 0.1 for _, pairs in solved.boundary.edges.pairs(far))
+    assert solved.boundary.edges.curvature(far).max() < 0.01
 
 
 def test_no_light_crosses_a_concave_edge():
@@ -174,7 +198,16 @@ def test_where_nothing_is_plain_there_is_no_edge(block):
     solved, _, _ = block
     patches = solved.patches
     nowhere = np.zeros(len(patches), np.bool_)
-    assert Edges(patches, solved.boundary.thickness, nowhere).pairs(1.0) == []
+    edges = Edges(patches, solved.boundary.thickness, nowhere)
+    assert edges.pairs(1.0) == []
+    assert not edges.curvature(1.0).any()
+
+
+@pytest.mark.parametrize("far", [1e-9, 1e-3, 0.1, 1e3, 1e9])
+def test_no_mean_free_path_is_too_short_or_too_long(block, far):
+    bending = block[0].boundary.bending(Medium(1.0 / far, 0.0, 1.5))
+    assert np.isfinite(bending).all()
+    assert bending.min() > 0.0
 
 
 def test_a_washer_is_near_photons():
