@@ -16,8 +16,10 @@ The pipeline, one module a stage::
     medium        or, instead of profiles, diffusion in the object itself: its constants; green: its kernel split
     patches       samples merged into unknowns; boundary: the boundary integral equation's surface on the layers
     entry         light refracted into the patches and scattered first; refracted: along one ray
-    diffusion     the equation solved, on half the nodes first; diffusion_channel: one channel's operator and steps,
-                  krylov: GMRES, diffusion_solution: what comes of it;
+    edges         faces that meet, by curvature and pairs; crossing: light over convex ones, in a wedge; last_flight:
+                  beside concave ones
+    diffusion     the equation solved, on half the nodes first; diffusion_channel: one channel's operator,
+                  diffusion_steps and krylov: GMRES, diffusion_solution: what comes of it;
                   diffusion_pixels: what a pixel needs of it, diffusion_points: the same at any point, on the CPU
     bodies        the solids of a mesh; atlas: the layers of each; separate and separate_diffusion: transport in each
                   alone

@@ -1,4 +1,4 @@
-"""Edges of a surface: which faces meet there, and how far from it a place on one of them is.
+"""Edges of a surface: which faces meet there, how far from it a place on one of them is, and how curved that is.
 
 Patches are gathered to pieces a mean free path wide. A piece's plane stands for the face that it is of, so that
 a patch near an edge knows its distance from it through any piece of the other face, whichever way cells cut that.
@@ -27,7 +27,7 @@ OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
-SPREAD = 0.2  # mean free paths over which an edge is curved: photons leave a box beside its edges so
+SPREAD = 0.2  # mean free paths over which an edge is curved: wider, light leaves a box in a bright frame
 HALF = 0.5  # share of an edge that there must be of it at least
 LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
 CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat

@@ -17,9 +17,10 @@ with it the condition that what goes down is F_r of what comes up, as a mean ove
 
 Photons from deep inside a shell or a ball tell z_b by where they leave: without a boundary it is 0.779 mean free paths
 around a cavity of radius 7, 0.577 in a ball of radius 4 and 0.710 on a plane, and gamma = 1/4 makes 0.071 and -0.125 of
-that. It holds where the surface is concave, as inside a bowl, and at edges. On smooth convex ones lit from outside it
-is too much, as light that has just entered is held back there by total reflection, and what is left of it was fitted to
-balls; at an edge it is let out by the other face (`core.crossing`).
+that. It holds where the surface is concave, as inside a bowl. On smooth convex ones lit from outside it is too much, as
+light that has just entered is held back there by total reflection, and what is left of it was fitted to balls. At an
+edge it is let out by the other face (`core.crossing`), and curvature counts up to where second order ends, which was
+fitted to boxes, cylinders and cones, as was how far from the edge it does (`core.edges`).
 """
 
 import functools

@@ -2,28 +2,19 @@
 
 import numpy as np
 import pytest
-import trimesh
 
 from core import fresnel
 from core.boundary import Depths
 from core.last_flight import last_flight, once
 from core.medium import Medium
-from core.mesh import Mesh
 from tests.diffusing import collimated, diffuse, samples_of
 from tests.shapes import ball
 from viewer.bench_schemes import Scheme
+from viewer.bench_shapes import dish, turned
 from viewer.bench_transport import transport_rows
 
 MEDIUM = Medium(0.99, 0.01, 1.3)
 STEP = [(0.0, -6.0), (9.0, -6.0), (9.0, 0.0), (4.0, 0.0), (4.0, 6.0), (0.0, 6.0)]  # a lathe's; concave at (4, 0)
-DISH = [(0.0, -4.0), (10.0, -4.0), (10.0, 4.0), (7.0, 4.0), (7.0, -1.0), (0.0, -1.0)]
-
-
-def turned(outline: list[tuple[float, float]], edge: float = 1.0) -> Mesh:
-    shape = trimesh.creation.revolve(np.array(outline), sections=64)
-    fine = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
-    split = np.arange(3 * len(fine.faces)).reshape(-1, 3)
-    return Mesh.of(fine.triangles.reshape(-1, 3), np.repeat(fine.face_normals, 3, axis=0), split)
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +95,7 @@ def test_darkness_stays_dark(step):
 
 def test_light_leaves_a_floor_and_passes_along_its_wall():
     """From below, through a floor of 3 mean free paths: diffusion had as much leave by the wall that stands on it."""
-    mesh = turned(DISH)
+    mesh = dish()
     below = collimated(samples_of(mesh, 40), (0.0, 0.0, 1.0))
     solved = diffuse(mesh, (MEDIUM,) * 3, 40, below, samples=samples_of(mesh, 40))
     height, radius = solved.patches.points[:, 2], np.hypot(*solved.patches.points[:, :2].T)
@@ -117,6 +108,6 @@ def test_light_leaves_a_floor_and_passes_along_its_wall():
 
 def test_corners_are_near_photons():
     """From behind, where 1.7 to 2.1 % without."""
-    front, back = transport_rows([Scheme("diffusion", resolution=48)], {"": lambda: turned(DISH)}, ["albedos"], 60_000)
+    front, back = transport_rows([Scheme("diffusion", resolution=48)], {"": dish}, ["albedos"], 60_000)
     assert max(front.error.rms) < 0.042
     assert max(back.error.rms) < 0.016

@@ -3,7 +3,7 @@
 Tests use them too. Normals are the exact surface's where it is smooth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -136,6 +136,24 @@ def torus(radius: float = 10.0, tube: float = 4.0, n_along: int = 128, n_around:
 def washer(outer: float = 16.0, inner: float = 6.0, height: float = 10.0, edge: float = 0.7) -> Mesh:
     """A cylinder with a hole along z, in triangles of `edge` mm at most; flat shading: square edges."""
     shape = trimesh.creation.annulus(inner, outer, height, sections=64)
+    return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
+
+
+def turned(outline: Sequence[tuple[float, float]], edge: float = 0.7) -> Mesh:
+    """Turn an outline, (radius, z) each, around z, in triangles of `edge` mm at most; flat shading: square edges."""
+    shape = trimesh.creation.revolve(np.array(outline, np.float64), sections=64)
+    return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
+
+
+def dish(thickness: float = 3.0) -> Mesh:
+    """A flat one of 20 mm with a wall of 8 mm around its floor: edges that are convex and one that is concave."""
+    inner, floor = 10.0 - thickness, thickness - 4.0
+    return turned([(0.0, -4.0), (10.0, -4.0), (10.0, 4.0), (inner, 4.0), (inner, floor), (0.0, floor)])
+
+
+def box(side: float = 8.0, edge: float = 0.7) -> Mesh:
+    """A cube, in triangles of `edge` mm at most; flat shading."""
+    shape = trimesh.creation.box((side, side, side))
     return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
 
 

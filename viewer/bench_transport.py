@@ -24,7 +24,7 @@ from core.stages import Stages
 from viewer.assets import Assets
 from viewer.bench_error import CAMERA
 from viewer.bench_schemes import Scheme
-from viewer.bench_shapes import ball, bowl, plate, torus, torus_knot, washer
+from viewer.bench_shapes import ball, bowl, box, dish, plate, torus, torus_knot, washer
 from viewer.camera import place_camera
 from viewer.point_exitance import Evaluate, RayLights, diffusion_exitance, dipole_exitance
 from viewer.quality import AnyTransport, Quality, make_transport, sample_spacing
@@ -49,6 +49,8 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
     "torus, 8 mm": torus,
     "washer, 10 mm": washer,
     "washer, 6 mm": lambda: washer(10.0, 4.0, 6.0),
+    "dish, 3 mm": dish,
+    "cube, 8 mm": box,
 }
 METHODS = Scheme("layered", 8, 128), Scheme("ewald"), Scheme("diffusion")
 ALL, LIGHT, MATERIAL = "all", "light", "material"
