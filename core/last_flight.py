@@ -33,7 +33,8 @@ FINE, COARSE = 0.5, 1.0  # patches in mean free paths: up to here all of it coun
 WIDTH = 2.0  # mean free paths over which a concave edge counts
 FLAT, SHARP = 0.05, 0.2  # radians that it turns by, as far as it counts: up to here none, from here on all
 CONVEX = 0.1  # curvature of convex edges times mean free path beside which it does not count
-LEAST = 1e-3  # share of the patches
+ROUGH, EVEN = 0.98, 0.995  # evenness of faces: a scan's creases are no edges
+LEAST, ENOUGH = 0.01, 0.02  # share of the patches beside edges: fewer than the one are not worth their rays
 AROUND = 6  # ways from a place
 LOCAL, TABLE = 8.0, 512  # widths of the window over which the nodes' coarseness is felt
 
@@ -93,8 +94,9 @@ def last_flight(
     `s` is the window's width, mm, and `kept` the share of each patch's light that diffuses, (n,).
     """
     share = _beside(boundary, medium.mean_free_path)
+    share *= np.clip((share.mean() - LEAST) / (ENOUGH - LEAST), 0.0, 1.0)
     chosen = np.flatnonzero(share > 0.0)
-    if share.sum() <= LEAST * len(share):
+    if not len(chosen):
         return None
     places, shares, below = _places(boundary, depths, medium, chosen)
     e = LOCAL * s * np.linspace(0.0, 1.0, TABLE)
@@ -132,7 +134,8 @@ def _beside(boundary: Boundary, far: float) -> Array:
     concave = np.sqrt(2.0 * np.pi) * width * boundary.curvature.at(width)[2]
     share = np.clip((concave - FLAT) / (SHARP - FLAT), 0.0, 1.0)
     share *= np.clip(1.0 - far / CONVEX * boundary.curvature.at(0.5 * far)[1], 0.0, 1.0)
-    return np.asarray(fine * np.where(boundary.is_plain & (boundary.patches.areas > 0.0), share, 0.0))
+    share *= np.clip((boundary.curvature.evenness - ROUGH) / (EVEN - ROUGH), 0.0, 1.0)
+    return np.asarray(fine * np.where(boundary.is_sheet | (boundary.patches.areas == 0.0), 0.0, share))
 
 
 def _places(boundary: Boundary, depths: Depths, medium: Medium, chosen: Ints) -> tuple[Array, Array, Array]:
