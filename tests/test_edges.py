@@ -14,7 +14,7 @@ from core.wedge import look_up, wedge
 from tests.diffusing import collimated, diffuse, samples_of
 from tests.shapes import ball
 from viewer.bench_schemes import Scheme
-from viewer.bench_shapes import washer
+from viewer.bench_shapes import box, washer
 from viewer.bench_transport import transport_rows
 
 HALF = np.array([6.0, 4.5, 3.5])
@@ -210,9 +210,11 @@ def test_no_mean_free_path_is_too_short_or_too_long(block, far):
     assert bending.min() > 0.0
 
 
-def test_a_washer_is_near_photons():
-    """4.2 to 4.7 % without."""
-    shapes = {"washer": lambda: washer(10.0, 4.0, 6.0)}
-    for row in transport_rows([Scheme("diffusion", resolution=48)], shapes, ["albedos"], 60_000):
-        assert max(row.error.rms[1:]) < 0.033
+@pytest.mark.parametrize(
+    ("shape", "bound"), [(lambda: washer(10.0, 4.0, 6.0), 0.018), (box, 0.03)], ids=["washer", "box"]
+)
+def test_square_edges_are_near_photons(shape, bound):
+    """4.2 to 4.7 % for light that is followed nowhere; the box 3.7 % where three of its faces shared patches."""
+    for row in transport_rows([Scheme("diffusion", resolution=48)], {"": shape}, ["albedos"], 60_000):
+        assert max(row.error.rms[1:]) < bound
         assert row.error.rms[0] < 0.045
