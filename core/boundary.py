@@ -75,12 +75,7 @@ class Boundary:
     @functools.cached_property
     def edges(self) -> Edges:
         """Between the patches."""
-        return Edges(self.patches, self.thickness, self.is_plain)
-
-    @functools.cached_property
-    def is_plain(self) -> Bools:
-        """Patches that may be of a face that has edges, (n,)."""
-        return (self.curvature.evenness > PLAIN) & ~self.is_sheet
+        return Edges(self.patches, self.thickness, (self.curvature.evenness > PLAIN) & ~self.is_sheet)
 
     @functools.cached_property
     def mean_chord(self) -> float:
@@ -112,9 +107,10 @@ class Boundary:
         smooth = curvature - edges
         # On sheets, and where light flies through without meeting anything, there is no face to speak of.
         counts = float(np.clip(2.0 - far / self.mean_chord, 0.0, 1.0))
-        if counts > 0.0:
-            edges = counts * np.where(self.is_sheet, 0.0, np.maximum(edges, self.edges.curvature(far)))
-        return medium.bending(smooth, edges if counts > 0.0 else 0.0)
+        if counts == 0.0:
+            return medium.bending(smooth)
+        sharp = np.where(self.is_sheet, 0.0, np.maximum(edges, self.edges.curvature(far)))
+        return medium.bending(smooth, counts * sharp)
 
     def double_layer(self, boundary_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
         """Deposit of 2 A M dA: W / (2 A) + b D n . grad W, (nodes, n) sparse float32; b is 1 or (n,)."""

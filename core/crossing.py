@@ -22,7 +22,6 @@ from core.wedge import look_up, wedge
 
 Array = npt.NDArray[np.float64]
 
-FINE, COARSE = 0.5, 1.0  # patches in mean free paths: up to here all of it counts, from here on nothing
 MOST = 0.5  # of what a patch lets in
 
 
@@ -45,7 +44,7 @@ class Crossing:
 def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry]) -> Crossing | None:
     """Follow one channel of all lights over the edges; None where nothing crosses one."""
     far = medium.mean_free_path
-    counts = float(np.clip((COARSE - edges.spacing / far) / (COARSE - FINE), 0.0, 1.0))
+    counts = edges.shown(far)
     if counts == 0.0 or not entries:
         return None
     pairs = edges.pairs(far)

@@ -47,8 +47,8 @@ class Curvature:
         i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
         low, high = self.widths[i - 1], self.widths[i]
         share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
-        all_, convex, concave = ((1.0 - share) * self.values[i - 1] + share * self.values[i]).T
-        return all_, convex, concave
+        total, convex, concave = ((1.0 - share) * self.values[i - 1] + share * self.values[i]).T
+        return total, convex, concave
 
 
 def curvature(patches: Patches) -> Curvature:

@@ -27,6 +27,7 @@ OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from
 BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
 ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
 SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
+FINE, COARSE = 0.5, 1.0  # patches in mean free paths: what edges do is seen up to here whole, from here on not at all
 SPREAD = 0.2  # mean free paths over which an edge is curved: wider, light leaves a box in a bright frame
 HALF = 0.5  # share of an edge that there must be of it at least
 LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
@@ -97,6 +98,10 @@ class Edges:
         mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
         each = [(share, self._at(one)) for share, one in mixed if share > 0.0 and len(self._plain)]
         return [(share, pairs) for share, pairs in each if pairs.share.sum() > LEAST * len(self.patches)]
+
+    def shown(self, mean_free_path: float) -> float:
+        """How far patches are fine enough to show what light does beside edges, in [0, 1]."""
+        return float(np.clip((COARSE - self.spacing / mean_free_path) / (COARSE - FINE), 0.0, 1.0))
 
     def curvature(self, mean_free_path: float) -> Array:
         """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,)."""

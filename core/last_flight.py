@@ -23,13 +23,13 @@ from core.boundary import Boundary, Depths
 from core.entry import Entry, first_sources
 from core.green import local_green, local_slope
 from core.medium import Medium
+from core.normals import across
 from core.refracted import first_scattering
 
 Array = npt.NDArray[np.float64]
 Float32 = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.intp]
 
-FINE, COARSE = 0.5, 1.0  # patches in mean free paths: up to here all of it counts, from here on nothing
 WIDTH = 2.0  # mean free paths over which a concave edge counts
 FLAT, SHARP = 0.05, 0.2  # radians that it turns by, as far as it counts: up to here none, from here on all
 CONVEX = 0.1  # curvature of convex edges times mean free path beside which it does not count
@@ -103,12 +103,9 @@ def last_flight(
     green, slope = local_green(medium, s, e), local_slope(medium, s, e)
     coarse = np.interp(below, e, green, right=0.0) / (2.0 * medium.boundary)
     coarse += boundary.bending(medium)[chosen, None] * np.interp(below, e, slope, right=0.0)
-    areas, given, at = boundary.patches.areas[chosen], np.zeros(len(chosen)), np.empty(len(share), np.intp)
+    areas, given = boundary.patches.areas[chosen], np.zeros(len(chosen))
     for entry in entries:
-        at[:] = -1
-        at[entry.patches] = np.arange(len(entry.patches))
-        lit = np.flatnonzero(at[chosen] >= 0)
-        of = at[chosen[lit]]
+        _, lit, of = np.intersect1d(chosen, entry.patches, assume_unique=True, return_indices=True)
         depth, strength = (each[of] for each in first_sources(entry, medium, channel, kept))
         strength /= areas[lit, None]
         for node in range(2):
@@ -129,13 +126,13 @@ def once(eta: float, cosines: Array) -> Array:
 
 def _beside(boundary: Boundary, far: float) -> Array:
     """How far each patch is beside a concave edge of faces, (n,), for a mean free path `far`."""
-    fine = float(np.clip((COARSE - boundary.edges.spacing / far) / (COARSE - FINE), 0.0, 1.0))
     width = min(WIDTH * far, float(boundary.curvature.widths[-1]))
     concave = np.sqrt(2.0 * np.pi) * width * boundary.curvature.at(width)[2]
     share = np.clip((concave - FLAT) / (SHARP - FLAT), 0.0, 1.0)
     share *= np.clip(1.0 - far / CONVEX * boundary.curvature.at(0.5 * far)[1], 0.0, 1.0)
     share *= np.clip((boundary.curvature.evenness - ROUGH) / (EVEN - ROUGH), 0.0, 1.0)
-    return np.asarray(fine * np.where(boundary.is_sheet | (boundary.patches.areas == 0.0), 0.0, share))
+    nowhere = boundary.is_sheet | (boundary.patches.areas == 0.0)
+    return np.asarray(boundary.edges.shown(far) * np.where(nowhere, 0.0, share))
 
 
 def _places(boundary: Boundary, depths: Depths, medium: Medium, chosen: Ints) -> tuple[Array, Array, Array]:
@@ -145,13 +142,13 @@ def _places(boundary: Boundary, depths: Depths, medium: Medium, chosen: Ints) ->
     """
     patches, cell, far = boundary.patches, boundary.grid.texel, medium.mean_free_path
     normals, starts = patches.face_normals[chosen], patches.on_surface[chosen]
-    first, second = _across(normals)
+    first, second = across(normals)
     mu = np.sqrt(1.0 - 0.5 / medium.eta**2)
     leaves = float(fresnel.transmittance(medium.eta, np.sqrt(0.5))) / medium.eta**2
     points, shares, below = [], [], []
     for turn in 2.0 * np.pi * np.arange(AROUND) / AROUND:
-        across = np.cos(turn) * first + np.sin(turn) * second
-        way = np.sqrt(1.0 - mu * mu) * across - mu * normals
+        side = np.cos(turn) * first + np.sin(turn) * second
+        way = np.sqrt(1.0 - mu * mu) * side - mu * normals
         depth, share = first_scattering(depths.ends(patches, chosen, way, cell)[0] / far)
         for node in range(2):
             points.append(starts + far * depth[:, node, None] * way)
@@ -159,11 +156,3 @@ def _places(boundary: Boundary, depths: Depths, medium: Medium, chosen: Ints) ->
             below.append(far * mu * depth[:, node])
     at = boundary.grid.coordinates(np.stack(points, axis=1).reshape(-1, 3))
     return np.ascontiguousarray(at[:, ::-1].T), np.stack(shares, axis=1), np.stack(below, axis=1)
-
-
-def _across(normals: Array) -> tuple[Array, Array]:
-    """Two directions across each normal, (n, 3): the same ones all over a face."""
-    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)

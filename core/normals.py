@@ -31,6 +31,13 @@ def unit(vectors: Array) -> Array:
     return result
 
 
+def across(axes: Array) -> tuple[Array, Array]:
+    """Two unit vectors across each axis, (n, 3), and across each other: the same ones for the same axis."""
+    first = np.cross(np.eye(3)[np.abs(axes).argmin(axis=1)], axes)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(axes, first)
+
+
 def crease_normals(
     vertices: Array, faces: npt.NDArray[np.integer], crease_deg: float = CREASE_DEG
 ) -> tuple[Array, Array, Ints]:

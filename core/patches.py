@@ -17,8 +17,7 @@ from core.samples import SurfaceSamples
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.intp]
 
-
-ASKEW = np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0  # orthogonal
+ASKEW = np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0  # axes as columns, at right angles
 
 
 @dataclass(frozen=True, eq=False)

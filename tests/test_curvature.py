@@ -13,8 +13,7 @@ from core.photon_shapes import Solid
 from core.photon_walk import walk
 from tests.diffusing import diffuse, samples_of
 from tests.shapes import ball, cube
-from tests.solids import mesh_of
-from viewer.bench_shapes import bowl, detail
+from viewer.bench_shapes import bowl, detail, turned
 
 
 def patches_of(mesh):
@@ -74,10 +73,7 @@ def test_edges_of_a_cube_are_most_of_its_curvature():
 
 def test_a_floor_meets_a_wall_in_a_concave_edge():
     """A step turned on a lathe: its inner edge is concave, at a radius of 4 and a height of 0."""
-    turned = trimesh.creation.revolve(np.array([(0, -6), (9, -6), (9, 0), (4, 0), (4, 6), (0, 6)], float), sections=64)
-    patches = patches_of(
-        mesh_of(trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(turned.vertices, turned.faces, 1.0)))
-    )
+    patches = patches_of(turned([(0, -6), (9, -6), (9, 0), (4, 0), (4, 6), (0, 6)], 1.0))
     _, convex, concave = curvature(patches).at(0.5)
     radius, height = np.hypot(*patches.points[:, :2].T), patches.points[:, 2]
     away = np.hypot(radius - 4.0, height)

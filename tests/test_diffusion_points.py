@@ -13,6 +13,7 @@ from tests.diffusing import MARBLE, SKIM_MILK, WHOLE_MILK, diffuse, samples_of
 from tests.rendering import BACK, FRONT, MeshRenderer, inside, scene_of
 from tests.shapes import ball, plate
 from viewer import images
+from viewer.bench_shapes import turned
 from viewer.frame import Renderer
 from viewer.picture import read_frame
 from viewer.point_exitance import scene_exitance
@@ -61,11 +62,7 @@ def test_points_are_the_pixels_of_diffusion(context, tmp_path, shape, lights):
 
 def test_a_film_beside_a_thick_part_keeps_its_light():
     """Points solve their own equation; in a flange half a node thick, on an axle, what they find is the solution."""
-    outline = np.array([(0, -5), (4, -5), (4, -0.2), (8, -0.2), (8, 0.2), (4, 0.2), (4, 5), (0, 5)], float)
-    turned = trimesh.creation.revolve(outline, sections=64)
-    turned = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(turned.vertices, turned.faces, 1.0))
-    corners = turned.triangles.reshape(-1, 3)
-    mesh = Mesh.of(corners, np.repeat(turned.face_normals, 3, axis=0), np.arange(len(corners)).reshape(-1, 3))
+    mesh = turned([(0, -5), (4, -5), (4, -0.2), (8, -0.2), (8, 0.2), (4, 0.2), (4, 5), (0, 5)], 1.0)
     samples = samples_of(mesh, 32)
     sky = EnteringLight(np.repeat(samples.areas[:, None], 3, axis=1).astype(np.float32))
     found = diffuse(mesh, (MARBLE, SKIM_MILK, WHOLE_MILK), 24, sky, samples=samples)

@@ -9,24 +9,16 @@ from core.crossing import crossing
 from core.edges import Edges
 from core.entry import enter
 from core.medium import Medium
-from core.mesh import Mesh
 from core.wedge import look_up, wedge
 from tests.diffusing import collimated, diffuse, samples_of
 from tests.shapes import ball
 from viewer.bench_schemes import Scheme
-from viewer.bench_shapes import box, washer
+from viewer.bench_shapes import box, faceted, washer
 from viewer.bench_transport import transport_rows
 
 HALF = np.array([6.0, 4.5, 3.5])
 TURN = trimesh.transformations.rotation_matrix(0.37, (1, 2, 3))
 MEDIUM = Medium(0.99, 0.01, 1.5)
-
-
-def faceted(shape: trimesh.Trimesh, edge: float) -> Mesh:
-    vertices, faces = trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge)
-    fine = trimesh.Trimesh(vertices, faces)
-    split = np.arange(3 * len(fine.faces)).reshape(-1, 3)
-    return Mesh.of(fine.triangles.reshape(-1, 3), np.repeat(fine.face_normals, 3, axis=0), split)
 
 
 @pytest.fixture(scope="module")

@@ -135,14 +135,12 @@ def torus(radius: float = 10.0, tube: float = 4.0, n_along: int = 128, n_around:
 
 def washer(outer: float = 16.0, inner: float = 6.0, height: float = 10.0, edge: float = 0.7) -> Mesh:
     """A cylinder with a hole along z, in triangles of `edge` mm at most; flat shading: square edges."""
-    shape = trimesh.creation.annulus(inner, outer, height, sections=64)
-    return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
+    return faceted(trimesh.creation.annulus(inner, outer, height, sections=64), edge)
 
 
 def turned(outline: Sequence[tuple[float, float]], edge: float = 0.7) -> Mesh:
     """Turn an outline, (radius, z) each, around z, in triangles of `edge` mm at most; flat shading: square edges."""
-    shape = trimesh.creation.revolve(np.array(outline, np.float64), sections=64)
-    return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
+    return faceted(trimesh.creation.revolve(np.array(outline, np.float64), sections=64), edge)
 
 
 def dish(thickness: float = 3.0) -> Mesh:
@@ -153,7 +151,11 @@ def dish(thickness: float = 3.0) -> Mesh:
 
 def box(side: float = 8.0, edge: float = 0.7) -> Mesh:
     """A cube, in triangles of `edge` mm at most; flat shading."""
-    shape = trimesh.creation.box((side, side, side))
+    return faceted(trimesh.creation.box((side, side, side)), edge)
+
+
+def faceted(shape: trimesh.Trimesh, edge: float) -> Mesh:
+    """Divide a shape into triangles of `edge` mm at most; flat shading."""
     return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
 
 

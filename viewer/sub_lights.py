@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from core.normals import across
 from viewer.lights import DirectionalLight, Light, PointLight, RectangleLight, SphereLight, SpotLight, axes, brightness
 
 Array = npt.NDArray[np.float64]
@@ -171,10 +172,9 @@ def _ball(count: int) -> Array:
 
 def _around(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.floating]) -> Array:
     """Points of a golden spiral about an axis, in the plane across it: (n, 3)."""
-    across = np.cross(np.eye(3)[np.abs(axis).argmin()], axis)
-    across /= np.linalg.norm(across)
+    first, second = across(axis[None])
     angle = 2.0 * np.pi * GOLDEN * i
-    circle = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across)
+    circle = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     return np.asarray(radii[:, None] * circle)
 
 
