@@ -1,19 +1,21 @@
 """Fixtures that several test files share."""
 
 import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `milkglass` does, which may come after NumPy here
+
 from collections.abc import Iterator
 from pathlib import Path
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `viewer` does, which may come after NumPy here
 
 import moderngl
 import pytest
 
-from core.errors import InputError
-from core.mesh import Mesh
-from tests.rendering import MeshRenderer
-from tests.shapes import ball, cube, plate, torus_knot
-from viewer.gl import driver_name, headless_context, leave_framebuffer
+from milkglass.core.errors import InputError
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.viewer.gl.context import driver_name, headless_context, leave_framebuffer
+from tests.support.paths import PACKAGES, ROOT
+from tests.support.rendering import MeshRenderer
+from tests.support.shapes import ball, cube, plate, torus_knot
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -30,7 +32,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    path = Path(__file__).parents[2] / "shared" / "data"
+    path = ROOT.parent / "shared" / "data"
     if not path.is_dir():
         pytest.skip("the folder of third-party data is absent")
     return path
@@ -41,9 +43,10 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache of the tests' own, whose bakes serve all of them and not the user; and a folder for materials."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(PACKAGES))  # of the programs that tests start
         patch.setenv("XDG_CACHE_HOME", str(folder))
         patch.setenv("XDG_DATA_HOME", str(folder / "data"))
-        patch.setattr("viewer.visibility_cache.folder", lambda: folder / "milkglass" / "visibility")
+        patch.setattr("milkglass.viewer.assets.visibility_cache.folder", lambda: folder / "milkglass" / "visibility")
         yield folder
 
 
@@ -98,7 +101,7 @@ def renderer_of(context: moderngl.Context, shapes: dict[str, Mesh]):
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the file of a small knot."""
-    from tests.driving import write_knot
+    from tests.support.driving import write_knot
 
     return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
 
@@ -106,7 +109,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def driver(context: moderngl.Context, model: Path):
     """Return a window without a screen that shows the knot."""
-    from tests.driving import Driver, small_scene  # imports the window, which most tests do without
+    from tests.support.driving import Driver, small_scene  # imports the window, which most tests do without
 
     driver = Driver(small_scene(model))
     yield driver

@@ -1,12 +1,11 @@
 """What the README says is what there is."""
 
 import re
-from pathlib import Path
 
-from viewer.cli import app
-from viewer.settings_docs import settings_markdown
+from milkglass.viewer.commands.cli import app
+from milkglass.viewer.scene.settings_docs import settings_markdown
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -1,0 +1,1 @@
+"""Triangle meshes: normals, surface samples, refinement, connected bodies, rays, and the built-in sculpture."""

@@ -1,0 +1,1 @@
+"""Layers of nodes: deposit and gather, kernels between them and their spectra, and convolution by FFT."""

@@ -1,0 +1,1 @@
+"""Light probes: irradiance and highlights through spherical harmonics, strong sources, visibility."""

@@ -1,0 +1,130 @@
+"""Light that needs no file: four light probes, computed.
+
+Azimuths are about +y as seen by the default camera, which stands at 30 degrees: 0 is behind the camera, 90 on its
+right, 180 behind the object. Radiance is such that white surfaces that face the main light reach about 1. What is
+small and strong in them becomes a lamp with a shadow by `core.light.sources`, as in any probe.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from milkglass.core.arrays import Array
+from milkglass.core.light.maps import Radiance, latlong_to_direction, solid_angles
+
+CAMERA_AZIMUTH_DEG = 30.0
+HEIGHT = 256
+_EDGE_DEG = 0.8  # over which an edge fades: about a texel, so that it does not alias
+
+_BAR_DEG = 0.8  # of a window
+
+Colour = tuple[float, float, float]
+WHITE: Colour = (1.0, 1.0, 1.0)
+WARM: Colour = (1.0, 0.86, 0.66)
+COOL: Colour = (0.78, 0.9, 1.0)
+DAYLIGHT: Colour = (0.86, 0.95, 1.0)
+
+
+def preset(name: str, height: int = HEIGHT) -> Radiance:
+    """Return one of `PRESETS` as a lat-long map (height, 2 height, 3) float32, linear RGB."""
+    u, v = (np.arange(2 * height) + 0.5) / (2 * height), (np.arange(height) + 0.5) / height
+    directions = latlong_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
+    _, d_omega = solid_angles(np.zeros((height, 2 * height, 3), np.float32))
+    lights = PRESETS[name](directions, d_omega.reshape(height, 2 * height))
+    return np.maximum(lights, 0.0).astype(np.float32)
+
+
+def _studio(directions: Array, d_omega: Array) -> Array:
+    """A key light from the left, a broad weak fill from the right, a rim light from behind, in a dark room."""
+    panel = partial(_panel, directions, d_omega)
+    return (
+        _gradient(directions, (0.008, 0.008, 0.009), (0.03, 0.03, 0.033))
+        + panel(-62.0, 36.0, (19.0, 19.0), 2.4, (1.0, 0.93, 0.84))
+        + panel(70.0, 10.0, (50.0, 70.0), 0.22, COOL, fade_deg=15.0)
+        + panel(148.0, 30.0, (9.0, 20.0), 5.5, WHITE)
+    )
+
+
+def _backlight(directions: Array, d_omega: Array) -> Array:
+    """A low warm sun in mist behind the object, a cool rim light opposite, almost nothing in front."""
+    panel = partial(_panel, directions, d_omega)
+    return (
+        _gradient(directions, (0.008, 0.009, 0.012), (0.02, 0.024, 0.034))
+        + panel(163.0, 24.0, (9.0, 9.0), 7.5, WARM)
+        + panel(163.0, 24.0, (70.0, 50.0), 0.4, WARM, fade_deg=25.0)
+        + panel(-125.0, 28.0, (10.0, 24.0), 2.2, COOL)
+    )
+
+
+def _window(directions: Array, d_omega: Array) -> Array:
+    """Two tall windows on the left, a little behind the object, in a room with warm walls and a wooden floor."""
+    panel = partial(_panel, directions, d_omega)
+    return np.asarray(
+        _gradient(directions, (0.05, 0.04, 0.03), (0.07, 0.066, 0.06))
+        + panel(-100.0, -50.0, (70.0, 50.0), 0.35, (1.0, 0.8, 0.58), fade_deg=25.0)  # what the floor returns
+        + panel(-92.0, 16.0, (11.0, 23.0), 2.1, DAYLIGHT, panes=(2, 3))
+        + panel(-122.0, 16.0, (11.0, 23.0), 2.1, DAYLIGHT, panes=(2, 3))
+    )
+
+
+def _overcast(directions: Array, d_omega: Array) -> Array:
+    """The sky of the International Commission on Illumination, L = L_z (1 + 2 sin elevation) / 3, over grey ground."""
+    sine = directions[..., 1]
+    sky = np.maximum(1.0 + 2.0 * sine, 1.0) / 3.0
+    horizontal = np.pi * 7.0 / 9.0  # irradiance of that sky on the ground, over L_z
+    ground = 0.1 * horizontal / np.pi
+    above = _smoothstep(np.degrees(np.arcsin(sine)), 2.0)
+    colour = np.array([0.93, 0.97, 1.0]) * (above * sky)[..., None]
+    return np.asarray(1.2 * (colour + np.array([1.0, 0.95, 0.88]) * ((1.0 - above) * ground)[..., None]))
+
+
+PRESETS: dict[str, Callable[[Array, Array], Array]] = {
+    "studio": _studio,
+    "backlight": _backlight,
+    "window": _window,
+    "overcast": _overcast,
+}
+
+
+def _panel(
+    directions: Array,
+    d_omega: Array,
+    azimuth_deg: float,
+    elevation_deg: float,
+    size_deg: tuple[float, float],
+    irradiance: float,
+    colour: Colour,
+    fade_deg: float = _EDGE_DEG,
+    panes: tuple[int, int] = (1, 1),
+) -> Array:
+    """A rectangle of light of a width and height, with the irradiance that it casts on what faces it: (h, w, 3).
+
+    Bars part it into columns and rows of panes.
+    """
+    azimuth, elevation = np.radians(azimuth_deg + CAMERA_AZIMUTH_DEG), np.radians(elevation_deg)
+    across = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
+    towards = np.array([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)])
+    up = np.cross(towards, across)
+    x, y, z = (directions @ axis for axis in (across, up, towards))
+    inside = np.ones_like(z)
+    for side, size, count in zip((x, y), size_deg, panes, strict=True):
+        place = np.degrees(np.arctan2(side, z))
+        inside *= _smoothstep(0.5 * size - np.abs(place), fade_deg)
+        for bar in range(1, count):
+            away = np.abs(place + 0.5 * size - bar * size / count)
+            inside *= _smoothstep(away - 0.5 * _BAR_DEG, fade_deg)
+    cast = float((inside * np.maximum(z, 0.0) * d_omega).sum())
+    return np.asarray((irradiance / cast * inside)[..., None] * np.array(colour))
+
+
+def _gradient(directions: Array, bottom: Colour, top: Colour) -> Array:
+    """A room, darker below: (h, w, 3)."""
+    share = (0.5 + 0.5 * directions[..., 1:2]) ** 2
+    return np.asarray((1.0 - share) * np.array(bottom) + share * np.array(top))
+
+
+def _smoothstep(inside_deg: Array, fade_deg: float) -> Array:
+    """0 to 1 across an edge of a width that `inside_deg`, the distance from it, runs through from -1/2 to 1/2."""
+    t = np.clip(inside_deg / fade_deg + 0.5, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)

@@ -1,0 +1,1 @@
+"""Media: coefficients, mixtures, Fresnel and refraction, constants of diffusion, single scattering."""

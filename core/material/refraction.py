@@ -1,0 +1,76 @@
+"""Where light first scatters: an exponential source along the refracted ray, as two points a surface sample.
+
+A ray that has entered meets its first scattering after a depth z, in mean free paths, of density exp(-z); of what
+scatters there a' goes on. Two Gauss nodes stand for the density on [0, chord], so that in thin parts no source lies
+outside and the weights leave out exactly the light that crosses without scattering, exp(-chord).
+"""
+
+import functools
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array
+from milkglass.core.material import fresnel
+
+LONGEST = 60.0  # chord, in mean free paths: beyond, exp(-z) has ended
+TABLE = 2048
+
+
+def refract(directions: npt.ArrayLike, normals: npt.ArrayLike, eta: float) -> Array:
+    """Direction inside of light that travels along `directions` (n, 3), unit, and meets outward normals (n, 3).
+
+    Light from behind a normal, as an interpolated one may have it, is taken to graze.
+    """
+    d, n = np.asarray(directions, np.float64), np.asarray(normals, np.float64)
+    mu = np.maximum(-np.einsum("ij,ij->i", np.broadcast_to(d, n.shape), n), 0.0)
+    c = np.sqrt(1.0 - (1.0 - mu * mu) / eta**2)
+    w = d / eta + (mu / eta - c)[:, None] * n
+    return np.asarray(w / np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12))
+
+
+@functools.cache
+def mean_cosine(eta: float) -> float:
+    """Mean cosine to the normal, inside, of diffuse light that has entered: what environments' depths are times."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    t = 0.5 * (nodes + 1.0)
+    mu = t * t  # F_t rises steeply near grazing incidence
+    entering = weights * t * mu * fresnel.transmittance(eta, mu)
+    return float(np.sum(entering * np.sqrt(1.0 - (1.0 - mu * mu) / eta**2)) / np.sum(entering))
+
+
+def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
+    """Two-point Gauss rule of exp(-z) on [0, chord], chord (n,) >= 0 in mean free paths, inf allowed.
+
+    Returns
+    -------
+    depths, weights : (n, 2) float64
+        Depths in mean free paths; weights sum to 1 - exp(-chord).
+    """
+    chord = np.minimum(np.asarray(chord, np.float64), LONGEST)
+    at, table = _table()
+    bounded = chord / (1.0 + chord)
+    shares = np.stack([np.interp(bounded, at, column) for column in table], axis=-1)
+    depths = shares[..., :2] * bounded[..., None]
+    first = shares[..., 2] * -np.expm1(-chord)
+    return depths, np.stack([first, -np.expm1(-chord) - first], axis=-1)
+
+
+@functools.cache
+def _table() -> tuple[Array, Array]:
+    """Over chord / (1 + chord): both depths, divided by it, and the first one's share of the weight."""
+    at = np.linspace(0.0, LONGEST / (1.0 + LONGEST), TABLE)
+    chord = np.maximum(at / (1.0 - at), 1e-6)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    # Half of the nodes on [0, chord]'s first mean free paths: the density is steep where the chord is long.
+    z = chord[:, None] * (0.5 * (nodes + 1.0)) ** 3
+    density = weights * 3.0 * (0.5 * (nodes + 1.0)) ** 2 * np.exp(-z)
+    density /= density.sum(axis=1, keepdims=True)
+    mean = np.sum(density * z, axis=1)
+    off = z - mean[:, None]
+    variance, third = (np.sum(density * off**power, axis=1) for power in (2, 3))
+    skew = 0.5 * third / variance
+    root = np.sqrt(skew * skew + variance)  # nodes: the roots of t^2 - (third / variance) t - variance
+    lower, upper = skew - root, skew + root
+    bounded = chord / (1.0 + chord)
+    return at, np.stack([(mean + lower) / bounded, (mean + upper) / bounded, upper / (upper - lower)])

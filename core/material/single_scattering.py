@@ -1,0 +1,94 @@
+"""How much of the light that leaves a material has scattered only once, which diffusion knows nothing of.
+
+A half space with a smooth dielectric boundary, lit along its normal, isotropic scattering with the reduced coefficients
+(as `core.reference.photons`), fluxes relative to what has entered. Light that scatters once, at a depth of z mean free
+paths with probability exp(-z), and then goes up at a cosine mu inside, leaves with exp(-z / mu) F_t(mu):
+
+    R_1 = a'/2 int_0^1 F_t(mu) mu / (1 + mu) dmu.
+
+All orders together: without a boundary a half space returns the radiance a'/(4 pi) H(mu) H(mu') / (mu + mu') of a beam
+from mu' (Chandrasekhar 1950, section 37), H in closed form,
+
+    H(mu) = exp(-mu/pi int_0^{pi/2} ln(1 - a' t cot t) / (cos^2 t + mu^2 sin^2 t) dt)   (Stibbs and Weir 1959);
+
+the boundary sends the share F_r of it back in, any number of times, which is a linear system in the radiance that comes
+up to it. What leaves is R = 2 pi int F_t I mu dmu, exact for every albedo and index.
+"""
+
+import functools
+
+import numpy as np
+
+from milkglass.core.arrays import Array
+from milkglass.core.material import fresnel
+from milkglass.core.material.library import Material
+
+HALF = 24  # cosines on either side of the critical angle
+MUCH = 1.0 / 3.0  # share above which a picture without single scattering is another picture
+# Double-exponential nodes in (0, 1): the integrand has logarithms at both ends.
+_V = np.arange(-3.2, 3.2, 0.05)
+_SHARE = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_V)))
+_WEIGHT = 0.05 * np.pi * np.cosh(_V) * _SHARE * (1.0 - _SHARE)
+
+
+def share(material: Material) -> Array:
+    """R_1 / R per channel, (3,), in [0, 1]; 0 where nothing scatters and so nothing leaves."""
+    return np.array([_share(float(albedo), material.eta) for albedo in material.alpha_prime])
+
+
+def statement(material: Material) -> str:
+    """Say what a picture misses without single scattering, and how much that is; nothing where nothing scatters."""
+    shares = share(material)
+    if not shares.any():
+        return "nothing scatters"
+    listed = ", ".join(f"{100.0 * each:.0f} %" for each in shares)
+    return (
+        f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and "
+        "is drawn as if it had often"
+    )
+
+
+def reflected_once(albedo: float, eta: float) -> float:
+    """R_1, the share of the entered flux that leaves after one scattering; albedo in [0, 1], eta >= 1."""
+    mu, weights = _cosines(eta)
+    leaving = fresnel.transmittance(1.0 / eta, mu)
+    return float(0.5 * albedo * np.sum(weights * leaving * mu / (1.0 + mu)))
+
+
+@functools.lru_cache(maxsize=1024)
+def _share(albedo: float, eta: float) -> float:
+    return reflected_once(albedo, eta) / reflectance(albedo, eta) if albedo > 0.0 else 0.0
+
+
+def reflectance(albedo: float, eta: float) -> float:
+    """R, the share of the entered flux that leaves after any number of scatterings; albedo in [0, 1], eta >= 1."""
+    mu, weights = _cosines(eta)
+    h, at_1 = chandrasekhar_h(mu, albedo), float(chandrasekhar_h(np.ones(1), albedo)[0])
+    inside = fresnel.reflectance(1.0 / eta, mu)
+    kernel = 0.5 * albedo * h[:, None] * h / (mu[:, None] + mu) * (mu * inside * weights)
+    beam = albedo / (4.0 * np.pi) * h * at_1 / (mu + 1.0)
+    upwards = np.linalg.solve(np.eye(len(mu)) - kernel, beam)
+    return float(2.0 * np.pi * np.sum(weights * mu * (1.0 - inside) * upwards))
+
+
+def chandrasekhar_h(mu: Array, albedo: float) -> Array:
+    """H(mu) of isotropic scattering at cosines (n,) in (0, 1]."""
+    t = 0.5 * np.pi * _SHARE
+    # t cot t = 1 - t^2/3 - t^4/45 - ... loses all digits near 0, and from there on only its distance to 1 counts.
+    missing = np.where(t < 1e-2, t * t / 3.0 + t**4 / 45.0, 1.0 - t / np.tan(np.maximum(t, 1e-2)))
+    logarithm = np.log((1.0 - albedo) + albedo * missing)
+    below = np.cos(t) ** 2 + np.square(mu[:, None] * np.sin(t))
+    integral = 0.5 * np.pi * np.sum(_WEIGHT * logarithm / below, axis=1)
+    return np.asarray(np.exp(-mu / np.pi * integral))
+
+
+@functools.lru_cache(maxsize=64)
+def _cosines(eta: float) -> tuple[Array, Array]:
+    """Nodes and weights of [0, 1], parted at the critical angle, beyond which all is reflected."""
+    critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
+    nodes, weights = np.polynomial.legendre.leggauss(HALF)
+    t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+    # F_t rises as a square root from the critical angle on, and H has a logarithm at 0: both ends in t^2.
+    above, below = critical + (1.0 - critical) * t * t, critical * t * t
+    of_above, of_below = 2.0 * t * (1.0 - critical) * weights, 2.0 * t * critical * weights
+    return (above, of_above) if critical == 0.0 else (np.append(below, above), np.append(of_below, of_above))

@@ -1,0 +1,178 @@
+"""A closed surface from the height of a photographed object: front, mirrored back, one rim.
+
+Vertices stand at the nodes of a grid over the photograph; those of the rim are moved onto the outline, so that it
+has no steps. The back is the inflated outline without relief, mirrored: how thick a thing is, its outline tells as
+well as anything, and what is behind it, nobody saw. As smooth as that is, it has a fifth of the front's triangles.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.mesh import Ints, Mesh, compact
+from milkglass.core.geometry.normals import vertex_normals
+from milkglass.core.photograph.depth import harmonic
+
+Bools = npt.NDArray[np.bool_]
+
+BLOCK = 4  # nodes between two of the back where it is away from the rim and the front not hollow; even
+LEVEL = 0.25  # of coverage, smoothed over a node, where the rim stands: 0.7 nodes beyond the outline, which cuts it
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Nodes of a grid that an object's surface has.
+
+    Attributes
+    ----------
+    soft : (h, w) float64
+        Coverage smoothed over a node.
+    quads : (h - 1, w - 1) bool
+        Squares of four nodes that are its surface.
+    inner : (h, w) bool
+        Nodes all of whose squares are: the rest of the used ones is the rim.
+    used : (h, w) bool
+    """
+
+    soft: Array
+    quads: Bools
+    inner: Bools
+    used: Bools
+
+
+def find_outline(coverage: npt.ArrayLike) -> Outline:
+    """Find the surface's nodes, from the share (h, w) in [0, 1] of each node's square that the object covers.
+
+    The border of the grid stays outside, and so does what is too thin to have an inner node.
+    """
+    soft = gaussian_filter(np.asarray(coverage, np.float64), 1.0, mode="constant")
+    quads = 0.25 * (soft[:-1, :-1] + soft[1:, :-1] + soft[:-1, 1:] + soft[1:, 1:]) > LEVEL
+    quads[[0, -1]] = False
+    quads[:, [0, -1]] = False
+    while True:
+        count = np.pad(quads, 1).astype(np.int8)
+        around = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
+        inner, used = around == 4, around > 0
+        narrow = quads & _narrow(quads, inner)
+        if not narrow.any():
+            return Outline(soft, quads, inner, used)
+        quads &= ~narrow
+
+
+def _narrow(quads: Bools, inner: Bools) -> Bools:
+    """Squares whose front and back would share an edge that is not at the rim, (h - 1, w - 1)."""
+    none = ~(inner[:-1, :-1] | inner[1:, :-1] | inner[:-1, 1:] | inner[1:, 1:])
+    beside = quads[:, :-1] & quads[:, 1:] & ~(inner[:-1, 1:-1] | inner[1:, 1:-1])
+    above = quads[:-1] & quads[1:] & ~(inner[1:-1, :-1] | inner[1:-1, 1:])
+    none[:, :-1] |= beside
+    none[:, 1:] |= beside
+    none[:-1] |= above
+    none[1:] |= above
+    return none
+
+
+def height_surface(outline: Outline, height: Array, base: Array, spacing: float) -> Mesh:
+    """Close a height field.
+
+    Parameters
+    ----------
+    outline : Outline
+    height : (h, w) float64
+        Towards the camera, in nodes; finite where a node is used.
+    base : (h, w) float64
+        The outline's inner nodes inflated, which the back is.
+    spacing : float
+        mm between two nodes, > 0.
+
+    Returns
+    -------
+    Mesh
+        Closed. x to the right, y up, z towards the camera; the middle of the grid at x = y = 0, heights from z = 0.
+    """
+    h, w = outline.used.shape
+    y, x = _rows_and_columns(outline)
+    rim = outline.used & ~outline.inner
+    # From rim to rim behind the object; where the front is hollow, behind that.
+    between = harmonic(height, rim | ~outline.used)
+    back = np.minimum(between, height) - base
+    number = np.arange(h * w).reshape(h, w)
+    front_faces = _faces(number, outline.quads, outline.inner)
+    behind = np.where(outline.inner, number + h * w, number)  # the rim belongs to both
+    blocks = _blocks(outline.inner & (height >= between))
+    covered = np.zeros_like(outline.quads)
+    rows, columns = (BLOCK * n for n in blocks.shape)
+    covered[:rows, :columns] = blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
+    fine = _faces(behind, outline.quads & ~covered, outline.inner)
+    back_faces = np.concatenate([fine, _fans(behind, blocks)])[:, ::-1]
+    place = np.stack([x - 0.5 * (w - 1), 0.5 * (h - 1) - y, height], axis=-1).reshape(-1, 3)
+    place_behind = place.copy()
+    place_behind[:, 2] = back.ravel()
+    used, faces = compact(np.concatenate([front_faces, back_faces]), 2 * h * w)
+    vertices = np.concatenate([place, place_behind])[used] * spacing
+    return Mesh.of(vertices, vertex_normals(vertices, faces), faces)
+
+
+def _rows_and_columns(outline: Outline) -> tuple[Array, Array]:
+    """Row and column of each node, those of the rim moved to the outline along the gradient of its coverage."""
+    y, x = np.mgrid[: outline.used.shape[0], : outline.used.shape[1]].astype(np.float64)
+    rim = outline.used & ~outline.inner
+    slopes = np.gradient(outline.soft)
+    at = np.stack([y[rim], x[rim]])
+    start = at.copy()
+    for _ in range(3):
+        value, *slope = (map_coordinates(field, at, order=1) for field in (outline.soft, *slopes))
+        steepness = np.maximum(slope[0] ** 2 + slope[1] ** 2, 1e-4)
+        at += np.clip((LEVEL - value) * np.stack(slope) / steepness, -0.3, 0.3)
+        # Farther, and faces of the rim would fold over.
+        at = start + np.clip(at - start, -0.45, 0.45)
+    y[rim], x[rim] = at
+    return y, x
+
+
+def _faces(number: npt.NDArray[np.integer], quads: Bools, inner: Bools) -> Ints:
+    """Two triangles for each square, counter-clockwise as the camera sees them."""
+    corners = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    a, b, c, d = (corner[quads] for corner in corners)
+    # Cut along a diagonal that has an inner node: front and back would share one from rim to rim.
+    along = (inner[:-1, :-1] | inner[1:, 1:])[quads]
+    across = (inner[1:, :-1] | inner[:-1, 1:])[quads]
+    odd = (np.add.outer(np.arange(quads.shape[0]), np.arange(quads.shape[1])) % 2 == 1)[quads]
+    cut = (along & (odd | ~across))[:, None]
+    first = np.where(cut, np.stack([a, b, c], axis=-1), np.stack([a, b, d], axis=-1))
+    second = np.where(cut, np.stack([a, c, d], axis=-1), np.stack([b, c, d], axis=-1))
+    return np.concatenate([first, second]).astype(np.int64)
+
+
+def _blocks(smooth: Bools) -> Bools:
+    """Which squares of `BLOCK` by `BLOCK` squares, from the first node on, have none but smooth nodes."""
+    rows, columns = ((n - 1) // BLOCK for n in smooth.shape)
+    all_smooth = np.ones((rows, columns), bool)
+    for down in range(BLOCK + 1):
+        for right in range(BLOCK + 1):
+            nodes = smooth[down : down + BLOCK * rows : BLOCK, right : right + BLOCK * columns : BLOCK]
+            all_smooth &= nodes
+    return all_smooth
+
+
+def _fans(number: npt.NDArray[np.integer], blocks: Bools) -> Ints:
+    """Triangles of the blocks, round their middle nodes; a side that meets single squares has all of its nodes."""
+    last, around = BLOCK, np.pad(blocks, 1)
+    sides = {
+        (0, -1): [(k, 0) for k in range(last + 1)],
+        (1, 0): [(last, k) for k in range(last + 1)],
+        (0, 1): [(last - k, last) for k in range(last + 1)],
+        (-1, 0): [(0, last - k) for k in range(last + 1)],
+    }
+    faces = [np.empty((0, 3), np.int64)]
+    for (down, right), side in sides.items():
+        beside = around[1 + down :, 1 + right :][: blocks.shape[0], : blocks.shape[1]]
+        for met, nodes in ((blocks & beside, [side[0], side[last]]), (blocks & ~beside, side)):
+            rows, columns = (BLOCK * at for at in np.nonzero(met))
+            middle = number[rows + last // 2, columns + last // 2]
+            rim = [number[rows + at[0], columns + at[1]] for at in nodes]
+            faces += [np.stack([middle, *pair], axis=-1) for pair in itertools.pairwise(rim)]
+    return np.concatenate(faces).astype(np.int64)

@@ -1,0 +1,149 @@
+"""Which diffusion profile equation (1) sums: one interface (`core.profiles.base.Profile`), one file each.
+
+A colour and a mean free path, which artists think in, become coefficients by a profile's own diffuse reflectance: it
+rises with the albedo, whatever the mean free path, and is inverted by root finding.
+"""
+
+import functools
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from milkglass.core.errors import InputError
+from milkglass.core.material.library import MAX_COEFFICIENT, Material
+from milkglass.core.profiles.base import Profile
+from milkglass.core.profiles.better_dipole import BetterDipole
+from milkglass.core.profiles.burley import Burley
+from milkglass.core.profiles.dipole import Dipole, dipoles
+from milkglass.core.profiles.gaussians import skin
+from milkglass.core.profiles.names import BEAM, BETTER, BURLEY, DIPOLE, TABLE
+from milkglass.core.profiles.photon_beam import PhotonBeam
+from milkglass.core.profiles.photon_beam import reflectance as beam_reflectance
+
+CHANNELS = ("red", "green", "blue")
+
+Three = tuple[Profile, Profile, Profile]
+
+
+def profiles(material: Material, name: str = DIPOLE, table: Three | None = None) -> Three:
+    """Return the R, G and B profiles of a material.
+
+    Parameters
+    ----------
+    material : Material
+        Of a `table` it changes nothing, and of `gaussians` the reflectance alone.
+    name : one of `core.profiles.names.PROFILES`
+    table : from `core.profiles.table.parse_table`
+        Where `name` is `table`.
+    """
+    if name == TABLE:
+        if table is None:
+            raise InputError("the profile table needs a file of radii and values")
+        return table
+    standard = dipoles(material)
+    red, green, blue = (_channel(name, material, standard[i], i) for i in range(3))
+    return red, green, blue
+
+
+def _channel(name: str, material: Material, standard: Dipole, i: int) -> Profile:
+    length = float(material.mean_free_path[i])
+    if name == DIPOLE or standard.is_black:
+        return standard
+    albedo = float(material.alpha_prime[i])
+    if name == BETTER:
+        return BetterDipole(albedo, length, material.eta)
+    if name == BEAM:
+        return PhotonBeam(albedo, length, material.eta)
+    reflectance = float(standard.total(0.0))
+    return Burley(reflectance, length) if name == BURLEY else skin(i, reflectance)
+
+
+@functools.lru_cache(maxsize=4096)
+def reflectance(albedo: float, eta: float, name: str = DIPOLE) -> float:
+    """Diffuse reflectance T(0) for a reduced albedo in [0, 1]; that of the standard dipole where a profile has none.
+
+    `burley` and `gaussians` are normalised, so theirs is given to them; a `table` has its own, whatever the material.
+    """
+    if name == BEAM:
+        return beam_reflectance(albedo, eta)
+    material = Material("", (albedo,) * 3, (1.0 - albedo,) * 3, eta)
+    return float(profiles(material, BETTER if name == BETTER else DIPOLE)[0].total(0.0))
+
+
+@functools.lru_cache(maxsize=4096)
+def albedo_for(wanted: float, eta: float, name: str = DIPOLE) -> float:
+    """Reduced albedo whose `reflectance` is the wanted one, to 1e-9.
+
+    Raises
+    ------
+    InputError
+        If no albedo reaches it.
+    """
+    most = reflectance(1.0, eta, name)
+    if not 0.0 <= wanted <= most + 1e-9:
+        raise InputError(f"a diffuse reflectance of {wanted:g} is out of reach of {name}: from 0 to {most:.4g}")
+    if wanted == 0.0:
+        return 0.0
+    if wanted >= most:
+        return 1.0
+    # Reflectance falls from the white with the root of absorption.
+    root = brentq(lambda t: reflectance(1.0 - t * t, eta, name) - wanted, 0.0, 1.0, xtol=1e-13, rtol=1e-12)
+    return float(1.0 - root * root)
+
+
+def material_of_colour(
+    colour: tuple[float, float, float], length: tuple[float, float, float], eta: float, name: str = DIPOLE
+) -> Material:
+    """Return the material of a diffuse reflectance and a mean free path.
+
+    Parameters
+    ----------
+    colour : R, G, B in [0, 1]
+        Share of the entered light that leaves again.
+    length : R, G, B in mm, > 0
+        Mean free path 1 / s_t'.
+    eta : float
+    name : profile whose reflectance is inverted, one of `PROFILES`
+
+    Raises
+    ------
+    InputError
+        Naming the channel, if its reflectance is out of reach.
+    """
+    albedos = []
+    for channel, wanted in zip(CHANNELS, colour, strict=True):
+        try:
+            albedos.append(albedo_for(float(wanted), eta, name))
+        except InputError as error:
+            raise InputError(f"{channel}: {error}") from None
+    scattering, absorption = np.array(albedos) / length, (1.0 - np.array(albedos)) / length
+    return Material("custom", tuple(scattering.tolist()), tuple(absorption.tolist()), eta, "colour")
+
+
+def mean_free_paths(
+    colour: tuple[float, float, float], diffuse: tuple[float, float, float], eta: float, name: str = DIPOLE
+) -> tuple[float, float, float]:
+    """Return 1 / s_t' (mm) of a diffuse reflectance and a diffuse mean free path 1 / s_tr, R, G and B, mm, > 0.
+
+    s_tr = s_t' sqrt(3 (1 - a')), so 1 / s_t' = sqrt(3 (1 - a')) / s_tr. Other arguments as of `material_of_colour`.
+
+    Raises
+    ------
+    InputError
+        Naming the channel, if its reflectance is out of reach, or that of a material without absorption.
+    """
+    lengths = []
+    for channel, wanted, length in zip(CHANNELS, colour, diffuse, strict=True):
+        try:
+            path = length * math.sqrt(3.0 * (1.0 - albedo_for(float(wanted), eta, name)))
+        except InputError as error:
+            raise InputError(f"{channel}: {error}") from None
+        if path * MAX_COEFFICIENT < 1.0:
+            raise InputError(
+                f"{channel}: with a diffuse reflectance of {wanted:g} hardly anything is absorbed, and no scattering "
+                f"makes the diffuse mean free path {length:g} mm; lower the colour or give mean_free_path_mm"
+            )
+        lengths.append(path)
+    red, green, blue = lengths
+    return red, green, blue

@@ -1,0 +1,71 @@
+"""Irradiance of an environment that the object is in the way of, by rays in float64: the judge of `light.visibility`.
+
+It shares nothing with the bake: not its directions, nor harmonics, nor the places that rays start from.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.light.maps import resample_latlong
+from milkglass.core.material import fresnel
+
+Floats = npt.NDArray[np.floating]
+
+HEIGHT = 60  # rows that a probe is averaged to: 3,600 rays above each horizon
+LIFT = 1e-4  # radii that rays start above their face
+_POINTS = 16  # at a time
+
+
+def occluded_irradiance(
+    mesh: Mesh, points: Floats, normals: Floats, face_normals: Floats, probe: Floats, eta: float,
+    rotations: npt.ArrayLike = (0.0,), height: int = HEIGHT, seed: int = 11,
+) -> Array:  # fmt: skip
+    """E = int F_t(eta, w.n) max(w.n, 0) V(w) L(w) dw, a jittered ray for each texel of the probe.
+
+    A ray that a shading normal sends below its face goes along the face instead.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    points, normals, face_normals : (n, 3) arrays
+        On the mesh; of the shading, and of the faces; unit.
+    probe : (h, w, 3) array
+        Lat-long radiance.
+    eta : float
+    rotations : degrees, taken to whole texels of 180 / height
+    height : int
+    seed : int
+
+    Returns
+    -------
+    (rotations, n, 3) float64
+    """
+    rng, width = np.random.default_rng(seed), 2 * height
+    averaged = resample_latlong(np.asarray(probe, np.float32), height).astype(np.float64)
+    shifts = [round(float(rotation) / 360.0 * width) for rotation in np.atleast_1d(rotations)]
+    light = np.stack([np.roll(averaged, -shift, axis=1).reshape(-1, 3) for shift in shifts])
+    edges = np.cos(np.pi * np.arange(height + 1) / height)
+    column, row = (grid.ravel() for grid in np.meshgrid(np.arange(width), np.arange(height)))
+    d_omega = (edges[row] - edges[row + 1]) * (2.0 * np.pi / width)
+    rays, result = RayMesh(mesh.vertices, mesh.faces), np.empty((len(shifts), len(points), 3))
+    for start in range(0, len(points), _POINTS):
+        some = slice(start, start + _POINTS)
+        normal, plane = (np.asarray(of[some], np.float64)[:, None] for of in (normals, face_normals))
+        shape = normal.shape[0], len(row)
+        y = edges[row] + (edges[row + 1] - edges[row]) * rng.random(shape)
+        phi = 2.0 * np.pi * ((column + rng.random(shape)) / width - 0.5)
+        ways = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=-1)
+        cosine = np.einsum("nkc,nc->nk", ways, normal[:, 0])
+        at, above = np.nonzero(cosine > 0.0)
+        cosine, ways = cosine[at, above], ways[at, above]
+        below = np.minimum(np.einsum("kc,kc->k", ways, plane[at, 0]), 0.0)
+        ways -= 2.0 * below[:, None] * plane[at, 0]
+        origins = np.asarray(points[some], np.float64) + LIFT * mesh.radius * plane[:, 0]
+        weight = np.zeros(shape)
+        visible = ~rays.occluded(origins[at], ways)
+        weight[at, above] = cosine * fresnel.transmittance(eta, cosine) * d_omega[above] * visible
+        result[:, some] = np.einsum("nk,rkc->rnc", weight, light, optimize=True)
+    return result

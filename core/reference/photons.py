@@ -1,0 +1,261 @@
+"""Monte Carlo transport: photons walk through a shape, scatter, and leave it through a smooth dielectric boundary.
+
+The truth that a transport is judged by. It knows no diffusion and shares nothing with the fast path but the Fresnel
+equations: a photon flies a distance with density sigma_t' exp(-sigma_t' s), scatters into every direction alike (the
+reduced coefficients leave no other phase function), keeps the share a' = sigma_s' / sigma_t' of its weight, and where
+it meets the boundary it leaves with F_t and is reflected with F_r, unpolarised.
+
+* Absorption never ends a walk, it lessens the weight. So several albedos share one walk: a photon that has scattered
+  n times has a weight of a'^n for each.
+* At the boundary F_t of the weight is tallied and F_r walks on: no photon leaves unless the boundary lets all out.
+* Russian roulette ends walks below a weight, unbiased: of those, a share survives with the weight of all.
+
+As in the diffusion equation with a boundary, light that has left is gone: it does not enter a concave shape again
+elsewhere, after reflection outside, or another body. Light that never scattered is tallied apart, as ballistic:
+it leaves in a beam, which exitance does not describe.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array
+from milkglass.core.errors import InputError
+from milkglass.core.material import fresnel
+from milkglass.core.material.library import MAX_ETA, MIN_ETA
+from milkglass.core.reference.photon_shapes import Arrivals, Hits, Shape, isotropic
+
+Ints = npt.NDArray[np.int64]
+
+BATCHES = 32  # independent shares of the photons, for the standard error
+POOL = 1 << 14  # photons that walk at a time: what the caches hold
+ROULETTE, SURVIVOR = 0.1, 0.5  # weight below which a photon must be lucky, and the weight it then has
+MOST_LOST = 1e-3  # of the entered flux: more than rounding loses at edges is a hole
+COARSEST = 1e-2  # mean free paths that a photon may be off the boundary of a mesh
+THINNEST = 1e-2  # mean free paths in the mean chord: in clear glass light may be trapped, and never scatters
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """Flux through the boundary of a shape under an irradiance of 1, in bins, each batch an estimate of its own.
+
+    Flux is in units of area: that of a bin of area 1 where exitance is 1.
+
+    Attributes
+    ----------
+    areas : (n_bins,)
+    entered : (n_bins,)
+        Flux that went in, F_t included.
+    scattered : (BATCHES, n_bins, n_albedos)
+        Flux that left after at least one scattering.
+    ballistic : (BATCHES, n_bins)
+        Flux that left without.
+    lost : float
+        Share of the entered flux that slipped out at the edges of a mesh, in [0, MOST_LOST]; 0 for other shapes.
+    photons : int
+    """
+
+    areas: Array
+    entered: Array
+    scattered: Array
+    ballistic: Array
+    lost: float
+    photons: int
+
+    @property
+    def exitance(self) -> Array:
+        """M of scattered light, (n_bins, n_albedos)."""
+        return np.asarray(self.scattered.mean(axis=0) / self.areas[:, None])
+
+    @property
+    def standard_error(self) -> Array:
+        """Standard deviation of `exitance`, from that of the batches; itself to 13 %."""
+        deviation = self.scattered.std(axis=0, ddof=1) / np.sqrt(len(self.scattered))
+        return np.asarray(deviation / self.areas[:, None])
+
+
+def walk(
+    shape: Shape,
+    sigma_t_prime: float,
+    albedos: npt.ArrayLike,
+    eta: float,
+    direction: npt.ArrayLike | None,
+    n_photons: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> Tally:
+    """Light a shape and let photons walk.
+
+    Parameters
+    ----------
+    shape : Shape
+        `core.reference.photon_shapes` has slab, sphere and mesh.
+    sigma_t_prime : float
+        Reduced extinction, the inverse of the unit of length of the shape: 1/mm for a mesh.
+    albedos : (n_albedos,) array
+        a' = sigma_s' / sigma_t', in [0, 1]; those far below the largest get few photons.
+    eta : float
+        Relative index of refraction, in [1, 3].
+    direction : (3,) array or None
+        Towards a directional light of irradiance 1 at normal incidence, any length. None: radiance 1 / pi from
+        every direction, where nothing of the shape is in the way.
+    n_photons : int
+        Rounded up so that all batches have as many.
+    seed : int
+        The same seed gives the same bits.
+    progress : callable, optional
+        Called with the finished share, in [0, 1]; what it raises ends the work.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, the shape is thinner than `THINNEST` mean free paths or too large for rays
+        to tell them apart, or more than `MOST_LOST` of the light slips through holes of a mesh.
+    """
+    towards, albedo = _checked(shape, sigma_t_prime, albedos, eta, direction, n_photons)
+    per_batch = -(-n_photons // BATCHES)
+    parts = -(-per_batch // POOL)
+    size = -(-per_batch // parts)
+    rng, crew, score = np.random.default_rng(seed), _Photons.none(), _Score(shape, albedo, eta)
+    started, total = 0, parts * BATCHES
+    while started < total or len(crew.weight):
+        while started < total and len(crew.weight) < POOL:
+            crew = crew.joined(score.enter(shape.arrivals(rng, size, towards), started % BATCHES))
+            started += 1
+        crew = _advanced(crew, shape, sigma_t_prime, score, rng)
+        if progress is not None:
+            progress(1.0 - (len(crew.weight) / size + total - started) / total)
+    return score.tally(size * total)
+
+
+@dataclass(eq=False)
+class _Photons:
+    """Photons inside; position and direction (3, n), the rest (n,); the weight is that of the largest albedo."""
+
+    position: Array
+    direction: Array
+    weight: Array
+    order: Ints
+    batch: Ints
+
+    @classmethod
+    def none(cls) -> "_Photons":
+        nobody = np.empty(0, np.int64)
+        return cls(np.empty((3, 0)), np.empty((3, 0)), np.empty(0), nobody, nobody)
+
+    def joined(self, other: "_Photons") -> "_Photons":
+        names = self.__dataclass_fields__
+        return _Photons(*(np.concatenate([getattr(self, n), getattr(other, n)], axis=-1) for n in names))
+
+    def alive(self) -> "_Photons":
+        index = np.flatnonzero(self.weight > 0.0)
+        return _Photons(*(np.take(getattr(self, name), index, axis=-1) for name in self.__dataclass_fields__))
+
+
+class _Score:
+    """Sums of what enters and leaves; the flux of one photon is the unit until `tally`."""
+
+    def __init__(self, shape: Shape, albedo: Array, eta: float) -> None:
+        self._areas, self._eta = shape.areas, eta
+        n = len(self._areas)
+        self.largest = float(albedo.max())
+        self._relative = np.divide(albedo, self.largest, out=np.zeros_like(albedo), where=albedo > 0.0)
+        self._flux = 0.0
+        self._entered, self._lost = np.zeros(n), 0.0
+        self._scattered, self._ballistic = np.zeros((len(albedo), BATCHES * n)), np.zeros(BATCHES * n)
+
+    def enter(self, light: Arrivals, batch: int) -> _Photons:
+        """Refract light that arrives (Snell's law), and tally it."""
+        cosine = np.maximum(0.0, (light.normals * light.towards).sum(axis=0))
+        weight = np.where(light.visible, fresnel.transmittance(self._eta, cosine), 0.0)
+        self._flux = light.flux
+        np.add.at(self._entered, light.bins, weight)
+        cosine_inside = np.sqrt(1.0 - (1.0 - cosine**2) / self._eta**2)
+        inwards = (cosine / self._eta - cosine_inside) * light.normals - light.towards / self._eta
+        n = len(weight)
+        photons = _Photons(light.points, inwards, weight, np.zeros(n, np.int64), np.full(n, batch, np.int64))
+        return photons.alive()
+
+    def leave(self, photons: _Photons, hits: Hits) -> tuple[Array, Array]:
+        """Tally what leaves; returns the weight and the direction (3, k) of what is reflected."""
+        onwards, weight = photons.direction[:, hits.index], photons.weight[hits.index]
+        order = photons.order[hits.index]
+        cosine = (onwards * hits.normals).sum(axis=0)
+        kept = weight * fresnel.reflectance(1.0 / self._eta, cosine)
+        out, place = weight - kept, photons.batch[hits.index] * len(self._areas) + hits.bins
+        straight = order == 0
+        np.add.at(self._ballistic, place[straight], out[straight])
+        out, place, order = out[~straight], place[~straight], order[~straight]
+        for relative, sums in zip(self._relative, self._scattered, strict=True):
+            np.add.at(sums, place, out if relative == 1.0 else out * relative**order)
+        return kept, onwards - 2.0 * cosine * hits.normals
+
+    def lose(self, weight: Array) -> None:
+        """Count photons that the numerics have lost."""
+        self._lost += float(weight.sum())
+
+    def tally(self, photons: int) -> Tally:
+        """Return the sums as flux."""
+        n, unit = len(self._areas), self._flux / photons
+        lost = self._lost / max(float(self._entered.sum()), np.finfo(np.float64).tiny)
+        if lost > MOST_LOST:
+            raise InputError(
+                f"{lost:.1%} of the light slipped through holes of the mesh: close it and orient its faces."
+            )
+        scattered = self._scattered.reshape(-1, BATCHES, n).transpose(1, 2, 0)
+        return Tally(
+            self._areas,
+            self._entered * unit,
+            scattered * (unit * BATCHES),
+            self._ballistic.reshape(BATCHES, n) * (unit * BATCHES),
+            lost,
+            photons,
+        )
+
+
+def _advanced(
+    photons: _Photons, shape: Shape, sigma_t_prime: float, score: _Score, rng: np.random.Generator
+) -> _Photons:
+    """Fly once: to the next scattering, or to the boundary and back inside."""
+    n = len(photons.weight)
+    flight = rng.standard_exponential(n) / sigma_t_prime
+    hits = shape.hits(photons.position, photons.direction, flight)
+    kept, reflected = score.leave(photons, hits)
+    score.lose(photons.weight[hits.lost])
+    position = photons.position + flight * photons.direction
+    position[:, hits.index] = hits.points
+    direction = isotropic(rng, n)
+    direction[:, hits.index] = reflected
+    weight, order = photons.weight * score.largest, photons.order + 1
+    weight[hits.index] = kept
+    order[hits.index] -= 1
+    weight[hits.lost] = 0.0
+    low = np.flatnonzero(weight < ROULETTE)
+    weight[low] = np.where(rng.random(len(low)) * SURVIVOR < weight[low], SURVIVOR, 0.0)
+    return _Photons(position, direction, weight, order, photons.batch).alive()
+
+
+def _checked(
+    shape: Shape, sigma_t_prime: float, albedos: npt.ArrayLike, eta: float, direction: npt.ArrayLike | None, n: int
+) -> tuple[Array | None, Array]:
+    """Return the unit direction and the albedos."""
+    albedo = np.atleast_1d(np.asarray(albedos, np.float64))
+    if albedo.ndim != 1 or not len(albedo) or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
+        raise InputError(f"albedos must be numbers from 0 to 1, not {albedos!r}.")
+    if not MIN_ETA <= eta <= MAX_ETA:
+        raise InputError(f"eta must be a number from {MIN_ETA:g} to {MAX_ETA:g}, not {eta!r}.")
+    if n < 1:
+        raise InputError(f"the number of photons must be above 0, not {n!r}.")
+    if not np.isfinite(sigma_t_prime) or sigma_t_prime * shape.mean_chord < THINNEST:
+        raise InputError(f"sigma_t' = {sigma_t_prime:g} leaves the shape nearly clear: photons would hardly scatter.")
+    if sigma_t_prime * shape.offset > COARSEST:
+        raise InputError(f"sigma_t' = {sigma_t_prime:g} is too dense for a mesh of this size: light stays at its skin.")
+    if direction is None:
+        return None, albedo
+    towards = np.asarray(direction, np.float64)
+    length = np.linalg.norm(towards) if towards.shape == (3,) else 0.0
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"the direction towards the light must be 3 numbers, not all 0, not {direction!r}.")
+    return towards / length, albedo

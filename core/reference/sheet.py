@@ -1,0 +1,80 @@
+"""The sheet term of shaders/sheet.glsl, by rays: what lies on the other side where light enters a thin sheet."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.mesh import Mesh
+
+PROBE = 0.25  # of the reach: distance of the four places beside an entry, as in the shader
+
+
+@dataclass(frozen=True, eq=False)
+class OtherSide:
+    """Where light enters that shines through points from behind.
+
+    Attributes
+    ----------
+    thickness : (n,) float64
+        Of the sheet, mm; 0 where there is none.
+    cosine : (n,) float64
+        Of the light over there.
+    share : (n,) float64
+        How much of a sheet the surroundings are, [0, 1].
+    face : (n,) int64
+        Where it enters.
+    """
+
+    thickness: Array
+    cosine: Array
+    share: Array
+    face: npt.NDArray[np.int64]
+
+
+class SheetRays:
+    """Casts rays from a light at a mesh, as its shadow map does."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._scene = EmbreeScene()
+        TriangleMesh(scene=self._scene, vertices=mesh.vertices, indices=mesh.faces)
+        self._far = 2.0 * mesh.radius + 1.0
+
+    def other_side(self, points: npt.ArrayLike, normals: npt.ArrayLike, towards: Array, reach: float) -> OtherSide:
+        """Look from points (n, 3) with unit normals along the direction `towards` a light; `reach` as of LocalTerm."""
+        points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
+        entry, other, face = self._entries(points, towards)
+        way = (entry - points) @ towards
+        facing = np.maximum(0.0, -(normals @ towards))
+        parallel = _smoothstep(0.6, 0.95, -np.einsum("ij,ij->i", normals, other))
+        near = 1.0 - _smoothstep(0.5, 1.0, way / reach)
+        flat = np.zeros(len(points))
+        across = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
+        across /= np.linalg.norm(across)
+        for side in (across, np.cross(towards, across)):
+            for sign in (-1.0, 1.0):
+                beside, *_ = self._entries(points + sign * PROBE * reach * side, towards)
+                off = np.abs(np.einsum("ij,ij->i", beside - entry, other))
+                flat += 0.25 * (1.0 - _smoothstep(0.25, 1.0, off / (PROBE * reach)))
+        sheet = (facing > 0.0) & (way > 0.0) & (way < reach)
+        cosine = np.clip(other @ towards, 0.0, facing)
+        return OtherSide(np.where(sheet, way * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face)
+
+    def _entries(self, points: Array, towards: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+        """Where light on its way to points enters the mesh, the normals there, towards the light, and the faces."""
+        origins = points + self._far * towards
+        down = np.tile(-towards.astype(np.float32), (len(points), 1))
+        hits = self._scene.run(origins.astype(np.float32), down, output=True)
+        distance = np.where(hits["primID"] < 0, 2.0 * self._far, hits["tfar"])
+        normals = hits["Ng"].astype(np.float64)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        normals *= np.where(normals @ towards < 0.0, -1.0, 1.0)[:, None]
+        return origins - distance[:, None] * towards, normals, hits["primID"].astype(np.int64)
+
+
+def _smoothstep(low: float, high: float, x: Array) -> Array:
+    t = np.clip((x - low) / (high - low), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))

@@ -1,0 +1,76 @@
+"""Mean curvature of a surface in patches, smoothed over as far as light goes before it scatters.
+
+Differences of normals between neighbours, in which either side of a thin sheet is a surface of its own. An edge is as
+curved as what turns over it within a patch or two.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from milkglass.core.arrays import Array
+from milkglass.core.transport.diffusion.patches import Patches
+
+NEIGHBOURS = 10
+APART = 1.0  # patches that normals a right angle apart count as
+FACE = 0.7  # cosine between normals of one face
+ROUND, SHARP = 0.15, 0.35  # radians that the surface turns over a patch: up to here no edge, from here on one
+DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Of n patches, at several widths.
+
+    Attributes
+    ----------
+    widths : (m,) float64
+        Standard deviations along the surface, mm, ascending.
+    values : (m, n, 3) float64
+        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what convex and what
+        concave edges are of it, both >= 0.
+    evenness : (n,) float64
+        Mean cosine between a patch's normal and those around it on its own face: 0.93 on a scan's bumps, 1 if flat.
+    """
+
+    widths: Array
+    values: Array
+    evenness: Array
+
+    def at(self, width: float) -> tuple[Array, Array, Array]:
+        """Return the three, (n,) each, smoothed over `width`, mm, or the nearest there is."""
+        i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
+        low, high = self.widths[i - 1], self.widths[i]
+        share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
+        total, convex, concave = ((1.0 - share) * self.values[i - 1] + share * self.values[i]).T
+        return total, convex, concave
+
+
+def curvature(patches: Patches) -> Curvature:
+    """Measure between neighbours, then smooth."""
+    n = len(patches)
+    spacing = float(np.sqrt(patches.areas.mean()))
+    count = min(NEIGHBOURS, n)
+    places = np.hstack([patches.points, APART / np.sqrt(2.0) * spacing * patches.normals])
+    others = cKDTree(places).query(places, count)[1].reshape(n, count)
+    step = patches.points[others] - patches.points[:, None]
+    turn = patches.normals[others] - patches.normals[:, None]
+    along, turned = np.einsum("ijk,ijk->ij", step, step), np.einsum("ijk,ijk->ij", turn, turn)
+    alike = np.maximum(1.0 - 0.25 * turned, 0.0)
+    face = turned < 2.0 - 2.0 * FACE
+    evenness = 1.0 - 0.5 * np.sum(turned * face, axis=1) / np.sum(face, axis=1)
+    weights = alike * patches.areas[others]
+    bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
+    value = 2.0 * bent / np.maximum(np.sum(weights * along, axis=1), np.finfo(np.float64).tiny)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    rows = np.arange(0, n * count + 1, count)
+    smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
+    variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
+    edge = value * np.clip((np.abs(value) * spacing - ROUND) / (SHARP - ROUND), 0.0, 1.0)
+    values = [smoother @ np.stack([value, np.maximum(edge, 0.0), np.maximum(-edge, 0.0)], axis=-1)]
+    for i in range(DOUBLINGS):
+        values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))
+    return Curvature(np.sqrt(variance * 2.0 ** np.arange(DOUBLINGS + 1)), np.stack(values), evenness)

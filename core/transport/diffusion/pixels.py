@@ -1,0 +1,166 @@
+"""What a pixel needs beside the volume to know its own fluence, with its own light: a few small tables.
+
+A pixel solves the equation of `core.transport.diffusion.channel` for its own point, where the volume O and K_L 1 stand
+for everything that the nodes carry:
+
+    (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + own E + across E'
+
+with M = phi / (2 A), A that of a flat surface and b as `core.material.medium.Medium.bending` has it. Dashes are the
+other side of a sheet of thickness T, where the same holds with the sides changed, so that both are known from the light
+on both; elsewhere f and k are 0 and `across` does not matter.
+
+On ridges and thin sheets a point has next to nothing of its own, and errors of O would be all that is left of it. So
+the two are solved for what phi is more than the neighbourhood's mean, and of that an eigenvalue l of their matrix
+is taken as l^3 / (l^4 + WEAK^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.material.refraction import first_scattering, mean_cosine
+from milkglass.core.transport.diffusion.boundary import Boundary
+from milkglass.core.transport.diffusion.green import local_green, local_slope
+
+COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
+BLACK = 1e9
+FLAT = 2e-3
+WEAK = 0.16  # eigenvalue of a point's own equation below which its neighbourhood knows better; as in the shader
+THINNEST = 2e-3  # of the reach
+CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
+
+
+@dataclass(frozen=True, eq=False)
+class PixelTerms:
+    """Tables over thickness T, 0 at the first column and `reach` at the last, where parts of any thickness belong.
+
+    Attributes
+    ----------
+    reach : float
+        mm; 0 where no part of the object is thin: then there is one column.
+    least_cosine : float
+        Inside, to the normal, of the first row: of light that grazes. The last row's is 1.
+    diffuse_cosine : float
+        That serves for light from all around.
+    own, across : (COSINES, m, 3) float32
+        Factors on irradiance.
+    coupling : (m, 4) float32
+        f of R, G and B, and k.
+    diagonal, doubled : (3,) float64
+        rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
+    depths : (2, n_layers, height, width) float32, or None where no part is thin
+        1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a sheet, from 0 to 1.
+    bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
+        b - 1 at the nodes.
+    """
+
+    reach: float
+    least_cosine: float
+    diffuse_cosine: float
+    own: Float32
+    across: Float32
+    coupling: Float32
+    diagonal: Array
+    doubled: Array
+    depths: Float32 | None
+    bending: Float32 | None
+
+
+def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> PixelTerms:
+    """Tabulate for three media of the same eta and a window of width s, mm."""
+    reach = thin_reach(boundary, media)
+    depths = None if reach == 0.0 else depths_at_nodes(boundary, reach)
+    bending = bending_at_nodes(boundary, media) if is_bent([boundary], media) else None
+    return replace(tables(reach, media, s), depths=depths, bending=bending)
+
+
+def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
+    """Whether b is other than 1 by more than `FLAT` anywhere."""
+    bright = [medium for medium in media if not medium.is_black]
+    return any(np.abs(each.bending(medium) - 1.0).max() > FLAT for each in boundaries for medium in bright)
+
+
+def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
+    """Thickness up to which parts of an object are thin, mm; 0 where none is."""
+    bright = [medium.mean_free_path for medium in media if not medium.is_black]
+    wanted = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
+    thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < wanted)))
+    return wanted if thin else 0.0
+
+
+def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
+    """Tabulate for thicknesses up to `reach`, mm; no `depths` and `bending` yet."""
+    eta, thin = media[0].eta, reach > 0.0
+    least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
+    thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
+    cosines = np.maximum(np.linspace(least, 1.0, COSINES), 1e-3)
+    zero = np.zeros((COSINES, len(thickness)))
+    entering = [_entering(m, s, cosines, thickness) if not m.is_black else (zero, zero) for m in media]
+    own, across = zip(*entering, strict=True)
+    coupling = np.zeros((len(thickness), 4))
+    if thin:
+        for i, medium in enumerate(media):
+            if not medium.is_black:
+                coupling[:, i] = local_green(medium, s, thickness) / (2.0 * medium.boundary)
+                coupling[:, i] += local_slope(medium, s, thickness)
+        coupling[:, 3] = local_slope(NO_ABSORPTION, s, thickness)
+    doubled = np.array([2.0 * medium.boundary for medium in media])
+    own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.boundary) for m in media]
+    return PixelTerms(
+        reach=reach,
+        least_cosine=least,
+        diffuse_cosine=mean_cosine(eta),
+        own=np.stack(own, axis=-1).astype(np.float32),
+        across=np.stack(across, axis=-1).astype(np.float32),
+        coupling=coupling.astype(np.float32),
+        diagonal=np.array(own_side),
+        doubled=doubled,
+        depths=None,
+        bending=None,
+    )
+
+
+def mean_fluence(boundary: Boundary, fluence: tuple[Array, ...]) -> Float32:
+    """Mean phi of the patches near each node, by area: (3, n_layers, height, width); 0 where there are none."""
+    return boundary.means(np.stack(fluence, axis=-1))
+
+
+def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
+    """A' sum of w rho over the distances of first scattering to either side, for rays of cosines at thicknesses."""
+    cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)
+    thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
+    depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
+    below = depths * medium.mean_free_path * cosine.ravel()[:, None]
+    own = np.sum(weights * local_green(medium, s, below), axis=-1)
+    left = np.minimum(np.abs(thick.ravel()[:, None] - below), 1e3 * s)
+    across = np.sum(weights * local_green(medium, s, left), axis=-1)
+    return medium.albedo * own.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
+
+
+def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
+    """Return `PixelTerms.depths`: thickness and share of a sheet, spread over the nodes by area.
+
+    Means are of 1 / T, by which a sheet stays one beside parts that are much thicker.
+    """
+    areas = boundary.patches.areas
+    thickness = np.where(boundary.thickness > 0.0, boundary.thickness, reach)
+    share = np.zeros(len(areas))
+    share[boundary.sheet.patches] = boundary.sheet.share
+    inverse = 1.0 / np.clip(thickness, THINNEST * reach, reach)
+    total, *sums = (boundary.weights @ (areas * value).astype(np.float32) for value in (1.0, inverse, share))
+    near = total > 0.0
+    depths = np.zeros((2, len(total)), np.float32)
+    depths[0] = 1.0 / reach
+    for out, value in zip(depths, sums, strict=True):
+        out[near] = value[near] / total[near]
+    return depths.reshape(2, *boundary.grid.shape)
+
+
+def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
+    """Return `PixelTerms.bending`: spread over the nodes by area."""
+    flat = np.zeros(len(boundary.patches))
+    each = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
+    return boundary.means(np.stack(each, axis=-1))

@@ -1,0 +1,294 @@
+"""Transport as diffusion in the object itself: its boundary integral equation, by FFT.
+
+-D lap phi + s_a phi = Q inside, phi + 2 A D dphi/dn = 0 on the surface, M = phi / (2 A). With the surface's own
+boundary in place of the dipole's plane, light crosses slabs, limbs and holes as it does in a photon walk. As an
+integral equation over the surface (`core.transport.diffusion.boundary`) each product with its matrix is the convolution
+that `core.transport.ewald.EwaldTransport` has, and a few of them solve it (`core.transport.diffusion.krylov`): its
+symbol on a plane, (1 + 1 / (z_b q)) / 2 with z_b = 2 A D and q^2 = k^2 + sigma^2, is bounded on both sides.
+
+A surface point's own value follows from the volume O = G_L * (Q - double layer) and the light that enters there:
+
+    phi = (O + a' E sum w rho(depth)) / (rho(0) / (2 A) - K_L 1).
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.assignment import SHEET_REACH
+from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
+from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix
+from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.stages import Stages
+from milkglass.core.threads import thread_pool
+from milkglass.core.transport.diffusion.boundary import Boundary, Depths, depths_of, put_on_grid
+from milkglass.core.transport.diffusion.channel import Channel, lit
+from milkglass.core.transport.diffusion.entry import EnteringLight, Entry, enter
+from milkglass.core.transport.diffusion.green import green_spectrum
+from milkglass.core.transport.diffusion.iteration import Iteration, Reached
+from milkglass.core.transport.diffusion.patches import Patches, make_patches
+from milkglass.core.transport.diffusion.solution import Solution as Solution
+from milkglass.core.transport.diffusion.solution import reached, same_flux
+from milkglass.core.transport.diffusion.start import End, begin
+
+WINDOW = 1.25  # of the smooth part, in spacings
+TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
+MOST_PRODUCTS = 40
+ROUND = 2  # products of a channel between two looks at the solution: two threads share those of three channels evenly
+NESTED = 44  # nodes from which on half of them are solved first
+COARSE_TOLERANCE = 1e-3
+PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, and no error is smaller
+LEAST_REACH = 12  # nodes over which the kernel must lie on each side, however thin the object
+DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
+WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
+
+
+@dataclass
+class DiffusionTransport(Kernels):
+    """Solves the diffusion equation in a closed object.
+
+    Parameters
+    ----------
+    resolution : int
+        Nodes along the object's longest side.
+    n_layers : int, optional
+        Layers over the object's z extent; as dense as the nodes if not given, which is best.
+    tolerance : float
+        Relative residual at which a channel is solved.
+    patch : float
+        Cells that a patch may extend over.
+    threads, effort, keep
+        See `core.grid.kernels.Kernels`.
+    """
+
+    resolution: int = 64
+    n_layers: int | None = None
+    tolerance: float = TOLERANCE
+    patch: float = PATCH
+    _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
+    _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
+    _last: End | None = field(default=None, init=False, repr=False)
+    _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
+
+    def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        """Fit layers to the mesh itself, whatever the view."""
+        return fit_nodes(mesh.bounds, self.resolution, self.n_layers)
+
+    @property
+    def smooth(self) -> bool:
+        """Always: quadratic B-splines."""
+        return True
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """Quadratic B-splines."""
+        return smooth_matrix(grid, coordinates)
+
+    def window_width(self, grid: LayerGrid) -> float:
+        """Width s of the window, mm."""
+        return WINDOW * max(grid.texel, grid.layer_distance)
+
+    def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
+        """Put a mesh's surface on a grid, and measure what the grid misses of K."""
+        return self._on_grid(make_patches(mesh, samples, self._cell(grid)), grid, depths)
+
+    def _cell(self, grid: LayerGrid) -> float:
+        return self.patch * max(grid.texel, grid.layer_distance)
+
+    def _on_grid(self, patches: Patches, grid: LayerGrid, depths: Depths) -> Boundary:
+        (spectrum,) = self.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
+        assert spectrum is not None
+        convolver = self.convolver(self.shape(grid, NO_ABSORPTION))
+        reach = SHEET_REACH * self.window_width(grid)
+        return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
+
+    def solve(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        grid: LayerGrid,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+        go_on: Callable[[Solution], bool] | None = None,
+    ) -> Solution:
+        """Solve for the fluence on the surface of a closed mesh.
+
+        Parameters
+        ----------
+        mesh, samples
+        grid : from `grid`
+        lights : of any number
+        media : R, G and B
+        stages : Stages
+            Keeps the steps' results between calls.
+        go_on : callable, optional
+            Told the solution on half the nodes and after each round of products; False ends there, and the next call
+            starts from it. Where nobody looks all nodes are solved at once, which takes less time in all.
+        """
+        request = self, mesh, samples, grid, *lights, *media
+
+        def anew() -> Solution:
+            coarse = None
+            if go_on is not None:
+                coarse = self._coarse_solution(mesh, samples, lights, media, stages, go_on)
+                if coarse is not None and not go_on(coarse):
+                    return coarse
+            boundary, channels = self._channels(mesh, samples, grid, lights, media, stages)
+            ended = None if self._coarse is None or coarse is None else self._coarse._last
+            return self._solve(boundary, media, channels, samples, ended, go_on)
+
+        solution = stages.run("solution", request, anew)
+        if max(solution.residuals) > self.tolerance or solution.boundary.grid != grid:
+            stages.forget("solution")  # to go on from there
+        return solution
+
+    def _coarse_solution(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+        go_on: Callable[[Solution], bool],
+    ) -> Solution | None:
+        """Solve on half the nodes: a picture at once, and the start from which few products are left."""
+        if self.resolution < NESTED:
+            return None
+        if self._coarse is None:
+            self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
+        coarse = self._coarse
+        on = coarse.grid(mesh, np.eye(3))
+        return stages.run(
+            "coarse solution",
+            (coarse, mesh, samples, *lights, *media),
+            lambda: coarse.solve(mesh, samples, on, lights, media, self._coarse_stages, go_on),
+        )
+
+    def _channels(
+        self,
+        mesh: Mesh,
+        samples: SurfaceSamples,
+        grid: LayerGrid,
+        lights: Sequence[EnteringLight],
+        media: Sequence[Medium],
+        stages: Stages,
+    ) -> tuple[Boundary, list[Channel | None]]:
+        """Put the equation up, channel by channel; None for a dark one."""
+        boundary, depths = self._surface(mesh, samples, grid, stages)
+        thread_pool().submit(lambda: boundary.curvature)  # will be asked for
+        entries = [
+            stages.run(
+                f"entry of light {i}",
+                (boundary, light, media[0].eta),
+                lambda light=light: enter(light, boundary, depths, media[0].eta),  # type: ignore[misc]
+            )
+            for i, light in enumerate(lights, start=1)
+        ]
+        kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
+        spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, self._maker(grid)))
+        made: dict[int, Callable[[], Channel]] = {}
+        twins: list[int | None] = []
+        for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
+            dark = spectrum is None or not any(entry.flux[:, i].any() for entry in entries)
+            twin = next((k for k in made if media[k] == medium and same_flux(entries, i, k)), i)
+            twins.append(None if dark else twin)
+            if spectrum is not None and twins[-1] == i:
+                made[i] = self._channel(boundary, depths, medium, i, entries, spectrum, stages)
+        channels = {i: channel() for i, channel in made.items()}
+        return boundary, [None if twin is None else channels[twin] for twin in twins]
+
+    def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
+        """Pad a channel by the reach of its G; at most by the extent, which is exact."""
+        spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
+        counts = np.array(grid.shape)
+        reach = WINDOW_REACH * self.window_width(grid) + DECADES / max(medium.attenuation, 1e-12)
+        extra = np.minimum(np.ceil(reach / np.maximum(spacing, 1e-12)), np.maximum(counts - 2, 0))
+        extra = np.maximum(extra, 2 * LEAST_REACH - counts)
+        depth, height, width = (int(n) for n in counts + extra)
+        return ConvolutionShape(*grid.shape, padding=(depth, height, width))
+
+    def release(self) -> None:
+        """Let go of the last surface and solution too."""
+        super().release()
+        depths_of.cache_clear()
+        self._coarse = self._placed = self._last = None
+        self._coarse_stages.clear()
+
+    def _surface(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, stages: Stages) -> tuple[Boundary, Depths]:
+        """Put a surface on the grid, or take the last call's, between which another transport had its turn."""
+        kept, key = self._placed, (mesh, samples, grid)
+        at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
+        wanted = not at_hand and not stages.has("boundary", key)
+        merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if wanted else None
+        depths = stages.run("rays", (mesh,), lambda: depths_of(mesh))
+
+        def placed() -> Boundary:
+            if merging is not None:
+                self._placed = mesh, samples, self._on_grid(merging.result(), grid, depths)
+            assert self._placed is not None
+            return self._placed[2]
+
+        return stages.run("boundary", key, placed), depths
+
+    def _channel(
+        self,
+        boundary: Boundary,
+        depths: Depths,
+        medium: Medium,
+        i: int,
+        entries: Sequence[Entry],
+        spectrum: Spectra,
+        stages: Stages,
+    ) -> Callable[[], Channel]:
+        """Begin to put a channel up, if it is not kept, beside others; the result waits for it."""
+        grid = boundary.grid
+        s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium), i)
+
+        convolve = functools.partial(convolver.convolve, spectra=spectrum)
+        make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
+        name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
+        begun = None if stages.has(name, key) else thread_pool().submit(make)
+        return lambda: stages.run(name, key, make if begun is None else begun.result)
+
+    def _solve(
+        self,
+        boundary: Boundary,
+        media: Sequence[Medium],
+        channels: Sequence[Channel | None],
+        samples: SurfaceSamples,
+        coarse: End | None,
+        go_on: Callable[[Solution], bool] | None,
+    ) -> Solution:
+        """Step all channels in rounds, each from where it ended last time, side by side."""
+        new = {channel: i for i, channel in reversed(list(enumerate(channels))) if channel is not None}
+
+        def started(channel: Channel) -> Iteration:
+            start = begin(channel, new[channel], self._last, coarse, samples)
+            return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
+
+        ways = dict(zip(new, thread_pool().map(started, new), strict=True))
+        solution = reached(boundary, media, channels, ways)
+        while max(solution.residuals) > self.tolerance and (go_on is None or go_on(solution)):
+            # All of them: each takes its steps.
+            if not any(list(thread_pool().map(Iteration.advance, [*ways.values()] * ROUND))):
+                break
+            solution = reached(boundary, media, channels, ways)
+        list(thread_pool().map(Reached.settle, {at for at in solution.channels if at is not None}))
+        iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
+        self._last = End(boundary, tuple(channels), iterates, coarse)
+        return solution
+
+    def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
+        return medium, self.shape(grid, medium), grid.texel, grid.layer_distance
+
+    def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
+        s = self.window_width(grid)
+        return lambda medium, shape: green_spectrum(medium, s, grid, shape)

@@ -1,0 +1,125 @@
+"""Light that scatters once in a wedge: it comes in by one face and leaves by the other.
+
+Lengths in mean free paths. The lit face lies at height 0 and ends at the edge, the origin; the direction (1, 0) leads
+over it. Light of irradiance 1 that entered at distance d first scatters at y = (-d + z v, -z sqrt(1 - v^2)), along its
+ray, with a density exp(-z); a point at distance p from the edge on the other face, whose normal is (sin a, cos a), sees
+that through r2 = |x - y|^2 + l^2, l along the edge, under a cosine mu = h / r to its normal:
+
+    K(d, p) = int dz exp(-z) int dl exp(-r) F_t(mu) mu / (4 pi r^2).
+
+Its integral over d is the exitance there, that over p the share of the light that leaves so.
+"""
+
+import functools
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from milkglass.core.arrays import Array
+from milkglass.core.material import fresnel
+
+FARTHEST = 4.0  # from the edge; beyond, exp(-4) of it is left
+STEP = 0.1  # of eta
+DISTANCES, ANGLES, WAYS = 20, 20, 16
+COSINES = np.linspace(-0.8, 0.7, 9)  # between the faces' normals
+SLOPES = np.linspace(-0.9, 0.9, 13)  # of the ray: v
+RADII, HEIGHTS = 48, 65
+_TABULATING = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class Wedge:
+    """Tables over cosine, slope and sqrt(distance): (9, 13, DISTANCES) float64 each.
+
+    Attributes
+    ----------
+    exitance : on the other face, for an irradiance that has entered, and an albedo, of 1
+    lost : share of the light that enters
+    """
+
+    exitance: Array
+    lost: Array
+
+
+def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array:
+    """Read a table of a `Wedge`, (n,) each."""
+    at = np.stack(
+        [
+            (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
+            (slope - SLOPES[0]) / (SLOPES[1] - SLOPES[0]),
+            np.sqrt(np.maximum(distance, 0.0) / FARTHEST) * (DISTANCES - 1),
+        ]
+    )
+    return np.asarray(map_coordinates(table, at, order=1, mode="nearest"))
+
+
+def wedge(eta: float) -> Wedge:
+    """Return the tables for an index of refraction, between those of a few."""
+    at = (eta - 1.0) / STEP
+    low = int(at + 1e-6)
+    share = at - low
+    with _TABULATING:  # channels ask at once
+        first = _tabulated(low)
+        if share < 1e-6:
+            return first
+        second = _tabulated(low + 1)
+    mixed = (a + share * (b - a) for a, b in ((first.exitance, second.exitance), (first.lost, second.lost)))
+    return Wedge(*mixed)
+
+
+@functools.lru_cache(maxsize=32)
+def _tabulated(step: int) -> Wedge:
+    distance = FARTHEST * np.linspace(0.0, 1.0, DISTANCES) ** 2
+    seen = _along_edge(1.0 + STEP * step)
+    angle, angle_weights = _gauss(-0.5 * np.pi, 0.5 * np.pi, ANGLES)
+    u, u_weights = _gauss(0.0, 1.0, WAYS)
+    rho = FARTHEST * u**2  # close where the integrand is steep
+    weights = angle_weights[:, None] * 2.0 * FARTHEST * u * u_weights
+    around = weights * _looked_up(seen, rho, np.cos(angle)[:, None])
+    faces = [[(cosine, slope) for slope in SLOPES] for cosine in COSINES]
+    exitance = [[_exitance(distance, *face, angle[:, None], rho, around) for face in row] for row in faces]
+    lost = [[_lost(distance, *face, angle[:, None], rho, weights, seen) for face in row] for row in faces]
+    return Wedge(np.array(exitance), np.array(lost))
+
+
+def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: Array, around: Array) -> Array:
+    """Integrate in polar coordinates around each x, where nothing is singular: (DISTANCES,)."""
+    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    # From x against the normal, turned by the angle.
+    across, up = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
+    z = (sine * here - rho * up) / down
+    d = z * slope - rho * across - cosine * here
+    inside = (z > 0.0) & (d > 0.0)
+    return np.asarray(np.sum(around * np.where(inside, np.exp(-np.maximum(z, 0.0)), 0.0), axis=(1, 2)) / down)
+
+
+def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, weights: Array, seen: Array) -> Array:
+    """Integrate over the ray of each d and the angles under which the other face is seen from it: (DISTANCES,)."""
+    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    height = sine * (here - z * slope) + cosine * z * down  # of the other face over y
+    p = cosine * (z * slope - here) + sine * z * down + np.tan(angle) * height
+    density = np.exp(-z) * _looked_up(seen, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
+    return np.asarray(np.sum(weights * np.where((height > 0.0) & (p > 0.0), density, 0.0), axis=(1, 2)))
+
+
+def _along_edge(eta: float) -> Array:
+    """Rho times the integral of K over l, at sqrt(rho) and h / rho: (RADII, HEIGHTS)."""
+    rho = FARTHEST * np.linspace(0.0, 1.0, RADII)[:, None, None] ** 2
+    height = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
+    angle, weights = _gauss(0.0, 0.5 * np.pi, WAYS)  # l = rho tan(angle), both ways
+    mu = height * np.cos(angle)
+    leaves = mu * fresnel.transmittance(1.0 / eta, mu)
+    return np.asarray(np.sum(2.0 * weights * np.exp(-rho / np.cos(angle)) * leaves, axis=-1) / (4.0 * np.pi))
+
+
+def _looked_up(seen: Array, rho: Array, cosine: Array) -> Array:
+    rows = np.sqrt(np.clip(rho / FARTHEST, 0.0, 1.0)) * (RADII - 1)
+    at = np.stack(np.broadcast_arrays(rows, cosine * (HEIGHTS - 1)))
+    return np.asarray(map_coordinates(seen, at, order=1))
+
+
+def _gauss(low: float, high: float, n: int) -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    return low + 0.5 * (high - low) * (nodes + 1.0), 0.5 * (high - low) * weights

@@ -1,0 +1,1 @@
+"""GLSL sources of one room, read as package data."""

@@ -1,0 +1,102 @@
+"""Stages run when, and only when, what they depend on has changed."""
+
+import time
+
+import numpy as np
+import pytest
+
+from milkglass.core.stages import Allowance, Stages, Unfinished
+
+
+def test_runs_again_only_for_other_dependencies() -> None:
+    stages, calls = Stages(), []
+    for value in (1, 1, 2, 2, 1):
+        assert stages.run("square", [value], lambda v=value: calls.append(v) or v * v) == value * value
+    assert calls == [1, 2, 1]
+
+
+def test_arrays_count_by_identity_and_other_values_by_equality() -> None:
+    stages, calls = Stages(), []
+    array = np.zeros(3)
+    for dependency in (array, array, array.copy(), (1.0, 2.0), (1.0, 2.0)):
+        stages.run("stage", [dependency], lambda: calls.append(1))
+    assert len(calls) == 3
+
+
+def test_timings_are_those_of_the_stages_that_ran() -> None:
+    stages = Stages()
+    stages.run("a", [0], lambda: time.sleep(0.01))
+    assert stages.timings["a"] >= 10.0
+    stages.begin()
+    stages.run("a", [0], lambda: time.sleep(0.01))
+    assert stages.timings == {}
+
+
+def test_a_stage_inside_another_counts_for_itself() -> None:
+    stages = Stages()
+    stages.run("outer", [0], lambda: stages.run("inner", [0], lambda: time.sleep(0.05)))
+    assert stages.timings["inner"] >= 50.0
+    assert stages.timings["outer"] < 25.0
+
+
+def test_a_failed_stage_is_not_kept() -> None:
+    stages = Stages()
+    with pytest.raises(ZeroDivisionError):
+        stages.run("a", [0], lambda: 1 // 0)
+    assert stages.run("a", [0], lambda: 7) == 7
+
+
+def counted(n, taken):
+    """Work of n steps, each of which says so."""
+    for i in range(n):
+        if i > 0:
+            yield
+        taken.append(i)
+    return n
+
+
+def test_spread_work_is_done_at_once_without_an_allowance() -> None:
+    stages, taken = Stages(), []
+    assert [stages.spread("a", [0], lambda: counted(5, taken)) for _ in range(2)] == [5, 5]
+    assert taken == [0, 1, 2, 3, 4]
+
+
+def test_spread_work_goes_on_from_frame_to_frame_and_is_kept() -> None:
+    stages, taken = Stages(), []
+    for after in (3, 6):
+        stages.begin(Allowance(2, 60.0))
+        with pytest.raises(Unfinished):
+            stages.spread("a", [0], lambda: counted(7, taken))
+        assert taken == list(range(after))
+    stages.begin(Allowance(2, 60.0))
+    assert stages.spread("a", [0], lambda: counted(7, taken)) == 7
+    assert taken == list(range(7))
+    assert stages.has("a", [0])
+
+
+def test_spread_work_is_abandoned_for_other_work_and_where_nobody_asks_for_it() -> None:
+    stages, taken = Stages(), []
+    stages.begin(Allowance(1, 60.0))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [0], lambda: counted(5, taken))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [1], lambda: counted(5, taken))
+    assert taken == [0, 1, 0]
+    for _ in range(2):
+        stages.begin(Allowance(0, 60.0))
+    with pytest.raises(Unfinished):
+        stages.spread("a", [1], lambda: counted(5, taken))
+    assert taken == [0, 1, 0, 0]
+
+
+def test_spread_work_that_failed_begins_anew() -> None:
+    stages = Stages()
+
+    def failing():
+        yield
+        raise ZeroDivisionError
+
+    stages.begin(Allowance(5, 60.0))
+    with pytest.raises(ZeroDivisionError):
+        stages.spread("a", [0], failing)
+    assert stages.spread("a", [0], lambda: counted(1, [])) == 1

@@ -1,0 +1,82 @@
+"""What rays found stays on disk, by content; a cache that is damaged, full or read-only is no error."""
+
+import os
+
+import numpy as np
+import pytest
+
+from milkglass.core.geometry.refine import refined
+from milkglass.core.light.bake import bake
+from milkglass.viewer.assets import visibility, visibility_cache
+from milkglass.viewer.assets.visibility import bake_visibility
+from tests.support.shapes import ball, cube
+from tests.support.solids import ball as part
+from tests.support.solids import mesh_of
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(visibility, "LONGEST_EDGE", 1.0)
+    monkeypatch.setattr(visibility_cache, "folder", lambda: tmp_path / "visibility")
+    return tmp_path / "visibility"
+
+
+@pytest.fixture
+def casts(monkeypatch):
+    """How often rays are cast."""
+    counted = []
+    monkeypatch.setattr(visibility, "bake", lambda *arguments: counted.append(1) or bake(*arguments))
+    return counted
+
+
+def test_rays_are_cast_once_a_shape(casts, folder):
+    first, again = bake_visibility(ball(subdivisions=2)), bake_visibility(ball(subdivisions=2))
+    assert len(casts) == 1
+    for name in ("whole", "visible"):
+        assert np.array_equal(getattr(first.visibility, name), getattr(again.visibility, name))
+    bake_visibility(refined(cube(), 5.0).mesh)
+    assert len(casts) == 2
+    assert len(list(folder.iterdir())) == 2  # and nothing temporary
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
+def test_a_damaged_file_is_made_anew(casts, folder, damage):
+    bake_visibility(ball(subdivisions=2))
+    (path,) = folder.iterdir()
+    content = bytearray(path.read_bytes())
+    if damage == "cut":
+        content = content[: len(content) // 2]
+    elif damage == "flipped":
+        content[len(content) // 2] ^= 255
+    elif damage == "empty":
+        content = bytearray()
+    path.write_bytes(content)
+    if damage == "other":
+        with path.open("wb") as file:
+            np.savez(file, bits=np.zeros((3, 7), np.uint8))
+    bake_visibility(ball(subdivisions=2))
+    assert len(casts) == 2
+    bake_visibility(ball(subdivisions=2))
+    assert len(casts) == 2
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(casts, folder):
+    folder.write_text("a file where the folder would be")
+    bake_visibility(ball(subdivisions=2))
+    bake_visibility(ball(subdivisions=2))
+    assert len(casts) == 2
+    assert folder.read_text() == "a file where the folder would be"
+
+
+def test_what_was_not_used_for_longest_goes(folder, monkeypatch):
+    meshes = [mesh_of(part(radius, subdivisions=1)) for radius in (1.0, 2.0, 3.0)]
+    baked = [(mesh, bake(mesh)) for mesh in meshes]
+    for age, (mesh, sight) in zip((300, 200), baked[:2], strict=True):
+        visibility_cache.write(mesh, sight)
+        newest = max(folder.iterdir(), key=lambda path: path.stat().st_mtime)
+        os.utime(newest, (newest.stat().st_mtime - age,) * 2)
+    assert visibility_cache.read(meshes[0]) is not None  # used: now the second is the oldest
+    size = max(path.stat().st_size for path in folder.iterdir())
+    monkeypatch.setattr(visibility_cache, "MOST_BYTES", int(2.5 * size))
+    visibility_cache.write(*baked[2])
+    assert [visibility_cache.read(mesh) is not None for mesh in meshes] == [True, False, True]

@@ -1,0 +1,131 @@
+"""Error against transport in the benchmark: its shapes, its two errors, what it writes. No time is asserted."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from milkglass.core.geometry.mesh import face_cross, flaws
+from milkglass.core.reference.regions import find_regions
+from milkglass.core.reference.transport_error import TransportError
+from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
+from milkglass.viewer.bench import run as bench
+from milkglass.viewer.bench.schemes import Scheme
+from milkglass.viewer.bench.shapes import ball, bowl
+from milkglass.viewer.bench.transport import (
+    ALBEDOS,
+    ALL,
+    LIGHT,
+    LIGHTS,
+    MATERIAL,
+    METHODS,
+    SHAPES,
+    TransportRow,
+    material_of,
+    numerical_error,
+    transport_rows,
+)
+from milkglass.viewer.bench.transport_report import rms_text
+from tests.viewer.bench.test_bench import NOTHING, assert_finite
+
+SMALL = Scheme("layered", 8, 64), Scheme("diffusion", resolution=24)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[TransportRow]:
+    shapes = {"ball": lambda: ball(8.0, subdivisions=3)}
+    return list(transport_rows(SMALL, shapes, ["albedos", "skim milk"], 20_000))
+
+
+def test_diffusion_is_near_photons_and_the_paper_is_not(rows):
+    for row in rows:
+        if row.scheme.method == "diffusion":
+            assert max(row.error.rms) < 0.08
+            assert max(np.abs(row.error.dark)) < 0.12
+        else:
+            assert min(row.error.rms) > 0.1
+            assert max(row.error.dark) < -0.2
+
+
+def test_numbers_and_model_err_apart(rows):
+    for row in rows:
+        if row.scheme.method == "diffusion":
+            assert 0.0 < min(row.numerical) <= max(row.numerical) < 0.03
+            assert 3 <= row.products <= 20
+            assert 0.0 < row.residual <= 3e-4
+        else:
+            assert row.numerical == (0.0, 0.0, 0.0)
+            assert row.products == 0
+
+
+def test_either_light_or_material_changes(rows):
+    for scheme in SMALL:
+        own = [r for r in rows if r.scheme == scheme]
+        assert [r.changed for r in own] == [ALL, LIGHT, MATERIAL, LIGHT]
+        assert [r.light for r in own] == ["front", "back", "back", "front"]
+        assert all(r.ms > 0.0 for r in own)
+
+
+def test_a_finer_grid_of_the_same_has_no_numerical_error():
+    surface = find_regions(ball(8.0, subdivisions=3), 10).samples
+
+    def evaluate(factor):
+        return lambda points, normals: factor * (2.0 + normals)
+
+    assert numerical_error(evaluate(1.0), evaluate(1.0), surface) == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(numerical_error(evaluate(1.1), evaluate(1.0), surface), 0.1)
+
+
+def test_shapes_are_closed_solids():
+    for make in SHAPES.values():
+        assert is_closed(row_sums(make()))
+
+
+def test_a_bowl_is_half_a_shell():
+    mesh = bowl(20.0, 3.0)
+    assert flaws(mesh).solid
+    # Between two half balls, and half a ring of half a disc, by Pappus.
+    expected = 2.0 / 3.0 * np.pi * (10.0**3 - 7.0**3) + 0.5 * np.pi * 1.5**2 * 2.0 * np.pi * 8.5
+    assert mesh.volume == pytest.approx(expected, rel=0.002)
+    cross = face_cross(mesh.vertices, mesh.faces)
+    cross /= np.linalg.norm(cross, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", cross, mesh.normals[mesh.faces].mean(axis=1)).min() > 0.99
+
+
+def test_albedos_share_a_mean_free_path():
+    np.testing.assert_allclose(material_of("albedos").sigma_t_prime, 1.0)
+    np.testing.assert_allclose(ALBEDOS.alpha_prime, [0.9, 0.99, 0.999])
+    assert material_of("marble").name == "Marble"
+
+
+def test_below_the_noise_there_is_an_upper_limit():
+    nothing = (0.0, 0.0, 0.0)
+    error = TransportError((0.05, 0.001, 0.0), (0.004, 0.004, 0.004), *[nothing] * 5)
+    row = TransportRow(SMALL[0], "ball", "marble", "front", error, ALL, 1.0, 64)
+    assert [rms_text(row, channel) for channel in range(3)] == ["5.0", "< 0.4", "< 0.4"]
+
+
+def test_tables_and_file_are_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(bench.bench_transport, "REGIONS", 12)
+    monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))
+    plan = replace(NOTHING, methods=SMALL, solids=("ball, 4 mm",), media=("albedos", "skim milk"), photons=500)
+    bench.run_plan(plan, tmp_path)
+    with (tmp_path / "transport.csv").open(newline="") as file:
+        found = list(csv.DictReader(file))
+    assert len(found) == len(SMALL) * 2 * len(LIGHTS)
+    assert_finite(found)
+    text = (tmp_path / "bench.md").read_text()
+    assert "| ball, 4 mm; albedo 0.99 " in text
+    assert "| ball, 4 mm; skim milk " in text
+    assert "diffusion 24 against 2 x its nodes" in text
+    assert capsys.readouterr().out.count("Error against photons: ") == 2
+
+
+def test_plans_have_all_methods():
+    assert {scheme.method for scheme in METHODS} == {"layered", "ewald", "diffusion"}
+    for plan in (bench.FULL, bench.QUICK):
+        assert plan.methods == METHODS
+        assert set(plan.solids) <= SHAPES.keys()
+        for name in plan.media:
+            material_of(name)

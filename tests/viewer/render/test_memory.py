@@ -1,0 +1,59 @@
+"""Memory of a picture rendered alone: its peak, and what must be gone before the pixels come."""
+
+import gc
+import weakref
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from milkglass.core.transport.diffusion.iteration import Iteration, Start
+from milkglass.viewer.bench.speed import process_row
+from milkglass.viewer.files.images import write_exr
+from milkglass.viewer.render.picture import Frame
+from milkglass.viewer.render.renderer import Renderer, render
+from milkglass.viewer.scene.scene import Scene, apply_set
+
+LIMIT = 600.0  # MB, of the default scene
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peaks are compared as Linux tells them")
+def test_all_channels_of_the_default_picture_fit_in_600_mb(tmp_path):
+    row = process_row(Scene(), "default", tmp_path, 1, "picture.exr")
+    assert (tmp_path / "picture.exr").stat().st_size > 1e6
+    assert 100.0 < row.megabytes < LIMIT
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("method", ["diffusion", "ewald"])
+@pytest.mark.parametrize("background", ["black", "environment"])
+def test_a_picture_rendered_alone_is_that_of_a_kept_renderer(context, tmp_path, method, background):
+    scene = apply_set(Scene(), ["display.image_size=[128, 128]", f'transport.method="{method}"'])
+    if background == "environment":
+        sky = np.linspace(0.1, 2.0, 8 * 16 * 3, dtype=np.float32).reshape(3, 8, 16)
+        write_exr(tmp_path / "sky.exr", dict(zip("RGB", sky, strict=True)))
+        environment = replace(scene.environment, path=tmp_path / "sky.exr")
+        scene = replace(scene, environment=environment, display=replace(scene.display, background=background))
+    alone, kept = render(scene, samples=2), Renderer(context).render(scene, samples=2)
+    for name in Frame.__dataclass_fields__:
+        if isinstance(getattr(alone, name), np.ndarray):
+            np.testing.assert_array_equal(getattr(alone, name), getattr(kept, name), err_msg=name)
+    assert alone.timings.keys() == kept.timings.keys()
+
+
+def test_a_solution_leaves_no_garbage():
+    channel = SimpleNamespace(scale=2.0, volume=lambda f: f.astype(np.float32), product=lambda f, volume: f + volume)
+    right = np.ones(4)
+    iteration = Iteration(channel, Start(np.zeros(4), np.zeros(4, np.float32), right, 2.0, 1), 1e-3, 5)
+    iteration.advance()
+    seen = weakref.ref(iteration)
+    gc.disable()
+    try:
+        del iteration
+        assert seen() is None
+    finally:
+        gc.enable()

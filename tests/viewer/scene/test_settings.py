@@ -1,0 +1,85 @@
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import (
+    LIGHT_KINDS,
+    TABLES,
+    CameraSettings,
+    DirectionalLight,
+    MaterialSettings,
+    ModelSettings,
+    PointLight,
+    SpecularSettings,
+    TransportSettings,
+)
+from milkglass.viewer.scene.settings_docs import settings_markdown
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda: CameraSettings(zoom=0.0), "camera.zoom must be"),
+        (lambda: dataclasses.replace(CameraSettings(), target_mm=(0.0, math.nan, 0.0)), "camera.target_mm must be"),
+        (lambda: DirectionalLight((0.0, 0.0, 0.0)), "lights.direction must not be the zero vector"),
+        (lambda: PointLight(None), "lights.position_mm must be 3 numbers"),
+        (lambda: MaterialSettings(), "material has neither"),
+        (lambda: TransportSettings(layers="8"), "transport.layers must be a whole number"),
+        (lambda: TransportSettings(layers=10**400), "transport.layers must be a whole number"),
+        (lambda: SpecularSettings(strength=10**400), "specular.strength must be a number"),
+        (lambda: Scene(camera=3), "camera must be a CameraSettings, not a int"),
+        (lambda: Scene(lights=(3,)), "lights must be a tuple of DirectionalLight, PointLight, Sphere"),
+        (lambda: Scene(lights=DirectionalLight((0.0, 1.0, 0.0))), "lights must be a tuple"),
+        (lambda: ModelSettings(path="a\0b"), "model.path must be a file name"),
+    ],
+)
+def test_python_values_are_checked(make, expected):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert str(caught.value).startswith(expected)
+
+
+def test_numpy_values_and_lists_are_stored_as_plain_tuples():
+    camera = CameraSettings(zoom=np.float32(2.0), target_mm=np.array([1, 2, 3]))
+    assert camera == CameraSettings(zoom=2.0, target_mm=(1.0, 2.0, 3.0))
+    assert type(camera.zoom) is float
+    assert {type(x) for x in camera.target_mm} == {float}
+    assert type(TransportSettings(layers=np.int64(4)).layers) is int
+    scene = Scene(camera=camera, lights=[DirectionalLight([0, 1, 0])])
+    assert hash(scene) == hash(pickle.loads(pickle.dumps(scene)))
+
+
+def test_material_by_coefficients():
+    own = MaterialSettings(sigma_s_prime=(1.0, 2.0, 3.0), sigma_a=(0.1, 0.2, 0.3)).resolve()
+    assert (own.sigma_s_prime, own.sigma_a, own.eta) == ((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 1.5)
+    assert MaterialSettings(name="skim_MILK").name == "Skimmilk"
+    assert MaterialSettings(name="jade", eta=1.4).resolve().eta == 1.4
+
+
+def test_table_of_keys_has_every_key_once():
+    lines = settings_markdown().splitlines()
+    keys = [line.split("`")[1].split()[0] for line in lines[2:]]
+    tables = [*TABLES.items(), *(("lights", light) for light in LIGHT_KINDS.values())]
+    assert keys == [f"{name}.{key}" for name, table in tables for key in settings_of(table)]
+    assert {line.count("|") for line in lines} == {6}
+    assert "| `camera.zoom` | 1.0 |  | a number from 0.01 to 100 |" in settings_markdown()
+
+
+def test_every_field_is_declared_and_its_default_is_valid():
+    for table in (*TABLES.values(), *LIGHT_KINDS.values()):
+        assert [field.name for field in dataclasses.fields(table)] == list(settings_of(table))
+        for field in dataclasses.fields(table):
+            if field.default is not dataclasses.MISSING and field.default is not None:
+                assert settings_of(table)[field.name].checked(field.default, "x") == field.default
+            assert settings_of(table)[field.name].why
+
+
+def test_scene_stays_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Scene().camera.zoom = 2.0

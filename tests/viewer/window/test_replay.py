@@ -1,0 +1,73 @@
+"""Recordings of the window: written, read, replayed without a display."""
+
+import numpy as np
+import pytest
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.gui.events import (
+    Closed,
+    Drawn,
+    Dropped,
+    MouseButton,
+    MouseMoved,
+    Recorder,
+    Resized,
+    Scrolled,
+    read_recording,
+)
+from milkglass.viewer.render.picture import read_image
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.session import navigation
+from milkglass.viewer.window.replay import Headless, play
+from tests.support.driving import headless_picture, small_scene, write_knot
+
+SIZE = (640, 360)
+CENTRE = (130.0, 180.0)
+
+
+def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
+    model = write_knot(tmp_path / "knot.ply")
+    path, other = tmp_path / "drag.jsonl", write_knot(tmp_path / "dropped.ply")
+    recorder = Recorder(path, small_scene(model).to_toml())
+    recorder.add(Resized(SIZE, SIZE))
+    time = 5.0
+    for event in (
+        MouseMoved(*CENTRE),
+        MouseButton("left", True),
+        MouseMoved(150.0, 190.0),
+        MouseMoved(170.0, 200.0),
+        MouseButton("left", False),
+        Scrolled(0.0, 1.0),
+        Dropped((str(other),)),
+    ):
+        recorder.add(event)
+        for _ in range(3):
+            time += 0.02
+            recorder.add(Drawn(time))
+    recorder.add(Closed())
+    recorder.close()
+    end = play(path, in_window=False)
+    assert (end.camera.zoom, end.model.path) == (navigation.ZOOM, other)
+    assert end.camera.azimuth_deg != 30.0
+    text, events = read_recording(path)
+    replay = Headless(Scene.from_toml(text))
+    replay.feed(events)
+    size = replay.app.view.size
+    seen = read_image(replay.app.view.picture)
+    replay.close()
+    assert np.array_equal(seen, headless_picture(end, size))
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "not a recording"),
+        ("{}", "not a recording"),
+        ("hello", "line 1"),
+        ('{"milkglass recording": 1, "scene": ""}\n{"A": {}}', "line 2"),
+    ],
+)
+def test_what_is_no_recording_is_said_in_one_sentence(tmp_path, text, word):
+    (tmp_path / "bad.jsonl").write_text(text)
+    with pytest.raises(InputError, match=word):
+        read_recording(tmp_path / "bad.jsonl")

@@ -1,0 +1,337 @@
+"""The real window, on a real X display, with a real mouse and keyboard: xdotool's."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from milkglass.viewer.error.map import colours, scale_end
+from milkglass.viewer.files.images import read_image
+from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Key, Recorder, Resized
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.window.replay import play
+from tests.support.driving import Driver, headless_picture, small_scene, write_knot
+from tests.support.paths import ROOT
+
+pytestmark = pytest.mark.window
+
+SIZE = (760, 560)
+STATUS = 40  # rows at the foot of the view that hold its line of text
+
+
+def missing(what: str) -> None:
+    """Skip, but not where the tests are meant to be complete."""
+    if os.environ.get("CI"):
+        pytest.fail(f"continuous integration needs {what}")
+    pytest.skip(f"needs {what}")
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    """The display there is, or one of our own."""
+    if shutil.which("xdotool") is None:
+        missing("xdotool")
+    if os.environ.get("DISPLAY"):
+        yield os.environ["DISPLAY"]
+        return
+    if shutil.which("Xvfb") is None:
+        missing("a display, or Xvfb to make one")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    with os.fdopen(read) as pipe:
+        number = pipe.readline().strip()
+    try:
+        yield f":{number}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def environment_of(display: str, folder: Path) -> dict[str, str]:
+    """For a process with a window that remembers things in a folder of its own."""
+    return os.environ | {
+        "DISPLAY": display, "XDG_CONFIG_HOME": str(folder / "config"), "PYTHONPATH": f"{ROOT / '.package'}:{ROOT}",
+    }  # fmt: skip
+
+
+class RealWindow:
+    """`milkglass view` in a process of its own, and a person's hands."""
+
+    def __init__(self, display: str, folder: Path, *options: str) -> None:
+        self.folder = folder
+        self.environment = environment_of(display, folder)
+        command = [sys.executable, "-m", "milkglass.viewer.commands.cli", "view", *options]
+        self.process = subprocess.Popen(command, cwd=folder, env=self.environment, stderr=subprocess.PIPE, text=True)
+
+    def hands(self, *words: object) -> str:
+        done = subprocess.run(["xdotool", *map(str, words)], env=self.environment, capture_output=True, text=True)
+        return done.stdout.strip()
+
+    def opened(self) -> str:
+        """Wait for the window and put it into the corner; returns its number."""
+        named = ("search", "--onlyvisible", "--pid", self.process.pid, "--name", "milkglass")
+        number = str(self.until(lambda: self.hands(*named)).splitlines()[0])
+        self.hands("windowmove", number, 0, 0)
+        self.hands("windowfocus", number)
+        return number
+
+    def until(self, found: Callable[[], object], seconds: float = 40.0):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            result = found()
+            if result:
+                return result
+            assert self.process.poll() is None, self.process.stderr.read() if self.process.stderr else ""
+            time.sleep(0.05)
+        raise AssertionError("it did not happen in time")
+
+    def drag(self, start: tuple[float, float], by: tuple[int, int]) -> None:
+        self.hands("mousemove", int(start[0]), int(start[1]))
+        time.sleep(0.2)
+        self.hands("mousedown", 1)
+        for _ in range(5):
+            time.sleep(0.06)
+            self.hands("mousemove_relative", "--", by[0] // 5, by[1] // 5)
+        time.sleep(0.2)
+        self.hands("mouseup", 1)
+        time.sleep(0.2)
+
+    def screenshot(self, number: int) -> np.ndarray:
+        path = self.folder / f"milkglass-{number:03d}.png"
+        self.hands("key", "F12")
+        self.until(path.is_file)
+        return np.asarray(read_image(path))
+
+    def ticks(self) -> int:
+        """CPU time of the process so far, in clock ticks."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(") ", 1)[1].split()
+        return int(fields[11]) + int(fields[12])
+
+    def rest(self) -> None:
+        """Wait until the process has nothing to do."""
+
+        def resting() -> bool:
+            before = self.ticks()
+            time.sleep(0.7)
+            return self.ticks() == before
+
+        self.until(resting)
+
+    def stop(self) -> None:
+        """End it, whatever state it is in."""
+        self.process.kill()
+        self.process.communicate()
+
+    def quit(self) -> int:
+        self.hands("key", "ctrl+q")
+        _, errors = self.process.communicate(timeout=30)
+        assert errors == ""
+        return self.process.returncode
+
+
+@pytest.fixture
+def model(tmp_path) -> Path:
+    return write_knot(tmp_path / "knot.ply")
+
+
+@pytest.fixture
+def scene_file(tmp_path, model) -> Path:
+    small_scene(model).save(tmp_path / "scene.toml")
+    return tmp_path / "scene.toml"
+
+
+@pytest.fixture
+def remembered(tmp_path) -> Path:
+    """Preferences with a small window, so that software rendering is quick."""
+    path = tmp_path / "config" / "milkglass" / "window.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(json.dumps({"window_size": SIZE, "folder": str(tmp_path), "recent": []}))
+    return path
+
+
+def test_open_orbit_slide_save_screenshot_quit_replay(display, context, tmp_path, scene_file, remembered, monkeypatch):
+    twin = Driver(Scene.load(scene_file), SIZE)  # knows where the panel's controls are
+    slider, view = twin.place("material.sigma_a.G", 0.3), (0.5 * twin.app._boxes()[0][2], 0.5 * SIZE[1])
+    twin.close()
+
+    record = tmp_path / "record.jsonl"
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file), "--record", str(record))
+    try:
+        number = window.opened()
+        window.rest()
+        window.drag(view, (60, 20))
+        window.drag(slider, (40, 0))
+        window.hands("mousemove", int(view[0]), int(view[1]))
+        window.hands("key", "ctrl+s")
+        window.until(lambda: Scene.load(scene_file).material.name is None)
+        window.hands("key", "Escape")  # "saved scene.toml" would lie over the picture
+        window.rest()
+        start = window.ticks()
+        time.sleep(2.0)
+        assert window.ticks() - start <= 1  # an idle window uses no CPU
+        seen = window.screenshot(1)
+        window.hands("windowsize", number, SIZE[0] + 90, SIZE[1] - 70)
+        window.rest()
+        assert window.screenshot(2).shape == (SIZE[1] - 70, SIZE[0] + 90, 3)
+        assert window.quit() == 0
+    finally:
+        window.stop()
+
+    saved, before = Scene.load(scene_file), small_scene(tmp_path / "knot.ply")
+    step = 0.35 * 1000.0 / SIZE[1]
+    assert saved.camera.azimuth_deg == pytest.approx(before.camera.azimuth_deg - 60 * step, abs=0.01)
+    assert saved.material.sigma_a[1] > before.material.resolve().sigma_a[1]
+    assert seen.shape == (SIZE[1], SIZE[0], 3)
+    width, height = saved.display.image_size
+    assert height == SIZE[1]
+    picture = headless_picture(saved, (width, height))[: height - STATUS]
+    assert np.mean(np.abs(picture.astype(int) - seen[: height - STATUS, :width]).max(axis=-1) > 1) < 1e-3
+    content = json.loads(remembered.read_text())
+    assert content["window_size"] == [SIZE[0] + 90, SIZE[1] - 70]
+    assert content["recent"] == [str(scene_file)]
+
+    monkeypatch.chdir(tmp_path)  # the replay's F12 writes there
+    replayed = play(record, in_window=False)
+    assert (replayed.material, replayed.camera) == (saved.material, saved.camera)
+
+
+def test_recorded_drop_of_a_mesh_and_a_probe_is_replayed_in_the_window(display, tmp_path, model, remembered):
+    from milkglass.viewer.files.images import write_exr
+
+    other = write_knot(tmp_path / "other.stl")
+    rng = np.random.default_rng(2)
+    write_exr(tmp_path / "probe.exr", {name: rng.random((8, 16), np.float32) for name in "RGB"})
+    recorder = Recorder(tmp_path / "play.jsonl", small_scene(model).to_toml())
+    recorder.add(Resized(SIZE, SIZE))
+    clock = 0.0
+    for event in (
+        Drawn(0.0), Dropped((str(other),)), Dropped((str(tmp_path / "probe.exr"),)), Dropped(("/none.ply",)),
+        Key("f12", True), Key("f12", False),
+    ):  # fmt: skip
+        recorder.add(event)
+        for _ in range(25):
+            clock += 0.02
+            recorder.add(Drawn(clock))
+    recorder.add(Closed())
+    recorder.close()
+    window = RealWindow(display, tmp_path, "--play", str(tmp_path / "play.jsonl"))
+    try:
+        _, errors = window.process.communicate(timeout=60)
+        assert (window.process.returncode, errors) == (0, "")
+    finally:
+        window.stop()
+    shot = read_image(tmp_path / "milkglass-001.png")
+    assert np.ptp(shot[: SIZE[1] // 4, : SIZE[0] // 4].astype(int)) > 20  # the probe shows beside the object
+    assert json.loads(remembered.read_text())["recent"][:2] == [str(tmp_path / "probe.exr"), str(other)]
+
+
+def test_drops_reopening_and_minimising_through_glfws_own_callbacks(display, context, tmp_path, scene_file, remembered):
+    from milkglass.viewer.files.images import write_exr
+
+    trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "öther.stl")
+    rng = np.random.default_rng(5)
+    write_exr(tmp_path / "probe.exr", {name: rng.random((8, 16), np.float32) for name in "RGB"})
+    command = [sys.executable, str(ROOT / "tests" / "support" / "in_window.py"), str(tmp_path)]
+    environment = environment_of(display, tmp_path)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+
+    shots = {}
+    for name in ("start", "mesh", "probe", "changed", "reopened", "restored", "with pixels"):
+        scene = Scene.load(tmp_path / f"{name}.toml")
+        width, height = scene.display.image_size
+        shots[name] = np.asarray(read_image(tmp_path / f"{name}.png"))[: height - STATUS, :width].astype(int)
+        rendered = headless_picture(scene, (width, height))[: height - STATUS]
+        assert np.mean(np.abs(rendered - shots[name]).max(axis=-1) > 1) < 1e-3, name
+    for one, two in pairwise(("start", "mesh", "probe", "changed", "reopened")):
+        assert np.mean(np.abs(shots[one] - shots[two]).max(axis=-1) > 5) > 0.05, (one, two)
+    for same in ("reopened", "restored", "with pixels"):
+        assert np.array_equal(shots[same], shots["probe"]), same
+    for name, found in json.loads((tmp_path / "found.json").read_text()).items():
+        assert found["drawn"] == 0, name
+        assert found["seconds"] < 0.3, name  # of 1.5: nothing is drawn, nothing goes round in circles
+
+
+def test_a_saved_scene_is_reopened_with_the_dialog(display, tmp_path, scene_file, remembered):
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file))
+    try:
+        window.opened()
+        window.rest()
+        start = window.screenshot(1)
+        window.hands("key", "Escape")
+        window.hands("key", "7")  # from above
+        window.rest()
+        changed = window.screenshot(2)
+        window.hands("key", "ctrl+o")
+        time.sleep(0.3)
+        window.hands("type", "--delay", 30, scene_file.name)
+        window.hands("key", "Return", "Escape")
+        window.rest()
+        reopened = window.screenshot(3)
+        assert window.quit() == 0
+    finally:
+        window.stop()
+    region = np.s_[: SIZE[1] - STATUS, : SIZE[0] // 3]  # of the view
+    assert np.any(start[region] != changed[region])
+    assert np.array_equal(start[region], reopened[region])
+
+
+def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, context, tmp_path, scene_file, remembered):
+    twin = Driver(Scene.load(scene_file), SIZE, fixed_size=False)
+    twin.key("e")  # unfolds the section and scrolls to it
+    twin.settle()
+    places = {name: tuple(map(int, twin.place(name, 0.1))) for name in ("error.map", "error.measure")}
+    measured = twin.app.error.result
+    twin.close()
+
+    window = RealWindow(display, tmp_path, "--scene", str(scene_file))
+    try:
+        window.opened()
+        window.rest()
+        window.hands("mousemove", 20, 20)
+        start = window.screenshot(1)
+        window.hands("key", "Escape")
+        window.hands("key", "e")
+        window.rest()
+        ticks = window.ticks()
+        time.sleep(2.0)
+        assert window.ticks() - ticks <= 1  # what has been measured is not measured again
+        dotted = window.screenshot(2)
+        for name in ("error.map", "error.measure"):
+            window.hands("key", "Escape")
+            window.hands("mousemove", *places[name], "click", 1)
+            time.sleep(0.3)
+            window.rest()
+        hidden = window.screenshot(3)
+        window.hands("key", "e")  # and closes while it measures
+        assert window.quit() == 0
+    finally:
+        window.stop()
+    region = np.s_[: SIZE[1] - STATUS, : SIZE[0] // 3]  # of the view
+    assert np.array_equal(hidden[region], start[region])
+    values = measured.error.at_points
+    painted = colours(values / scale_end(values))
+    height, width = SIZE[1], SIZE[0] - 375
+    seen = measured.error.seen
+    places = (np.stack([seen.columns, seen.rows], axis=1) + 0.5) / measured.size * [width, height]
+    found = dotted[tuple(places.astype(int).T[::-1])]
+    assert np.mean(np.abs(found - painted).max(axis=1) <= 3) > 0.5  # small and close together: many lie under others
+
+
+def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):
+    window = RealWindow(display, tmp_path, str(tmp_path / "none.ply"))
+    _, errors = window.process.communicate(timeout=60)
+    assert window.process.returncode == 2
+    assert "none.ply" in errors
+    assert errors.count("\n") == 1

@@ -1,0 +1,1 @@
+"""What is computed of files, kept; and the choice of quality."""

@@ -1,0 +1,1 @@
+"""The benchmark: speed against error, as tables and plots."""

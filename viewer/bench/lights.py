@@ -1,0 +1,141 @@
+"""Lights of the benchmark: directional ones from the front, from behind and through slats, and a sky of our own."""
+
+import functools
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.light.probe import Probe, irradiance_table, latlong_to_direction, lookup
+from milkglass.core.material.fresnel import transmittance
+from milkglass.core.reference.equation import Occluder
+from milkglass.core.reference.sheet import SheetRays
+
+SKY_HEIGHT = 64  # rows of the sky's map; its patch is far broader than a texel
+SUN = (0.4, 0.6, 0.7)  # towards the middle of the bright patch: above, to the right, in front
+SUN_SHARPNESS = 12.0  # of the patch, exp(k (cos - 1)): half its radiance 20 degrees off
+ZENITH, HORIZON = np.array([0.45, 0.65, 1.0]), np.array([0.9, 0.95, 1.0])
+GROUND, SUNLIGHT = np.array([0.16, 0.13, 0.1]), np.array([6.0, 5.2, 4.0])
+HAZE = 0.15  # sine of the elevation over which ground turns into sky
+
+
+class Surface(Protocol):
+    """Places on a surface, whichever kind of samples or sources they are."""
+
+    @property
+    def points(self) -> npt.NDArray[np.floating]:
+        """(n, 3), mm."""
+
+    @property
+    def normals(self) -> npt.NDArray[np.floating]:
+        """(n, 3), unit."""
+
+
+class BenchLight(Protocol):
+    """What the error sweep lights shapes with."""
+
+    @property
+    def name(self) -> str:
+        """In tables and files."""
+
+    @property
+    def sharp(self) -> bool:
+        """Whether it casts shadows."""
+
+    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
+        """E that enters at the places, (n, 3)."""
+
+    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
+        """Thickness (n,) of the sheet between the places and where light enters, mm, and E (n, 3) over there."""
+
+
+@dataclass(frozen=True)
+class Directional:
+    """A directional light of irradiance 1, seen through slats if `stripe` > 0: bars of that width in mm, and gaps."""
+
+    name: str
+    direction: tuple[float, float, float]
+    stripe: float = 0.0
+
+    @property
+    def sharp(self) -> bool:
+        """Always."""
+        return True
+
+    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
+        """E at the places, (n, 3), shadows cast by rays."""
+        normals = getattr(places, "face_normals", places.normals)  # rays start on the outer side of the faces
+        entering = occluder.irradiance(places.points, places.normals, normals, self.direction, np.ones(3), eta)
+        return np.asarray(entering * self._slats(places.points)[:, None])
+
+    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
+        """See `BenchLight.across`.
+
+        As sheet.glsl has it: for places that face away from the light; 0 where there is no sheet.
+        """
+        towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
+        other = rays.other_side(places.points, places.normals, towards, reach)
+        entering = transmittance(eta, other.cosine) * other.cosine * other.share * self._slats(places.points)
+        return other.thickness, np.tile(entering[:, None], 3)
+
+    def _slats(self, points: npt.NDArray[np.floating]) -> Array:
+        """1 in the light and 0 in the shadow of the bars, (n,)."""
+        if self.stripe <= 0.0:
+            return np.ones(len(points))
+        across = np.cross([0.0, 1.0, 0.0], self.direction)
+        place = np.floor(points @ (across / np.linalg.norm(across)) / self.stripe)
+        return np.where(place % 2.0 == 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Sky:
+    """The environment of `sky_pixels` alone, not occluded and without sheets, as in pictures."""
+
+    name: str
+
+    @property
+    def sharp(self) -> bool:
+        """Never."""
+        return False
+
+    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
+        """E at the places, (n, 3), by their normals alone."""
+        return lookup(_sky_table(eta), places.normals)
+
+    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
+        """Nothing."""
+        return np.zeros(len(places.points)), np.zeros((len(places.points), 3))
+
+
+def sky_pixels(height: int = SKY_HEIGHT) -> Float32:
+    """Radiance of a sky with a soft sun over dark ground: (height, 2 height, 3) lat-long map, row 0 at +y."""
+    v, u = ((np.arange(n) + 0.5) / n for n in (height, 2 * height))
+    direction = latlong_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
+    up = direction[..., 1:2]
+    above = 1.0 / (1.0 + np.exp(-up / (0.25 * HAZE)))
+    sky = HORIZON + (ZENITH - HORIZON) * np.sqrt(np.maximum(up, 0.0))
+    sun = np.exp(SUN_SHARPNESS * (direction @ (np.array(SUN) / np.linalg.norm(SUN)) - 1.0))[..., None]
+    return np.asarray(above * (sky + SUNLIGHT * sun) + (1.0 - above) * GROUND, np.float32)
+
+
+@functools.lru_cache(maxsize=8)
+def _sky_table(eta: float) -> Float32:
+    return irradiance_table(_sky().sh, eta)
+
+
+@functools.cache
+def _sky() -> Probe:
+    return Probe.from_pixels(sky_pixels())
+
+
+LIGHTS: dict[str, BenchLight] = {
+    light.name: light
+    for light in (
+        Directional("front", (0.3, 0.4, 1.0)),
+        Directional("back", (-0.3, 0.2, -1.0)),
+        Directional("sharp shadow", (0.3, 0.4, 1.0), stripe=3.0),
+        Sky("environment"),
+    )
+}

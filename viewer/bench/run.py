@@ -1,0 +1,274 @@
+"""`milkglass bench`: speed against error, as tables, CSV files and a plot.
+
+Eight parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport beside bare
+transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), the window
+(`viewer.bench.window`), error of the transport against equation (1) (`viewer.bench.error`), sums over samples at the
+same error (`viewer.bench.rivals`), error of the whole renderer (`viewer.bench.chain`), and error of all methods against
+transport itself (`viewer.bench.transport`).
+"""
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.bench import (
+    chain as bench_chain,
+)
+from milkglass.viewer.bench import (
+    error as bench_error,
+)
+from milkglass.viewer.bench import (
+    error_report as bench_error_report,
+)
+from milkglass.viewer.bench import (
+    occlusion as bench_occlusion_error,
+)
+from milkglass.viewer.bench import (
+    occlusion_speed as bench_occlusion,
+)
+from milkglass.viewer.bench import (
+    photo as bench_photo,
+)
+from milkglass.viewer.bench import (
+    report as bench_report,
+)
+from milkglass.viewer.bench import (
+    rivals as bench_rivals,
+)
+from milkglass.viewer.bench import (
+    solving as bench_solving,
+)
+from milkglass.viewer.bench import (
+    speed as bench_speed,
+)
+from milkglass.viewer.bench import (
+    transport as bench_transport,
+)
+from milkglass.viewer.bench import (
+    transport_report as bench_transport_report,
+)
+from milkglass.viewer.bench import (
+    window as bench_window,
+)
+from milkglass.viewer.bench import (
+    yardsticks as bench_yardsticks,
+)
+from milkglass.viewer.bench.error import MATERIALS
+from milkglass.viewer.bench.lights import LIGHTS
+from milkglass.viewer.bench.schemes import DEFAULT, EWALD, FIXED, LAYERED, PAPER, Scheme
+from milkglass.viewer.bench.shapes import SHAPES
+from milkglass.viewer.files.model import builtin_model, load_model
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import DisplaySettings, ModelSettings
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured; a part whose tuple is empty is left out."""
+
+    # speed
+    convolutions: tuple[int, ...] = (4, 8)  # layers
+    side: int = 256  # texels of their maps, unpadded
+    repeats: int = 25
+    frames: tuple[Scheme, ...] = (PAPER, LAYERED[1], DEFAULT)
+    image_size: tuple[int, int] = (1024, 1024)
+    frame_repeats: int = 7
+    processes: tuple[Scheme, ...] = (PAPER, DEFAULT)
+    process_repeats: int = 3
+    photographs: tuple[int, ...] = (1024,)  # pixels a side
+    window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
+    window_repeats: int = 24
+    # the transport beside bare transforms, on shapes and on the scene's model
+    yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
+    yardstick_repeats: int = 15
+    solved: tuple[str, ...] = ("ball", "knot", "washer, 10 mm", "dish, 3 mm", "scene")
+    solved_repeats: int = 9
+    # error of the transport; a model that is given comes to these shapes
+    schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED)
+    shapes: tuple[str, ...] = tuple(SHAPES)
+    materials: tuple[str, ...] = MATERIALS
+    lights: tuple[str, ...] = tuple(LIGHTS)
+    points: int = 200
+    # sums over samples beside the transport: shape, material, light
+    rivals: tuple[tuple[str, str, str], ...] = (("knot", "marble", "back"), ("ball", "skim milk", "front"))
+    # error of the renderer: shape, material, light
+    pictures: tuple[tuple[str, str, str], ...] = (
+        ("ball", "skim milk", "front"),
+        ("knot", "marble", "back"),
+        ("plate", "marble", "back"),
+    )
+    picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[5], DEFAULT)
+    # error of the occluded environment on the scene's model
+    occluded_points: int = 1000
+    # error against transport itself
+    methods: tuple[Scheme, ...] = bench_transport.METHODS
+    solids: tuple[str, ...] = tuple(bench_transport.SHAPES)
+    media: tuple[str, ...] = bench_transport.MATERIALS
+    photons: int = 100_000  # of each light and mean free path: noise of 2 to 3 % a region, 0.3 to 0.6 % of an rms
+
+
+FULL = Plan()
+QUICK = Plan(
+    occluded_points=0,
+    repeats=8,
+    frames=(PAPER, DEFAULT),
+    frame_repeats=2,
+    process_repeats=1,
+    window=(),
+    yardsticks=("knot",),
+    yardstick_repeats=5,
+    solved=("knot",),
+    solved_repeats=3,
+    schemes=(*LAYERED[:3], DEFAULT, *FIXED[:2]),
+    shapes=("knot", "plate"),
+    materials=("marble", "skim milk"),
+    points=60,
+    rivals=FULL.rivals[:1],
+    pictures=FULL.pictures[1:2],
+    picture_schemes=(PAPER, LAYERED[1], DEFAULT),
+    solids=("ball, 16 mm",),
+    media=("albedos",),
+    photons=30_000,
+)
+
+
+def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
+    """Measure and report on stdout.
+
+    Parameters
+    ----------
+    quick : bool
+        A small selection in under a minute.
+    output : Path, optional
+        Folder for CSV files, the tables as Markdown and the plot.
+    model : Path, optional
+        Mesh of the frames, whose error is measured too; the frames show the built-in sculpture without one.
+
+    Raises
+    ------
+    InputError
+        A folder that cannot be written to, an unusable model, no OpenGL driver.
+    """
+    run_plan(QUICK if quick else FULL, output, model)
+
+
+def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None:
+    """Measure what `plan` says; see `run`."""
+    report = bench_report.Report(output)
+    scene = Scene(model=ModelSettings(path=model), display=DisplaySettings(image_size=plan.image_size))
+    given = _given(model, scene)
+    _speed(plan, scene, report)
+    _yardsticks(plan, scene, given, report)
+    _errors(plan, given, report)
+    if plan.occluded_points:
+        bench_occlusion_error.report_occlusion(report, scene, plan.occluded_points)
+    _against_transport(plan, report)
+    report.finish()
+
+
+def _given(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
+    """Return the model that was given, in the scene's size, under its name."""
+    if model is None:
+        return {}
+    mesh, _ = load_model(model, scene.model.size_mm, scene.model.up)
+    return {f"{model.stem}, {scene.model.size_mm:g} mm": lambda: mesh}
+
+
+def _yardsticks(plan: Plan, scene: Scene, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+    size = scene.model.size_mm
+    shown = given or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
+
+    def chosen(names: tuple[str, ...]) -> dict[str, Callable[[], Mesh]]:
+        known = SHAPES | bench_transport.SHAPES
+        return {name: known[name] for name in names if name in known} | (shown if "scene" in names else {})
+
+    if plan.yardsticks:
+        shapes = chosen(plan.yardsticks)
+        rows = bench_yardsticks.yardstick_rows(shapes, DEFAULT, plan.yardstick_repeats)
+        bench_yardsticks.report_yardsticks(report, _watched(rows, len(shapes), "beside bare transforms"))
+    if plan.solved:
+        shapes = chosen(plan.solved)
+        solving = bench_solving.solving_rows(shapes, plan.solved_repeats)
+        count = len(shapes) * len(bench_solving.NODES)
+        bench_solving.report_solving(report, _watched(solving, count, "solutions of diffusion"))
+
+
+def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
+    if plan.convolutions:
+        threads = os.cpu_count() or 1
+        found = bench_speed.convolution_rows(plan.convolutions, plan.side, threads, plan.repeats)
+        count = len(plan.convolutions) * len(bench_speed.EFFORTS)
+        bench_report.report_convolution(report, _watched(found, count, "layer convolution"))
+    what = scene.model.path.name if scene.model.path else "built-in sculpture"
+    size = "{} x {}".format(*plan.image_size)
+    frames: list[bench_speed.FrameRow] = []
+    for scheme in plan.frames:
+        rows = bench_speed.frame_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.frame_repeats)
+        frames += _watched(rows, len(bench_speed.CHANGES), f"frames, {scheme}")
+    photographs = bench_photo.photo_rows(plan.photographs, plan.frame_repeats)
+    edits = _watched(photographs, len(plan.photographs), "edited photographs")
+    if frames:
+        mesh, _ = Assets().mesh(scene.model)
+        turned = bench_occlusion.occlusion_rows(mesh, plan.repeats)
+        frames += _watched(turned, bench_occlusion.COUNT, "occluded environment")
+    if frames or edits:
+        bench_report.report_frames(report, [*frames, *edits])
+    if plan.processes:
+        with tempfile.TemporaryDirectory() as folder:
+            processes = (
+                bench_speed.process_row(_with(scene, s), f"{what}, {size}, {s}", Path(folder), plan.process_repeats)
+                for s in plan.processes
+            )
+            bench_report.report_processes(report, _watched(processes, len(plan.processes), "first picture"))
+    window: list[bench_window.WindowRow] = []
+    for scheme in plan.window:
+        found_rows = bench_window.window_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.window_repeats)
+        window += _watched(found_rows, bench_window.COUNT, f"window, {scheme}")
+    if window:
+        bench_window.report_window(report, window)
+
+
+def _errors(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+    if plan.schemes:
+        shapes = {name: SHAPES[name] for name in plan.shapes} | given
+        sets = plan.schemes, shapes, plan.materials, plan.lights
+        count = len(plan.schemes) * len(shapes) * len(plan.materials) * len(plan.lights)
+        errors = _watched(bench_error.error_rows(*sets, plan.points), count, "error of the transport")
+        bench_error_report.report_errors(report, errors)
+    if plan.rivals:
+        rivals = bench_rivals.rival_rows(plan.rivals, DEFAULT, plan.points)
+        count = len(plan.rivals) * (len(bench_rivals.TOLERANCES) + 2)
+        bench_rivals.report_rivals(report, _watched(rivals, count, "sums over samples"))
+    if plan.pictures:
+        pictures = bench_chain.chain_rows(plan.picture_schemes, plan.pictures, plan.points)
+        count = len(plan.picture_schemes) * len(plan.pictures)
+        bench_report.report_chain(report, _watched(pictures, count, "error of the renderer"))
+
+
+def _against_transport(plan: Plan, report: bench_report.Report) -> None:
+    if plan.methods:
+        solids = {name: bench_transport.SHAPES[name] for name in plan.solids}
+        rows = bench_transport.transport_rows(plan.methods, solids, plan.media, plan.photons)
+        count = len(plan.methods) * len(solids) * len(plan.media) * len(bench_transport.LIGHTS)
+        bench_transport_report.report_transport(report, _watched(rows, count, "error against transport"))
+
+
+def _with(scene: Scene, scheme: Scheme) -> Scene:
+    return replace(scene, transport=scheme.settings)
+
+
+def _watched(rows: Iterable[T], count: int, what: str) -> list[T]:
+    """Collect rows behind a progress bar, which shows on a terminal only."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        return list(progress.track(rows, total=count, description=what))

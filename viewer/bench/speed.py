@@ -1,0 +1,239 @@
+"""Speed, always as ratios of times taken in turns within one run: other work on the machine then meets all alike.
+
+The minimum over the repeats is what the code costs, the median what a person waits on this machine.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pyfftw
+
+from milkglass.core.errors import InputError
+from milkglass.core.grid.convolution import LayerConvolver, prepared
+from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.profiles.names import PROFILES, TABLE
+from milkglass.viewer.gl.context import headless_context
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import DirectionalLight, MaterialSettings
+
+Kernel = tuple[npt.NDArray[np.float32], ...]
+
+SWITCHED = tuple(name for name in PROFILES if name != TABLE)
+EFFORTS = ("FFTW_MEASURE", "FFTW_ESTIMATE")  # ESTIMATE is the renderer's: the same bits in every process
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Repeats of one thing, ms."""
+
+    times: tuple[float, ...]
+
+    @property
+    def least(self) -> float:
+        """Minimum, ms."""
+        return min(self.times)
+
+    @property
+    def median(self) -> float:
+        """Median, ms."""
+        return float(np.median(self.times))
+
+
+@dataclass(frozen=True)
+class ConvolutionRow:
+    """The layer convolution of three channels beside the bare transforms of the same padded maps."""
+
+    layers: int
+    side: int
+    threads: int
+    effort: str
+    convolution: Timing
+    bare: Timing
+
+    @property
+    def ratio(self) -> float:
+        """Median over the repeats of the ratio of two neighbours: what else runs meets both."""
+        return float(np.median(np.divide(self.convolution.times, self.bare.times)))
+
+
+@dataclass(frozen=True)
+class FrameRow:
+    """A frame after a change: its time, and the median of each stage that ran, ms."""
+
+    setting: str
+    change: str
+    total: Timing
+    stages: dict[str, float]
+
+
+def interleaved(tasks: Sequence[Callable[[], object]], repeats: int) -> list[Timing]:
+    """Time tasks in turns, after one run of each that does not count."""
+    times: list[list[float]] = [[] for _ in tasks]
+    for repeat in range(repeats + 1):
+        for task, taken in zip(tasks, times, strict=True):
+            start = time.perf_counter()
+            task()
+            if repeat:
+                taken.append(1e3 * (time.perf_counter() - start))
+    return [Timing(tuple(taken)) for taken in times]
+
+
+def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: int) -> Iterator[ConvolutionRow]:
+    """Time forward, mixing and inverse against rfft2 and irfft2 alone, both effort levels of FFTW's planner."""
+    rng = np.random.default_rng(0)
+    for n in n_layers:
+        shape = ConvolutionShape(n, side, side)
+        maps = rng.random((3, n, side, side), dtype=np.float32)
+        for effort in EFFORTS:
+            convolver = LayerConvolver(shape, threads, effort)
+            kernel = prepared(shape, rng.random(shape.quadrant, dtype=np.float32))
+
+            def convolve(convolver: LayerConvolver = convolver, kernel: Kernel = kernel) -> None:
+                for channel in maps:  # noqa: B023 (runs before the maps change)
+                    convolver.convolve(channel, kernel)
+
+            timings = interleaved([convolve, _bare_transforms(shape, threads, effort)], repeats)
+            yield ConvolutionRow(n, side, threads, effort, *timings)
+
+
+def _bare_transforms(shape: ConvolutionShape, threads: int, effort: str) -> Callable[[], object]:
+    """Return padded 2-D real transforms of 3 n maps and back, and nothing else.
+
+    A plan a thread, each with its share of the maps: FFTW's own threads wait actively at every barrier and lose to
+    this wherever another process wants a core.
+    """
+    size = shape.padded_height, shape.padded_width
+    plans = []
+    for share in np.array_split(np.arange(3 * shape.n_layers), threads):
+        real = pyfftw.zeros_aligned((len(share), *size), "float32")
+        spectrum = pyfftw.zeros_aligned((len(share), size[0], size[1] // 2 + 1), "complex64")
+        options = {"axes": (1, 2), "threads": 1, "flags": (effort,)}
+        forward = pyfftw.FFTW(real, spectrum, **options)
+        backward = pyfftw.FFTW(spectrum, real, direction="FFTW_BACKWARD", normalise_idft=False, **options)
+        real[:] = 0.0  # planning leaves anything there, and NaN is slow
+        plans.append((forward, backward))
+
+    def both(pair: tuple[pyfftw.FFTW, pyfftw.FFTW]) -> None:
+        for plan in pair:
+            plan.execute()
+
+    pool = ThreadPoolExecutor(threads)
+    return lambda: list(pool.map(both, plans))
+
+
+def frame_rows(scene: Scene, setting: str, repeats: int) -> Iterator[FrameRow]:
+    """Time frames of a loaded scene after changes of its camera, lights, material, profile and the former together."""
+    renderer = Renderer(headless_context())
+    renderer.draw(scene)
+    for change, apply in CHANGES.items():
+        renderer.draw(apply(scene, 0))  # what the change allocates and plans for the first time
+        totals: list[float] = []
+        stages: dict[str, list[float]] = {}
+        for i in range(1, repeats + 1):
+            changed = apply(scene, i)
+            start = time.perf_counter()
+            renderer.draw(changed)
+            renderer.context.finish()
+            totals.append(1e3 * (time.perf_counter() - start))
+            for stage, milliseconds in renderer.timings.items():
+                stages.setdefault(stage, []).append(milliseconds)
+        yield FrameRow(
+            setting, change, Timing(tuple(totals)), {name: float(np.median(t)) for name, t in stages.items()}
+        )
+
+
+def _turned(scene: Scene, i: int) -> Scene:
+    return replace(scene, camera=replace(scene.camera, azimuth_deg=40.0 + 7.0 * i))
+
+
+def _relit(scene: Scene, i: int) -> Scene:
+    lights = scene.effective_lights()
+    turn = np.radians(5.0 * (i + 1))
+    turned = []
+    for light in lights:
+        assert isinstance(light, DirectionalLight)  # the default pair
+        x, y, z = light.direction
+        direction = float(np.cos(turn) * x + np.sin(turn) * z), y, float(np.cos(turn) * z - np.sin(turn) * x)
+        turned.append(replace(light, direction=direction))
+    return replace(scene, lights=tuple(turned))
+
+
+def _thinned(scene: Scene, i: int) -> Scene:
+    """Another concentration, its scattering coefficient a little lower each time."""
+    material = scene.material.resolve()
+    r, g, b = (value / (1.1 + 0.1 * i) for value in material.sigma_s_prime)
+    settings = MaterialSettings(sigma_s_prime=(r, g, b), sigma_a=material.sigma_a, eta=material.eta)
+    return replace(scene, material=settings)
+
+
+def _reprofiled(scene: Scene, i: int) -> Scene:
+    """Another profile, of another concentration each time: no spectra of it are kept, nor tables."""
+    thinned = _thinned(scene, i)
+    return replace(thinned, material=replace(thinned.material, profile=SWITCHED[i % len(SWITCHED)]))
+
+
+CHANGES: dict[str, Callable[[Scene, int], Scene]] = {
+    "exposure": lambda scene, i: replace(scene, display=replace(scene.display, key=0.18 + 0.01 * i)),
+    "camera": _turned,
+    "lights": _relit,
+    "material": _thinned,
+    "profile": _reprofiled,
+    "camera, lights, material": lambda scene, i: _thinned(_relit(_turned(scene, i), i), i),
+}
+
+# Peak memory: Linux keeps the parent's in ru_maxrss of a child, but not in VmHWM.
+_MEASURED = """
+import sys
+from pathlib import Path
+from milkglass.viewer.commands.cli import main
+code = main(sys.argv[1:])
+status = Path("/proc/self/status")
+if status.exists():
+    lines = status.read_text().splitlines()
+    kilobytes = next(float(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+else:
+    import resource
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+print(kilobytes / 1024)
+sys.exit(code)
+"""
+
+
+@dataclass(frozen=True)
+class ProcessRow:
+    """A whole `milkglass render`, from the start of the process to the file."""
+
+    setting: str
+    time: Timing
+    megabytes: float
+
+
+def process_row(scene: Scene, setting: str, folder: Path, repeats: int, output: str = "picture.png") -> ProcessRow:
+    """Run `milkglass render` of a scene in processes of their own; files go to `folder`."""
+    described, picture = folder / "scene.toml", folder / output
+    scene.save(described)
+    times, peak = [], 0.0
+    command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(described), "--output", str(picture)]
+    for _ in range(repeats):
+        start = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment())
+        times.append(1e3 * (time.perf_counter() - start))
+        if done.returncode != 0:
+            last = done.stderr.strip().rpartition("\n")[2].removeprefix("milkglass: ")
+            raise InputError(f"milkglass render failed in the benchmark: {last}")
+        peak = max(peak, float(done.stdout.split()[-1]))
+    return ProcessRow(setting, Timing(tuple(times)), peak)
+
+
+def _environment() -> dict[str, str]:
+    """Let the new process find the packages that this one runs, installed or not."""
+    return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}

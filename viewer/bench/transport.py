@@ -1,0 +1,217 @@
+"""Error of the methods against light transport itself: photons that walk through an object, and what a method costs.
+
+Two errors are told apart. That of the model: how far the method is from photons. And, for `diffusion`, that of its
+numbers: how far it is from itself on a grid twice as fine. Irradiance is cast by rays for all, so neither holds shadow
+maps; exitance is compared over the whole surface, see `core.reference.transport_error`.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.material import library as materials
+from milkglass.core.material.library import Material
+from milkglass.core.material.medium import media
+from milkglass.core.profiles.dipole import dipoles
+from milkglass.core.reference.transport_error import Beam, TransportError, find_truth, transport_error
+from milkglass.core.stages import Stages
+from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.quality import AnyTransport, Quality, make_transport, sample_spacing
+from milkglass.viewer.bench.error import CAMERA
+from milkglass.viewer.bench.schemes import Scheme
+from milkglass.viewer.bench.shapes import ball, bowl, box, dish, plate, torus, torus_knot, washer
+from milkglass.viewer.error.point_exitance import Evaluate, RayLights, diffusion_exitance, dipole_exitance
+from milkglass.viewer.error.visible import Illumination
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.settings import DirectionalLight
+
+REGIONS = 100
+FINER = 2  # times as many nodes along the object, for the error of diffusion's numbers
+ALBEDOS = Material("albedos", (0.9, 0.99, 0.999), (0.1, 0.01, 0.001), 1.3)  # sigma_t' = 1/mm in all channels
+MATERIALS = (ALBEDOS.name, "marble", "skim milk")
+LIGHTS = {"front": (0.3, 0.4, 1.0), "back": (-0.3, 0.2, -1.0)}  # towards the light, and the camera of `layered` at +z
+SHAPES: dict[str, Callable[[], Mesh]] = {
+    "ball, 4 mm": lambda: ball(4.0),
+    "ball, 16 mm": lambda: ball(16.0),
+    "knot": torus_knot,
+    "plate, 2 mm": lambda: plate(20.0, 2.0),
+    "bowl, 3 mm": bowl,
+    "torus, 8 mm": torus,
+    "washer, 10 mm": washer,
+    "washer, 6 mm": lambda: washer(10.0, 4.0, 6.0),
+    "dish, 3 mm": dish,
+    "cube, 8 mm": box,
+}
+METHODS = Scheme("layered", 8, 128), Scheme("ewald"), Scheme("diffusion")
+ALL, LIGHT, MATERIAL = "all", "light", "material"
+
+
+@dataclass(frozen=True)
+class TransportRow:
+    """One method on a shape of a material in a light.
+
+    Attributes
+    ----------
+    error : TransportError
+    changed : str
+        What had to be computed: ALL, or what LIGHT or MATERIAL had changed.
+    ms : float
+        It took that.
+    resolution : int
+        Really used.
+    products : int
+        Convolutions of the slowest channel to the solution; 0 where nothing is solved, as of the next two.
+    residual : float
+        Relative, the largest.
+    numerical : (3,) tuple
+        Rms difference from a grid `FINER` times as fine, over the rms.
+    """
+
+    scheme: Scheme
+    shape: str
+    material: str
+    light: str
+    error: TransportError
+    changed: str
+    ms: float
+    resolution: int
+    products: int = 0
+    residual: float = 0.0
+    numerical: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Transport placed on a shape, its samples, and their flux light by light."""
+
+    transport: AnyTransport
+    grid: LayerGrid
+    samples: SurfaceSamples
+    coordinates: Float32
+    entering: dict[tuple[str, float], EnteringLight]
+
+
+class Lamps:
+    """The lights of the bench on one shape; `RayLights` of each light and eta, kept."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._kept: dict[tuple[str, float], RayLights] = {}
+
+    def __call__(self, name: str, eta: float) -> RayLights:
+        """Light of irradiance 1."""
+        key = name, eta
+        if key not in self._kept:
+            light = DirectionalLight(LIGHTS[name], (1.0, 1.0, 1.0))
+            self._kept[key] = RayLights(self._mesh, Illumination((light,), None, np.eye(3), 1.0), eta)
+        return self._kept[key]
+
+
+class Run:
+    """A method on one shape; keeps what the next light or material can use again, as the renderer does."""
+
+    def __init__(self, scheme: Scheme, mesh: Mesh, lamps: Lamps, assets: Assets, finer: int = 1) -> None:
+        self.scheme, self.stages = scheme, Stages()
+        self._mesh, self._lamps, self._assets, self._finer = mesh, lamps, assets, finer
+        self._placed: dict[Quality, Placed] = {}
+        self.solution: Solution | None = None
+
+    def quality(self, material: Material) -> Quality:
+        """Return layers and resolution."""
+        return self._assets.quality(self.scheme.settings, dipoles(material), self._mesh, sharp_light=True)
+
+    def exitance(self, light: str, material: Material) -> Evaluate:
+        """Run transport; `stages.timings` then tells of the stages that had to be run."""
+        placed, lights = self._place(self.quality(material)), self._lamps(light, material.eta)
+        entering = self._entering(placed, light, lights)
+        transport, grid, mesh = placed.transport, placed.grid, self._mesh
+        self.stages.begin()
+        if isinstance(transport, DiffusionTransport):
+            found = transport.solve(mesh, placed.samples, grid, [entering], media(material), self.stages)
+            self.solution = found
+            return diffusion_exitance(transport, found, lights)
+        profiles = dipoles(material)
+        nodes = transport.exitance(grid, placed.coordinates, entering.flux, profiles, mesh.area, self.stages)
+        return dipole_exitance(transport, grid, profiles, nodes, lights)
+
+    def _place(self, quality: Quality) -> Placed:
+        if quality not in self._placed:
+            mesh = self._mesh
+            spacing = sample_spacing(mesh, self.scheme.settings, quality.resolution * self._finer)
+            samples = self._assets.samples(mesh, spacing)
+            transport = make_transport(quality)
+            if isinstance(transport, DiffusionTransport):
+                transport.resolution *= self._finer
+            grid = transport.grid(mesh, place_camera(CAMERA, mesh.radius, (256, 256)).rotation)
+            coordinates = grid.coordinates(samples.points).astype(np.float32)
+            self._placed[quality] = Placed(transport, grid, samples, coordinates, {})
+        return self._placed[quality]
+
+    def _entering(self, placed: Placed, light: str, lights: RayLights) -> EnteringLight:
+        key = light, lights.eta
+        if key not in placed.entering:
+            samples, (direction,) = placed.samples, lights.directions()
+            normals = samples.normals.astype(np.float64)
+            (irradiance,) = lights.irradiance(samples.points.astype(np.float64), normals)
+            flux = (irradiance * samples.areas[:, None]).astype(np.float32)
+            placed.entering[key] = EnteringLight(flux, direction=direction)
+        return placed.entering[key]
+
+
+def material_of(name: str) -> Material:
+    """Return `ALBEDOS` or a material of the library."""
+    return ALBEDOS if name == ALBEDOS.name else materials.lookup(name)
+
+
+def transport_rows(
+    schemes: Sequence[Scheme], shapes: Mapping[str, Callable[[], Mesh]], material_names: Sequence[str], photons: int
+) -> Iterator[TransportRow]:
+    """Run every combination with both lights; rows come as they are ready.
+
+    From one run of a method to the next either the light or the material changes, never both.
+    """
+    for shape, make in shapes.items():
+        mesh, assets = make(), Assets(keep=4)
+        lamps = Lamps(mesh)
+        runs = [Run(scheme, mesh, lamps, assets) for scheme in schemes]
+        fine = Run(Scheme("diffusion"), mesh, lamps, assets, FINER)
+        changed = ALL
+        for i, name in enumerate(material_names):
+            material = material_of(name)
+            for light in list(LIGHTS)[:: -1 if i % 2 else 1]:
+                beam = Beam(LIGHTS[light])
+                truth = find_truth(mesh, material, [beam], REGIONS, photons)
+                for run in runs:
+                    evaluate = run.exitance(light, material)
+                    ms = sum(run.stages.timings.values())
+                    error = transport_error(truth, evaluate)
+                    resolution = run.quality(material).resolution
+                    row = TransportRow(run.scheme, shape, name, light, error, changed, ms, resolution)
+                    if run.solution is not None:
+                        surface, solution = truth.regions.samples, run.solution
+                        row = replace(
+                            row,
+                            products=max(solution.products),
+                            residual=max(solution.residuals),
+                            numerical=numerical_error(evaluate, fine.exitance(light, material), surface),
+                        )
+                    yield row
+                changed = LIGHT
+            changed = MATERIAL
+
+
+def numerical_error(evaluate: Evaluate, finer: Evaluate, surface: SurfaceSamples) -> tuple[float, ...]:
+    """Rms over the surface of the difference, over the rms of the finer one, (3,)."""
+    points, normals = surface.points.astype(np.float64), surface.normals.astype(np.float64)
+    coarse, fine = evaluate(points, normals), finer(points, normals)
+    areas = surface.areas[:, None].astype(np.float64)
+    size2 = np.sum(areas * fine**2, axis=0)
+    share2 = np.sum(areas * (coarse - fine) ** 2, axis=0) / np.where(size2 > 0.0, size2, 1.0)
+    return tuple(np.sqrt(share2).tolist())

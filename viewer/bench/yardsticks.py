@@ -1,0 +1,222 @@
+"""The default transport beside what it is made of and beside the paper's, taken in turns within one process.
+
+For a shape of marble: FFTW alone and scipy.fft on the very boxes that the default `ewald` pads its three channels to,
+then a new light through both methods, by the renderer's own code: deposit, convolution (FFT and multiplication), and
+the gather, W^T O at 100,000 visible points on the CPU. What a new light does not change (weights, spectra) is kept.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pyfftw
+import scipy.fft
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.grid import layers
+from milkglass.core.material import library as materials
+from milkglass.core.profiles.dipole import dipoles
+from milkglass.core.transport.ewald import EwaldTransport
+from milkglass.viewer.bench.error import Run, Target
+from milkglass.viewer.bench.lights import LIGHTS
+from milkglass.viewer.bench.report import Report
+from milkglass.viewer.bench.schemes import PAPER, Scheme
+from milkglass.viewer.bench.speed import Timing, interleaved
+
+MATERIAL = "marble"
+LIGHT = "front"
+VISIBLE_POINTS = 100_000
+PIECES_ALONG = 266  # the longest side, that those points are chosen from
+EFFORT = "FFTW_MEASURE"  # of the bare transforms; the renderer's convolution makes do with FFTW_ESTIMATE
+WANTED = {"convolution": 1.0, "new light": 1.5}  # of the paper's time
+
+Box = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class YardstickRow:
+    """Times of one shape, ms.
+
+    Attributes
+    ----------
+    shape, scheme : str
+    boxes : padded (layers, rows, columns) of each channel
+    bare, scipy : Timing
+        Of transforms of the boxes and back.
+    default, paper : dict
+        "deposit", "convolution" and "gather".
+    """
+
+    shape: str
+    scheme: str
+    boxes: tuple[Box, ...]
+    bare: Timing
+    scipy: Timing
+    default: dict[str, Timing]
+    paper: dict[str, Timing]
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Ratios of medians."""
+        ours, theirs = self.default["convolution"].median, self.paper["convolution"].median
+        return {
+            "convolution / bare": ours / self.bare.median,
+            "scipy / bare": self.scipy.median / self.bare.median,
+            "convolution": ours / theirs,
+            "new light": _total(self.default) / _total(self.paper),
+        }
+
+
+class NewLight:
+    """A scheme on a target whose light changes again and again; times of the steps, ms."""
+
+    def __init__(self, scheme: Scheme, target: Target) -> None:
+        self._run, self._target = Run(scheme, target), target
+        material, light = materials.lookup(MATERIAL), LIGHTS[LIGHT]
+        self._profiles = dipoles(material)
+        self._placed = self._run.place(self._run.quality(light, material))
+        self._flux = self._placed.flux(light, target.occluder, material.eta)
+        self.times: dict[str, list[float]] = {}
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """What `ewald` pads its channels to."""
+        transport, grid = self._placed.transport, self._placed.grid
+        assert isinstance(transport, EwaldTransport)
+        found = [transport.shape(grid, p, self._target.mesh.area) for p in self._profiles if not p.is_black]
+        return tuple((s.padded_layers, s.padded_height, s.padded_width) for s in found)
+
+    def __call__(self) -> None:
+        """Deposit, convolve and gather."""
+        placed, stages = self._placed, self._run.stages
+        flux = self._flux.copy()  # another light, for all that stages know
+        stages.begin()
+        area = self._target.mesh.area
+        volume = placed.transport.exitance(placed.grid, placed.coordinates, flux, self._profiles, area, stages)
+        stages.run("gather", [volume], lambda: layers.gather(placed.gather, volume))
+        for stage in ("deposit", "convolution", "gather"):
+            self.times.setdefault(stage, []).append(stages.timings[stage])
+
+    def timings(self) -> dict[str, Timing]:
+        """All but the first."""
+        return {stage: Timing(tuple(times[1:])) for stage, times in self.times.items()}
+
+
+def yardstick_rows(
+    shapes: Mapping[str, Callable[[], Mesh]], scheme: Scheme, repeats: int, n_points: int = VISIBLE_POINTS
+) -> Iterator[YardstickRow]:
+    """Measure each shape; rows come as they are ready."""
+    for shape, make in shapes.items():
+        target = Target.of(make(), n_points, pieces_along=PIECES_ALONG)
+        default, paper = NewLight(scheme, target), NewLight(PAPER, target)
+        boxes = default.boxes
+        bare, scipys, _, _ = interleaved([bare_transforms(boxes), scipy_transforms(boxes), default, paper], repeats)
+        yield YardstickRow(shape, str(scheme), boxes, bare, scipys, default.timings(), paper.timings())
+
+
+def bare_transforms(boxes: Sequence[Box]) -> Callable[[], object]:
+    """Return real 3-D transforms of the boxes and back, and nothing else, by all cores."""
+    threads = os.cpu_count() or 1
+    pool = ThreadPoolExecutor(threads)
+    phases = [phase for box in boxes for phase in plan_phases(box, threads)]
+    return lambda: [list(pool.map(pyfftw.FFTW.execute, phase)) for phase in phases]
+
+
+def plan_phases(box: Box, threads: int) -> list[list[pyfftw.FFTW]]:
+    """Plan a transform and its inverse, not normalised, as four phases whose plans may run at the same time.
+
+    Threads share the layers for rows and columns, then the rows for the transform across layers, each with plans of its
+    own, for the reason that `viewer.bench.speed` has.
+    """
+    depth, height, width = box
+    real = pyfftw.zeros_aligned(box, "float32")
+    spectrum = pyfftw.zeros_aligned((depth, height, width // 2 + 1), "complex64")
+    flat = [(real[part], spectrum[part]) for part in _shares(depth, threads)]
+    deep = [spectrum[:, part] for part in _shares(height, threads)]
+    options = {"flags": (EFFORT,)}
+    inverse = {"direction": "FFTW_BACKWARD", "normalise_idft": False, **options}
+    phases = [
+        [pyfftw.FFTW(own, values, axes=(1, 2), **options) for own, values in flat],
+        [pyfftw.FFTW(values, values, axes=(0,), **options) for values in deep],
+        [pyfftw.FFTW(values, values, axes=(0,), **inverse) for values in deep],
+        [pyfftw.FFTW(values, own, axes=(1, 2), **inverse) for own, values in flat],
+    ]
+    real[:] = 0.0  # planning leaves anything there, and NaN is slow
+    return phases
+
+
+def _shares(count: int, parts: int) -> list[slice]:
+    """Split a range as evenly as it goes."""
+    ends = np.linspace(0, count, min(parts, count) + 1).astype(int).tolist()
+    return [slice(*pair) for pair in pairwise(ends)]
+
+
+def scipy_transforms(boxes: Sequence[Box]) -> Callable[[], object]:
+    """Return the same by scipy.fft."""
+    threads = os.cpu_count() or 1
+    maps = [np.random.default_rng(0).random(box, dtype=np.float32) for box in boxes]
+    return lambda: [scipy.fft.irfftn(scipy.fft.rfftn(a, workers=threads), a.shape, workers=threads) for a in maps]
+
+
+def report_yardsticks(report: Report, rows: Sequence[YardstickRow]) -> None:
+    """Raw transforms beside the convolution, then both methods."""
+    if not rows:
+        return
+    report.table(
+        f"Convolution of {rows[0].scheme} beside transforms of the same padded boxes, {MATERIAL}, ms, median",
+        ["shape", "padded boxes", "FFTW alone", "scipy.fft", "convolution", "over FFTW alone"],
+        (
+            [
+                r.shape,
+                ", ".join("{} x {} x {}".format(*box) for box in r.boxes),
+                f"{r.bare.median:.1f}",
+                f"{r.scipy.median:.1f}",
+                f"{r.default['convolution'].median:.1f}",
+                f"{r.ratios['convolution / bare']:.2f}",
+            ]
+            for r in rows
+        ),
+    )
+    report.table(
+        f"New light by {rows[0].scheme} / by the paper's {PAPER}, {MATERIAL}, ms, median",
+        [
+            "shape",
+            "deposit",
+            "FFT + multiply",
+            "gather, 100,000 points",
+            "ratio of FFT + multiply",
+            "ratio of all three",
+        ],
+        (
+            [
+                r.shape,
+                *(f"{r.default[s].median:.1f} / {r.paper[s].median:.1f}" for s in ("deposit", "convolution", "gather")),
+                f"{r.ratios['convolution']:.2f}",
+                f"{r.ratios['new light']:.2f}",
+            ]
+            for r in rows
+        ),
+    )
+    report.say("Wanted: {convolution:g} for FFT + multiply, {new light:g} for all three.".format(**WANTED))
+    report.csv("yardsticks.csv", [_csv(r) for r in rows])
+
+
+def _csv(row: YardstickRow) -> dict[str, object]:
+    sides = {"default": row.default, "paper": row.paper}
+    return {
+        "shape": row.shape,
+        "scheme": row.scheme,
+        "boxes": "; ".join("{} x {} x {}".format(*box) for box in row.boxes),
+        "fftw_ms": row.bare.median,
+        "scipy_ms": row.scipy.median,
+        **{f"{side}_{stage}_ms": t.median for side, found in sides.items() for stage, t in found.items()},
+        **{f"{name.replace(' / ', '_over_').replace(' ', '_')}_ratio": value for name, value in row.ratios.items()},
+    }
+
+
+def _total(times: Mapping[str, Timing]) -> float:
+    """Median over the repeats of the sum of the steps."""
+    return float(np.median(np.sum([t.times for t in times.values()], axis=0)))

@@ -1,0 +1,300 @@
+"""The command line. Exit codes: 0 done, 1 a comparison failed, 2 bad input (one sentence on stderr)."""
+
+import importlib.metadata
+import os
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.commands import edit as edit_command
+from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
+from milkglass.viewer.commands.usage import usage_sentence
+from milkglass.viewer.scene.scene import Scene, default_scene
+
+if TYPE_CHECKING:
+    from milkglass.viewer.render.picture import Frame, Still
+
+# OpenGL, FFTW and the window are imported inside the commands that need them: help and tables stay fast and
+# work on a machine that has none of them.
+DEFAULT_PICTURE = "milkglass.png"
+SUFFIXES = (".png", ".exr")
+DEFAULT_SAMPLES = 4
+DEFAULT_REPORT_POINTS = 300
+DEFAULT_REPORT_PHOTONS = 100_000
+DEFAULT_PATHS = 256
+DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.error.compare says what it means
+
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Translucent objects by subsurface scattering: an interactive viewer and a renderer.",
+    epilog="`milkglass` alone shows the default scene.",
+)
+app.command()(edit_command.edit)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; bad input is one sentence on stderr."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=given, prog_name="milkglass", standalone_mode=False)
+    except typer.TyperException as error:
+        return _fail(usage_sentence(error))
+    except InputError as error:
+        return _fail(str(error))
+    except MemoryError:
+        return _fail("not enough memory; ask for a smaller --image-size, --resolution or --layers")
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    return code if isinstance(code, int) else 0
+
+
+@app.callback(invoke_without_command=True)
+def default(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Show the default scene in a window; without a display, write a picture of it."""
+    if version:
+        typer.echo(f"milkglass {_version()}")
+    elif context.invoked_subcommand is None:
+        if has_display():
+            _run_window(default_scene())
+        else:
+            _save(_render(default_scene(), DEFAULT_SAMPLES, 0, [DEFAULT_PICTURE]), [DEFAULT_PICTURE])
+            typer.echo(f"There is no display for a window, so the default scene went to {DEFAULT_PICTURE}.")
+
+
+@app.command()
+@partial(scene_options, also=PHOTO_FLAGS)
+def view(
+    scene: Scene,
+    context: typer.Context,
+    record: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Record the interaction: frames and events.")
+    ] = None,
+    play: Annotated[str | None, typer.Option(metavar="FILE", help="Replay a recording, without a display too.")] = None,
+    photo: Annotated[str | None, typer.Option(metavar="FILE", help="Photograph whose object is edited.")] = None,
+    mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
+) -> None:
+    """Show a model in a window, or the object of a photograph in another material."""
+    if any(context.params[name] is not None for name in ("photo", "mask", *(flag.parameter for flag in PHOTO_FLAGS))):
+        from milkglass.viewer.commands import photograph as photo_command
+
+        photo_command.run(context.params, has_display())
+        return
+    if play is not None:
+        from milkglass.viewer.window import replay
+
+        replay.play(Path(play), in_window=has_display())
+        return
+    if not has_display():
+        raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
+    path = context.params["scene"]
+    _run_window(scene, None if path is None else Path(path), None if record is None else Path(record))
+
+
+@app.command()
+@scene_options
+def render(
+    scene: Scene,
+    output: Annotated[
+        list[str], typer.Option(metavar="FILE", help=".png (tone-mapped) or .exr (linear); may be repeated.")
+    ],
+    reference: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Picture to compare with; exit code 1 if they differ.")
+    ] = None,
+    reference_threshold: Annotated[
+        float,
+        typer.Option(metavar="T", min=0.0, show_default="1/255", help="Largest accepted rms difference."),
+    ] = DEFAULT_THRESHOLD,
+    samples: Annotated[
+        int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")
+    ] = DEFAULT_SAMPLES,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the samples.")] = 0,
+    report: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.json", help="Error against a reference in float64; a map beside it, .png."),
+    ] = None,
+    report_points: Annotated[
+        int, typer.Option(metavar="N", min=1, max=100_000, help="Random visible points of the report.")
+    ] = DEFAULT_REPORT_POINTS,
+    report_photons: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, max=100_000_000, help="Photons a light and mean free path; 0: none walk."),
+    ] = DEFAULT_REPORT_PHOTONS,
+    path_traced: Annotated[
+        str | None, typer.Option(metavar="FILE.exr", help="Picture by traced paths (Mitsuba), to compare with.")
+    ] = None,
+    path_traced_samples: Annotated[
+        int, typer.Option(metavar="N", min=2, max=1_000_000, help="Paths a pixel of that.")
+    ] = DEFAULT_PATHS,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show the time of each stage.")] = False,
+) -> None:
+    """Write pictures of a model without a window."""
+    _check_outputs(scene, output, reference, report)
+    compared = None if reference is None else _counterpart(reference, output)
+    if path_traced is not None:
+        from milkglass.viewer.error import path_traced as tracing
+
+        tracing.check(scene, Path(path_traced), output)
+        typer.echo(tracing.run(scene, Path(path_traced), path_traced_samples, seed))
+    if report is None:
+        frame = _render(scene, samples, seed, output)
+        _save(frame, output)
+    else:
+        frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
+    if verbose:
+        from milkglass.viewer.commands import frame_table
+
+        frame_table.show(frame)
+    if reference is not None and compared is not None:
+        _compare(Path(compared), Path(reference), reference_threshold)
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
+    output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for tables and the plot.")] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Mesh of the frames and the error; the built-in sculpture's frames without."),
+    ] = None,
+) -> None:
+    """Measure speed against error, and write tables and a plot."""
+    from milkglass.viewer.bench import run as benchmark
+
+    benchmark.run(quick, None if output is None else Path(output), None if model is None else Path(model))
+
+
+@app.command()
+def materials(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One material; all without.")] = None,
+    only: Annotated[str, typer.Option(metavar="KIND", help="all|valid|thin|JMLH01|NGD06|milkglass|own.")] = "all",
+    add: Annotated[str | None, typer.Option("--import", metavar="FILE", help="Add a file to your own.")] = None,
+    export: Annotated[str | None, typer.Option(metavar="FILE", help="Write your own to a file.")] = None,
+) -> None:
+    """List materials, your own too: coefficients, mean free path, diffuse reflectance, validity."""
+    from milkglass.viewer.commands import materials as materials_table
+
+    materials_table.run(name, only, add, export)
+
+
+def has_display() -> bool:
+    """Tell whether a window can be shown, without opening one."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _run_window(scene: Scene, path: Path | None = None, record: Path | None = None) -> None:
+    from milkglass.viewer.window import window
+
+    window.run(scene, path=path, record=record)
+
+
+def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":
+    """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
+    from rich.console import Console
+
+    from milkglass.viewer.commands import terminal
+    from milkglass.viewer.render import memory
+    from milkglass.viewer.render import renderer as frame
+
+    memory.share_heap()
+    only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
+    draw = frame.render_image if only_images else frame.render
+    with terminal.progress_bar(Console(stderr=True)) as tell:
+        picture = draw(scene, samples=samples, seed=seed, progress=tell)
+    for warning in picture.warnings:
+        _say(f"warning: {warning}")
+    return picture
+
+
+def _render_with_report(
+    scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int, photons: int
+) -> "Frame":
+    """Write pictures and the report of their error, all of them or, where one step fails before, none."""
+    from milkglass.viewer.commands import report as report_command
+
+    frame, report = report_command.run(scene, samples, seed, points, photons)
+    for warning in frame.warnings:
+        _say(f"warning: {warning}")
+    _save(frame, outputs)
+    report.save(path)
+    typer.echo(report_command.summary(report, path))
+    return frame
+
+
+def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, report: str | None = None) -> None:
+    """Refuse outputs that cannot be written or would overwrite an input, before any work."""
+    from milkglass.viewer.files import images
+
+    if report is not None:
+        from milkglass.viewer.commands.report import check_report
+
+        check_report(report, scene, outputs, reference)
+    inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
+    for output in outputs:
+        images.check_output(output, SUFFIXES)
+        for role, path in inputs.items():
+            if path is not None and os.path.realpath(path) == os.path.realpath(output):
+                raise InputError(f"--output {output} would overwrite the {role}; choose another name")
+
+
+def _counterpart(reference: str, outputs: Sequence[str]) -> str:
+    """Return the first output of the reference's type, the one to compare with it."""
+    if not Path(reference).is_file():
+        raise InputError(f"--reference {reference}: there is no such file; name a picture to compare with")
+    suffix = Path(reference).suffix.lower()
+    for output in outputs:
+        if Path(output).suffix.lower() == suffix:
+            return output
+    raise InputError(f"--reference {reference} can only be compared with an --output that ends in {suffix}")
+
+
+def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
+    for output in outputs:
+        frame.save(output)
+
+
+def _compare(picture: Path, reference: Path, threshold: float) -> None:
+    """Say how the picture compares; where it fails, write the difference and exit with 1."""
+    from milkglass.viewer.error import compare
+    from milkglass.viewer.files import images
+
+    result = compare.compare_files(picture, reference)
+    if result.passes(threshold):
+        typer.echo(f"{picture} agrees with {reference}: {result}")
+        return
+    difference = compare.difference_path(picture)
+    images.write_png(difference, result.difference)
+    _say(f"{picture} differs from {reference}: {result}, accepted rms {threshold:.4g}; see {difference}")
+    raise typer.Exit(1)
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("milkglass")
+    except importlib.metadata.PackageNotFoundError:  # run from the folder, not installed
+        return "(not installed)"
+
+
+def _fail(sentence: str) -> int:
+    _say(sentence)
+    return 2
+
+
+def _say(sentence: str) -> None:
+    sentence = " ".join(sentence.split())
+    typer.echo(f"milkglass: {sentence}" + ("" if sentence.endswith((".", "?", "!")) else "."), err=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,230 @@
+"""Options that `view` and `render` share, and the scene they describe: scene file < --set < named options."""
+
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene.declaration import Setting, nearest, settings_of
+from milkglass.viewer.scene.material_settings import ADDED
+from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed, parse_set
+from milkglass.viewer.scene.settings import LIGHT_KINDS, TABLES, Light
+from milkglass.viewer.scene.settings_surround import BUILTIN_PROBES
+
+
+class Flag(NamedTuple):
+    """A named option for one key of the scene."""
+
+    option: str
+    table: str
+    key: str
+    panel: str
+
+    @property
+    def parameter(self) -> str:
+        """Name of the Python parameter."""
+        return self.option.removeprefix("--").replace("-", "_")
+
+    @property
+    def setting(self) -> Setting:
+        """Declaration of the key."""
+        return settings_of(TABLES[self.table])[self.key]
+
+
+FLAGS = (
+    Flag("--size-mm", "model", "size_mm", "Object"),
+    Flag("--up", "model", "up", "Object"),
+    Flag("--material", "material", "name", "Object"),
+    Flag("--profile", "material", "profile", "Transport"),
+    Flag("--transport", "transport", "method", "Transport"),
+    Flag("--layers", "transport", "layers", "Transport"),
+    Flag("--resolution", "transport", "resolution", "Transport"),
+    Flag("--error-target", "transport", "error_target", "Transport"),
+    Flag("--environment", "environment", "path", "Light"),
+    Flag("--environment-rotation", "environment", "rotation_deg", "Light"),
+    Flag("--environment-intensity", "environment", "intensity", "Light"),
+    Flag("--camera-azimuth", "camera", "azimuth_deg", "Camera"),
+    Flag("--camera-elevation", "camera", "elevation_deg", "Camera"),
+    Flag("--camera-view-angle", "camera", "view_angle_deg", "Camera"),
+    Flag("--camera-zoom", "camera", "zoom", "Camera"),
+    Flag("--orthographic", "camera", "orthographic", "Camera"),
+    Flag("--image-size", "display", "image_size", "Picture"),
+    Flag("--background", "display", "background", "Picture"),
+)
+# Of commands that take a photograph.
+PHOTO_FLAGS = (
+    Flag("--depth", "photo", "depth", "Photograph"),
+    Flag("--depth-strength", "photo", "depth_strength", "Photograph"),
+    Flag("--depth-smoothing", "photo", "depth_smoothing", "Photograph"),
+)
+_METAVARS = {"number": "NUMBER", "integer": "N", "text": "NAME", "path": "FILE"}
+
+
+def scene_options(
+    command: Callable[..., None],
+    leave_out: Collection[str] = (),
+    start: Scene | None = None,
+    also: Sequence[Flag] = (),
+) -> Callable[..., None]:
+    """Give a command all shared options; it receives the scene they describe as its first argument.
+
+    Those whose parameters are to be left out, it has not; `also` are more of them. `start` is what the options change
+    where no scene file is.
+    """
+    own = list(inspect.signature(command).parameters.values())[1:]
+    shared = [parameter for parameter in _parameters(also) if parameter.name not in leave_out]
+
+    def with_scene(**values: Any) -> None:
+        scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared}, start)
+        command(scene, **values)
+
+    with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *own]]
+    with_scene.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
+    with_scene.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return with_scene
+
+
+def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) -> Scene:
+    """Return the scene that option values by parameter name describe; None, empty or absent means not given.
+
+    `start` is what they change where they name no scene file.
+
+    Raises
+    ------
+    InputError
+        Naming the option or the scene file's key, the problem and the fix.
+    """
+    scene = Scene.load(values["scene"]) if values["scene"] is not None else start or Scene()
+    # Two steps, so that --material wins over coefficients given by --set instead of meeting them; what --set adds to
+    # a material is added to that one.
+    scene = apply_set(scene, values["set"] or [])
+    added = [change for change in parse_set(values["set"] or []) if change.key in ADDED]
+    changes = added if values["material"] is not None else []
+    changes += [
+        _environment(value) if flag.option == "--environment" else Change(flag.table, flag.key, value, flag.option)
+        for flag, value in ((flag, _parsed(flag, values.get(flag.parameter))) for flag in (*FLAGS, *PHOTO_FLAGS))
+        if value is not None
+    ]
+    if values.get("model") is not None:
+        if Path(values["model"]).suffix.lower() == ".toml":
+            raise InputError(f"{values['model']} is a scene file, not a model; write --scene before it")
+        changes.append(Change("model", "path", values["model"], "MODEL"))
+    if values["light"]:
+        changes.append(Change("lights", "", tuple(map(parse_light, values["light"])), "--light"))
+    return changed(scene, changes)
+
+
+def parse_light(text: str) -> Light:
+    """Return the light of "KIND:x,y,z[:r,g,b][:key=value ...]", such as "sphere:90,120,80:radius_mm=40"."""
+    label = f"--light {text}"
+    kind, *parts = text.split(":")
+    if kind not in LIGHT_KINDS:
+        raise InputError(f"{label}: unknown kind of light; {nearest(kind, LIGHT_KINDS)}")
+    vectors = [part for part in parts if "=" not in part]
+    named = [part for part in parts if "=" in part]
+    if not 1 <= len(vectors) <= 2 or parts != vectors + named:
+        raise InputError(f"{label}: write {kind}:x,y,z or {kind}:x,y,z:r,g,b, then :key=value for more")
+    declared = settings_of(LIGHT_KINDS[kind])
+    # Checked here already, with the option's name in the message.
+    values = {
+        key: declared[key].checked(_numbers(vector, ",", label, "write numbers as 0.4,0.5,1"), f"{label}: {key}")
+        for key, vector in zip(declared, vectors, strict=False)
+    }
+    for part in named:
+        key, _, value = (word.strip() for word in part.partition("="))
+        if key not in declared:
+            raise InputError(f"{label}: unknown key {key}; {nearest(key, declared)}")
+        if key in values:
+            raise InputError(f"{label}: {key} is given twice; leave one out")
+        values[key] = declared[key].checked(_light_value(declared[key], value, label), f"{label}: {key}")
+    try:
+        return LIGHT_KINDS[kind](**values)
+    except InputError as error:  # of keys that do not go together
+        raise InputError(f"{label}: {error}") from None
+
+
+def _light_value(declared: Setting, text: str, label: str) -> Any:
+    """Return a light's value as its setting wants it; what is none stays for the setting to refuse."""
+    if declared.length is not None:
+        return _numbers(text, ",", label, "write numbers as 0.4,0.5,1")
+    if declared.kind == "boolean":
+        return {"true": True, "false": False}.get(text, text)
+    return _numbers(text, ",", label, "write a number")[0] if declared.kind == "number" else text
+
+
+def _environment(name: str) -> Change:
+    """Return the change to a builtin environment or a file; a file called "studio" is ./studio."""
+    if name in BUILTIN_PROBES:
+        return Change("environment", "builtin", name, "--environment")
+    if name.isalpha() and not Path(name).exists():
+        raise InputError(f"--environment {name} is neither a file nor builtin; {nearest(name, BUILTIN_PROBES)}")
+    return Change("environment", "path", name, "--environment")
+
+
+def _parsed(flag: Flag, value: Any) -> Any:
+    """Return an option's text as its setting wants it; what is no number stays for the setting to refuse."""
+    if value is None:
+        return None
+    if flag.setting.length is not None:
+        fix = "write WIDTHxHEIGHT such as 1024x768"
+        return _numbers(value.lower(), "x", f"{flag.option} {value}", fix, int)
+    kind = {"number": float, "integer": int}.get(flag.setting.kind)
+    try:
+        return value if kind is None else kind(value)
+    except ValueError:
+        return value
+
+
+def _numbers(text: str, separator: str, label: str, fix: str, kind: type = float) -> list[Any]:
+    try:
+        return [kind(part) for part in text.split(separator)]
+    except ValueError:
+        raise InputError(f"{label}: {text!r} is not a list of numbers; {fix}") from None
+
+
+def _parameters(also: Sequence[Flag]) -> list[inspect.Parameter]:
+    flags = *FLAGS, *also
+    named = [_parameter(flag.parameter, *_declaration(flag)) for flag in flags]
+    first_of_light = [flag.panel for flag in flags].index("Light")  # help shows panels as they come
+    model = typer.Argument(metavar="MODEL", help="Mesh file; without one, the scene's or the sculpture.")
+    scene = typer.Option("--scene", metavar="FILE.toml", help="Scene file to start from.")
+    assign = typer.Option(
+        "--set", metavar="table.key=value", help="Change one key of the scene, as TOML; may be repeated."
+    )
+    light = typer.Option(
+        "--light", metavar="KIND:x,y,z...", rich_help_panel="Light",
+        help="KIND:x,y,z[:r,g,b][:key=value]; directional (towards the light; irradiance), or point, sphere, "
+        "rectangle, spot (position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be "
+        "repeated, replaces the scene's lights.",
+    )  # fmt: skip
+    return [
+        _parameter("model", str, model),
+        _parameter("scene", str, scene),
+        _parameter("set", list[str], assign),
+        *named[:first_of_light],
+        _parameter("light", list[str], light),
+        *named[first_of_light:],
+    ]
+
+
+def _declaration(flag: Flag) -> tuple[type, Any]:
+    declared = flag.setting
+    is_vector = declared.length is not None
+    builtin = f" ({'|'.join(BUILTIN_PROBES)}, or a file)" if flag.option == "--environment" else ""
+    option = typer.Option(
+        flag.option,
+        metavar="WxH" if is_vector else _METAVARS.get(declared.kind),
+        help=declared.help() + builtin,
+        rich_help_panel=flag.panel,
+    )
+    return (bool if declared.kind == "boolean" else str), option
+
+
+def _parameter(name: str, kind: Any, option: Any) -> inspect.Parameter:
+    annotation = Annotated[kind | None, option]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)

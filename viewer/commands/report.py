@@ -1,0 +1,82 @@
+"""`milkglass render --report`: paths checked first, a progress bar on a terminal, a line that sums it up."""
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from milkglass.viewer.error.report import Report
+    from milkglass.viewer.render.picture import Frame
+
+
+def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
+    """Refuse a report that cannot be written, or that would overwrite a picture or an input."""
+    from milkglass.viewer.error.report import check_report_path, map_path
+
+    check_report_path(path)
+    others = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    others |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
+    named = [(f"--output {output}", output) for output in outputs]
+    for written in (path, map_path(path)):
+        for role, other in [*named, *((f"the {role}", other) for role, other in others.items() if other is not None)]:
+            if os.path.realpath(other) == os.path.realpath(written):
+                raise InputError(f"--report {path} would write {written} over {role}; choose another name")
+
+
+def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tuple[Frame, Report]":
+    """Render a scene and measure its error; a progress bar shows on a terminal only."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from milkglass.viewer.commands.terminal import teller
+    from milkglass.viewer.error.report import error_report
+    from milkglass.viewer.gl.context import headless_context
+    from milkglass.viewer.render.renderer import Renderer
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("starting", total=None)
+        renderer = Renderer(headless_context())
+        frame = renderer.render(scene, samples=samples, seed=seed, progress=teller(progress, task))
+        progress.update(task, description="summing the reference", total=1.0, completed=0.0)
+        report = error_report(
+            renderer,
+            scene,
+            points=points,
+            photons=photons,
+            seed=seed,
+            timings=frame.timings,
+            progress=lambda share: progress.update(task, completed=share),
+            walked=lambda share: progress.update(task, description="photons walk", completed=share),
+        )
+    return frame, report
+
+
+def summary(report: "Report", path: str) -> str:
+    """A line for the terminal on each error that was measured."""
+    points, transport = report.content["reference"]["points"], report.content.get("transport_error")
+    rms, p99 = (_percents(shares) for shares in (report.deviation.rms, report.deviation.p99))
+    what = "Error of exitance"
+    if "difference" in report.content:
+        what = "Difference of exitance from equation (1), which diffusion does not solve,"
+    lines = [f"{what} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
+    if "rms" in (around := report.content.get("environment", {})):
+        rms = _percents(around["rms"])
+        lines.append(f"Irradiance of the occluded environment at {around['points']} points against rays: rms {rms} %.")
+    if transport is not None:
+        lines.append(_transport_line(transport))
+    return "\n".join(lines)
+
+
+def _transport_line(found: dict[str, Any]) -> str:
+    if "not_measured" in found:
+        return f"Error against transport was not measured: {found['not_measured']}."
+    rms, bias = (_percents(found[name]) for name in ("rms", "bias"))
+    return f"Error against a walk of photons, over the whole surface: rms {rms} %, flux {bias} %."
+
+
+def _percents(shares: Sequence[float | None]) -> str:
+    return ", ".join("-" if share is None else f"{100.0 * share:.2f}" for share in shares)

@@ -1,0 +1,1 @@
+"""Images, models and photographs, in and out."""

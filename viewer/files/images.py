@@ -1,0 +1,291 @@
+"""Image files through OpenImageIO: light probes and photographs in, PNG and multi-channel EXR out.
+
+Pixel arrays are (h, w, c), row 0 at the top. Every failure is an InputError of one sentence. Files are
+written under a temporary name in the same folder and then renamed: no reader sees half a file, and nothing is
+left behind.
+"""
+
+import itertools
+import os
+import secrets
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.files.complete_file import is_complete
+
+Pixels8 = npt.NDArray[np.uint8]
+PixelsInt = npt.NDArray[np.unsignedinteger]  # uint8 or uint16
+Pixels32 = npt.NDArray[np.float32]
+
+PROBE_SUFFIXES = (".hdr", ".exr")
+PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg")
+PHOTO_SUFFIXES = (*PICTURE_SUFFIXES, ".tif", ".tiff", ".webp", ".bmp")
+OUTPUT_SUFFIXES = (".png", ".exr")
+MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photograph here gains from more
+# A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
+# ringing and become 0; more of them mean that the picture is something else.
+NEGATIVE_SHARE = 1e-3
+BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
+_PNG_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
+_FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
+_FORMATS |= {".tif": "tiff", ".tiff": "tiff", ".webp": "webp", ".bmp": "bmp"}
+
+
+def read_radiance(path: str | os.PathLike[str]) -> Pixels32:
+    """Read a light probe.
+
+    Parameters
+    ----------
+    path : path of a .hdr or .exr file
+
+    Returns
+    -------
+    (h, w, 3) float32
+        Radiance, linear RGB, finite and >= 0; one channel is repeated. Slight ringing below 0 is set to 0.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is too large, has no RGB, or holds NaN, infinite or negative pixels.
+        Those are refused, not replaced: where an infinite pixel is the sun, a guess would light the scene.
+    """
+    path = Path(path)
+    channels = read_channels(path, PROBE_SUFFIXES, limit=4)
+    rgb = [channels[name] for name in "RGB" if name in channels]
+    if len(rgb) < 3:
+        single = channels.get("Y", next(iter(channels.values())) if len(channels) == 1 else None)
+        if single is None:
+            raise InputError(f"{path} has no R, G and B but {', '.join(channels)}: save a colour picture.")
+        rgb = [single] * 3
+    pixels = np.stack(rgb, axis=-1)
+    finite = np.isfinite(pixels)
+    if not finite.all():
+        raise InputError(
+            f"{path} has {_count(~finite)} with NaN or infinite radiance: repair it first, for example with "
+            "oiiotool --fixnan box3."
+        )
+    negative = pixels < 0.0
+    if negative.any():
+        total = np.abs(pixels).sum(dtype=np.float64)
+        if -pixels[negative].sum(dtype=np.float64) > NEGATIVE_SHARE * total:
+            raise InputError(
+                f"{path} has {_count(negative)} with negative radiance: repair it first, for example with "
+                "oiiotool --clamp:min=0."
+            )
+        pixels[negative] = 0.0
+    return pixels
+
+
+def read_image(path: str | os.PathLike[str]) -> Pixels8 | Pixels32:
+    """Read a picture: (h, w, c) uint8 as stored (PNG, JPEG; 16 bits are rounded to 8), float32 (EXR, HDR).
+
+    Alpha of PNG stays unassociated. Channels of EXR are in the order of `read_channels`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, of another type, damaged or too large.
+    """
+    path = Path(path)
+    if path.suffix.lower() in PROBE_SUFFIXES:
+        return np.stack(list(read_channels(path).values()), axis=-1)
+    return np.asarray(_read(path, PICTURE_SUFFIXES, "uint8", None)[1], np.uint8)
+
+
+def read_photo(path: str | os.PathLike[str]) -> tuple[PixelsInt, bytes | None]:
+    """Read a photograph or a mask: (h, w, 1 to 4) uint8, or uint16 where it has more than 8 bits, and its ICC profile.
+
+    Palettes and CMYK come as RGB, a turn that the camera noted is done, alpha stays unassociated. The profile is None
+    where there is none for RGB. Errors as `read_image`.
+    """
+    path = Path(path)
+    names, pixels = _read(path, PHOTO_SUFFIXES, "", 4)
+    if pixels.dtype == np.float32:
+        raise InputError(f"{path} holds floating-point pixels: save it with 8 or 16 bits a channel.")
+    source = oiio.ImageInput.open(str(path))
+    assert source is not None  # it was just read
+    spec = source.spec()
+    fits = spec.get_string_attribute("ICCProfile:color_space") == "RGB" and len(names) >= 3
+    profile = spec.getattribute("ICCProfile") if fits else None
+    return np.asarray(pixels), None if profile is None else bytes(profile)
+
+
+def read_channels(
+    path: str | os.PathLike[str],
+    suffixes: Collection[str] = PROBE_SUFFIXES,
+    limit: int | None = None,
+) -> dict[str, Pixels32]:
+    """Read the channels of an EXR or HDR file by name, each (h, w) float32; at most `limit` of them.
+
+    R, G, B and A come first, then the others sorted by name: the file format stores them sorted.
+    """
+    names, pixels = _read(Path(path), suffixes, "float", limit)
+    return {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+
+
+def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str] = OUTPUT_SUFFIXES) -> None:
+    """Raise InputError if a file cannot be written at path, to be called before any work is done."""
+    path = Path(path)
+    if path.suffix.lower() not in allowed_suffixes:
+        raise InputError(f"{path} must end in {' or '.join(allowed_suffixes)} to be written.")
+    folder = path.parent
+    try:
+        if not folder.is_dir():
+            raise InputError(f"The folder {folder} does not exist: create it to write {path.name} there.")
+        if path.is_dir():
+            raise InputError(f"{path} is a folder: name a file to write.")
+        if not os.access(folder, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
+            raise InputError(f"{path} cannot be written: change its permissions or choose another folder.")
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def write_png(path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | None = None) -> None:
+    """Write (h, w, 1, 3 or 4) uint8 or uint16, sRGB with unassociated alpha, as a PNG, bit for bit.
+
+    Tagged sRGB, or with an ICC profile of its own.
+    """
+    write_png_bands(path, pixels.shape[:2], [pixels], profile)
+
+
+def write_png_bands(
+    path: str | os.PathLike[str], size: tuple[int, ...], bands: Iterable[PixelsInt], profile: bytes | None = None
+) -> None:
+    """Write a PNG as `write_png`, whose rows come in bands (rows, w, 1, 3 or 4), from the top."""
+    made = iter(bands)
+    first = next(made)
+    if first.dtype not in (np.uint8, np.uint16) or first.ndim != 3 or first.shape[2] not in (1, 3, 4):
+        raise ValueError(f"pixels must be (h, w, 1, 3 or 4) uint8 or uint16, not {first.shape} {first.dtype}")
+    spec = oiio.ImageSpec(size[1], size[0], first.shape[2], first.dtype.name)
+    # Half the time of zlib's level 4 without a filter; files are 3 % smaller (photographs) to 11 % larger (windows).
+    spec.attribute("compression", "rle")
+    spec.attribute("png:filter", _PNG_AVERAGE)
+    if profile is None:
+        spec.attribute("oiio:ColorSpace", "sRGB")
+    else:
+        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # else colours are divided by alpha on the way out
+    _write(Path(path), ".png", spec, itertools.chain([first], made))
+
+
+def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) -> None:
+    """Write named channels, each (h, w), as 32-bit float EXR with ZIP compression.
+
+    Names may have dots (`position.X`). The file format itself keeps channels sorted by name.
+    """
+    planes = [np.asarray(plane, np.float32) for plane in channels.values()]
+    if not planes or planes[0].ndim != 2 or any(plane.shape != planes[0].shape for plane in planes):
+        raise ValueError("channels must be one or more arrays of one shape (h, w)")
+    bands = (slice(top, top + BAND) for top in range(0, len(planes[0]), BAND))
+    made = (np.stack([plane[rows] for plane in planes], axis=-1) for rows in bands)
+    write_exr_bands(path, tuple(channels), planes[0].shape, made)
+
+
+def write_exr_bands(
+    path: str | os.PathLike[str], names: Sequence[str], size: tuple[int, ...], bands: Iterable[Pixels32]
+) -> None:
+    """Write an EXR as `write_exr`, whose rows come in bands (rows, w, c) of at most `BAND`, from the top."""
+    spec = oiio.ImageSpec(size[1], size[0], len(names), "float")
+    spec.channelnames = tuple(names)
+    spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "")  # the same picture gives the same bytes
+    _write(Path(path), ".exr", spec, bands)
+
+
+def _read(
+    path: Path, suffixes: Collection[str], dtype: str, limit: int | None
+) -> tuple[list[str], npt.NDArray[np.generic]]:
+    """Channel names and (h, w, c) pixels of the first image in a file, turned upright; no dtype: as stored."""
+    _check_input(path, suffixes)
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)  # else colours are multiplied by alpha on the way in
+    source = oiio.ImageInput.open(str(path), config)
+    if source is None:
+        oiio.geterror()  # fetched so that it is not printed at exit
+        raise InputError(f"{path} cannot be read: it is damaged or not a {path.suffix} file.")
+    try:
+        spec = source.spec()
+        if source.format_name() != _FORMATS[path.suffix.lower()]:
+            raise InputError(f"{path} holds {source.format_name()} data: rename it to its real type.")
+        size = f"{spec.width}x{spec.height}"
+        names = list(spec.channelnames)[:limit]
+        if spec.width * spec.height * max(1.0, len(names) / 8) > MAX_PIXELS:
+            raise InputError(f"{path} measures {size} pixels: reduce it to at most 8192x8192.")
+        if (spec.x, spec.y, size) != (spec.full_x, spec.full_y, f"{spec.full_width}x{spec.full_height}"):
+            raise InputError(f"{path} stores a cropped or extended window: save the full picture alone.")
+        dtype = dtype or _stored(spec.format)
+        pixels = None if spec.deep else source.read_image(0, 0, 0, len(names), dtype)
+        if pixels is None:
+            source.geterror()
+            raise InputError(f"{path} cannot be read: it is cut short, damaged or has deep pixels.")
+        return names, _upright(pixels, spec.get_int_attribute("Orientation", 1))
+    finally:
+        source.close()
+
+
+def _stored(kind: oiio.TypeDesc) -> str:
+    """Name of the dtype that keeps what is stored: uint8, uint16 or float."""
+    if kind.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
+        return "float"
+    return "uint8" if kind.basesize() == 1 else "uint16"
+
+
+def _check_input(path: Path, suffixes: Collection[str]) -> None:
+    try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder: name an image file.")
+        if not path.exists():
+            raise InputError(f"{path} does not exist: check the path.")
+        if path.suffix.lower() not in suffixes:
+            raise InputError(f"{path} must end in {', '.join(suffixes)} to be read here.")
+        with path.open("rb") as file:
+            # libpng would print its own complaint about a file that ends early.
+            cut_short = path.suffix.lower() == ".png" and b"IEND" not in file.read()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    if cut_short:
+        raise InputError(f"{path} cannot be read: it is cut short or not a PNG file.")
+
+
+def _upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[np.generic]:
+    """Apply the EXIF orientation 1 to 8, which cameras and bottom-up HDR files set."""
+    if orientation >= 5:
+        pixels = pixels.swapaxes(0, 1)
+    flip_rows = orientation in (3, 4, 7, 8)
+    flip_columns = orientation in (2, 3, 6, 7)
+    return np.ascontiguousarray(pixels[:: -1 if flip_rows else 1, :: -1 if flip_columns else 1])
+
+
+def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.NDArray[np.generic]]) -> None:
+    """Write an image whose rows come in bands, from the top."""
+    check_output(path, (suffix,))
+    target = Path(os.path.realpath(path))  # a link stays a link
+    temporary = target.with_name(f".{secrets.token_hex(8)}{suffix}")
+    output = oiio.ImageOutput.create(str(temporary))
+    if output is None:
+        raise RuntimeError(f"this OpenImageIO cannot write {suffix} files: {oiio.geterror()}")
+    try:
+        done, top = output.open(str(temporary), spec), 0
+        for band in bands if done else ():
+            done = done and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
+            top += len(band)
+        done = output.close() and done
+        output.geterror()  # fetched so that it is not printed at exit
+        if not done or not is_complete(temporary, spec.height):
+            raise InputError(f"{path} could not be written: check the free space and the permissions.")
+        os.replace(temporary, target)
+    except OSError as error:
+        raise InputError(f"{path} could not be written: {error.strerror}.") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _count(mask: npt.NDArray[np.bool_]) -> str:
+    """'3 pixels', from a mask (h, w, 3)."""
+    count = int(mask.any(axis=-1).sum())
+    return f"{count:,} pixel{'' if count == 1 else 's'}"

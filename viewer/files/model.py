@@ -1,0 +1,206 @@
+"""Model files: reading them, judging them and turning them into a `Mesh` in world space.
+
+trimesh parses; everything after that is ours, because its own cleaning is slow on a million triangles and
+drops what a file says about hard edges.
+"""
+
+import difflib
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from milkglass.core.arrays import Array
+from milkglass.core.errors import InputError
+from milkglass.core.geometry.mesh import Ints, Mesh, check_size, compact, place_in_world, up_rotation
+from milkglass.core.geometry.normals import unit
+from milkglass.core.geometry.sculpture import sculpture
+from milkglass.viewer.files.model_condition import all_degenerate, condition
+from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
+
+# trimesh reads these too, given what `pip install` adds.
+EXTRA_PACKAGES = {
+    "3dxml": "lxml networkx pillow",
+    "3mf": "lxml networkx",
+    "dae": "pycollada pillow",
+    "step": "cascadio",
+    "stp": "cascadio",
+    "xaml": "lxml",
+    "zae": "pycollada pillow",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FileModel:
+    """A model's mesh, sentences on what is wrong with its file, and how its surface looks, if the file says."""
+
+    mesh: Mesh
+    warnings: tuple[str, ...] = ()
+    look: Look | None = None
+
+
+def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
+    """Read the mesh of a model file alone; returns one sentence on its flaws, or None. See `read_model`."""
+    model = read_model(path, size_mm, up)
+    return model.mesh, next(iter(model.warnings), None)
+
+
+def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
+    """Read a model file and place it in world space.
+
+    Parts of a scene are joined, each with its transform. Normals of the file are kept, hard edges included,
+    and computed where the file has none. Vertices that agree are merged, degenerate faces dropped, a closed
+    mesh that is inside out is turned outwards.
+
+    Parameters
+    ----------
+    path : str or Path
+    size_mm : float
+        Longest side of the bounding box in world space, finite and > 0.
+    up : str
+        The file's up axis: x, y, z, -x, -y or -z.
+
+    Returns
+    -------
+    FileModel
+        Its first warning, if the mesh has flaws, tells what they do to the picture.
+
+    Raises
+    ------
+    InputError
+        No file, not a model, no faces, vertices that are not finite numbers, nothing but degenerate faces.
+    """
+    path = Path(path)
+    check_size(size_mm)
+    up_rotation(up)
+    with texture_troubles() as troubles:
+        scene = _read(path)
+    looks = LookParts(path.suffix.lower())
+    vertices, normals, faces, rows = _join(scene, looks)
+    if len(faces) == 0:
+        raise InputError(f"{path} has no faces (points or lines only); export it as a triangle mesh.")
+    _check_vertices(path, vertices, faces)
+    corners = vertices[faces]
+    apart = ~(corners == corners[:, [1, 2, 0]]).all(axis=2).any(axis=1)
+    used, kept = compact(faces[apart], len(vertices))
+    if len(kept) == 0:
+        raise InputError(all_degenerate(path))
+    placed = place_in_world(vertices[used], size_mm, up)
+    mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, kept, rows[apart])
+    warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
+    return FileModel(mesh, warnings, looks.look(rows))
+
+
+def builtin_model(size_mm: float, up: str = "y") -> Mesh:
+    """Place the built-in sculpture in world space; parameters as in `load_model`."""
+    vertices, faces, normals = sculpture()
+    return Mesh.of(place_in_world(vertices, size_mm, up), normals @ up_rotation(up).T, faces)
+
+
+def supported_suffixes() -> tuple[str, ...]:
+    """Suffixes, with their dot, that can be read with the packages installed."""
+    # Points have no surface to render; stl_ascii is a name for export only.
+    formats = trimesh.exchange.load.mesh_formats() - {"xyz", "stl_ascii"}
+    return tuple(sorted(f".{name}" for name in formats))
+
+
+def _read(path: Path) -> trimesh.Scene:
+    """Parse the file, silently; any failure becomes one sentence."""
+    if os.path.isdir(path):
+        raise InputError(f"{path} is a directory; name a model file in it.")
+    if not os.path.isfile(path):
+        raise InputError(f"{path} does not exist; check the name and the directory.")
+    suffix = path.suffix.lower()
+    if suffix not in supported_suffixes():
+        raise InputError(_unsupported(path, suffix))
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path} is empty; export the model again.")
+        with _quiet():
+            # Seams of textures would cost our normals; `viewer.files.model_look` has them by corners.
+            return trimesh.load_scene(path, file_type=suffix[1:], process=False, fix_texture=False)
+    except InputError:
+        raise
+    except Exception as error:
+        reason = str(getattr(error, "strerror", None) or error)
+        reason = " ".join(reason.split())[:120].rstrip(".") or type(error).__name__
+        raise InputError(
+            f"{path} could not be read as a {suffix} model ({reason}); check the file or export it again."
+        ) from error
+
+
+def _unsupported(path: Path, suffix: str) -> str:
+    supported = supported_suffixes()
+    if suffix[1:] in EXTRA_PACKAGES:
+        return f"{path} needs an extra package to be read: pip install {EXTRA_PACKAGES[suffix[1:]]}."
+    near = difflib.get_close_matches(suffix, supported, n=1, cutoff=0.5)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    named = f"the suffix {suffix}" if suffix else "no suffix"
+    return f"{path} has {named}{hint}; models are read from {', '.join(supported)}."
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Hold back what trimesh and its packages warn about: the user gets one sentence of ours."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def _join(scene: trimesh.Scene, looks: LookParts) -> tuple[Array, Array, Ints, Ints]:
+    """Vertices, normals (NaN where the file gives none), faces and rows of `looks` of all parts, transforms applied."""
+    vertices, normals, faces = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+    rows = [np.empty((0, 3), np.int32)]
+    offset = 0
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh):
+            continue
+        linear = np.asarray(matrix, np.float64)[:3, :3]
+        v = np.asarray(part.vertices, np.float64)
+        f = np.asarray(part.faces, np.int64)
+        with np.errstate(all="ignore"):
+            vertices.append(v @ linear.T + np.asarray(matrix, np.float64)[:3, 3])
+            normals.append(_given_normals(part, linear))
+        # A mirror turns faces inside out (glTF 2.0, 3.7.4).
+        order = slice(None, None, -1 if np.linalg.det(linear) < 0.0 else 1)
+        faces.append(f[:, order] + offset)
+        rows.append(looks.add(part, f)[:, order])
+        offset += len(v)
+    return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces), np.concatenate(rows)
+
+
+def _given_normals(part: trimesh.Trimesh, linear: Array) -> Array:
+    """Unit normals of the file, transformed; zero where one is unusable, NaN throughout where most are."""
+    # Only trimesh's cache tells normals of the file from those that asking for them would compute.
+    if "vertex_normals" not in part._cache:
+        return np.full(part.vertices.shape, np.nan)
+    # The cofactors are the inverse transpose without its division, which a flattening scale forbids; for a
+    # mirror they point inwards.
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]]) * np.copysign(1.0, np.linalg.det(linear))
+    normals = np.asarray(part._cache["vertex_normals"], np.float64) @ cofactors.T
+    finite = np.isfinite(normals).all(axis=1, keepdims=True)
+    normals = unit(np.where(finite, normals, 0.0))
+    if 2 * np.count_nonzero(np.any(normals != 0.0, axis=1)) <= len(normals):
+        return np.full_like(normals, np.nan)
+    return normals
+
+
+def _check_vertices(path: Path, vertices: Array, faces: Ints) -> None:
+    low, high = int(faces.min()), int(faces.max())
+    if low < 0 or high >= len(vertices):
+        wrong = low if low < 0 else high
+        raise InputError(f"{path} has a face with vertex {wrong} but only {len(vertices)} vertices; export it again.")
+    used, _ = compact(faces, len(vertices))
+    bad = used[~np.isfinite(vertices[used]).all(axis=1)]
+    if len(bad):
+        raise InputError(
+            f"{path} has vertices that are not finite numbers ({len(bad)} of {len(used)}, the first is"
+            f" vertex {bad[0]}); repair it or export it again."
+        )

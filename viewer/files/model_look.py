@@ -1,0 +1,253 @@
+"""Colours and relief that a model's file comes with, taken from what trimesh parsed.
+
+Only texture set 0 and repeating textures; alpha, and a single colour for the whole model, which is the material's
+business, are left out.
+"""
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+
+from milkglass.core.arrays import Float32
+from milkglass.core.errors import InputError
+from milkglass.core.geometry.detail import Detail, Skin
+from milkglass.core.geometry.mesh import Ints, Mesh
+from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
+from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
+
+Int32 = npt.NDArray[np.int32]
+Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
+
+LARGEST = 8192  # texels a side; larger textures of a file are averaged to fit
+LINEAR_SUFFIXES = (".glb", ".gltf")  # whose vertex colours are linear (glTF 2.0, 3.7.2.1), not sRGB
+TROUBLES = ("image", "materials", "texture")  # words of what trimesh logs where it does without them
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """One material of a file: a factor, linear RGB, and pictures of Pillow that are not decoded yet."""
+
+    factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    colour: Any = None
+    normal: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a file says of a mesh's surface.
+
+    Attributes
+    ----------
+    rows : (m, 3) int32
+        Rows of the tables, of each corner of the mesh's faces.
+    coordinates, colours : (k, 2) and (k, 3) float32
+    material : (m,) int32
+        Of each face.
+    materials : tuple of Material
+    mapped : bool
+        Whether there are texture coordinates.
+    """
+
+    rows: Int32
+    coordinates: Float32
+    colours: Float32
+    material: Int32
+    materials: tuple[Material, ...]
+    mapped: bool
+
+    @cached_property
+    def has_colours(self) -> bool:
+        """Whether the file has colours."""
+        plain = all(each.colour is None and each.factor == (1.0, 1.0, 1.0) for each in self.materials)
+        return not plain or bool((self.colours != 1.0).any())
+
+    @property
+    def has_relief(self) -> bool:
+        """Whether the file has a normal map."""
+        return any(each.normal is not None for each in self.materials)
+
+
+class LookParts:
+    """Takes the parts of a scene as they are joined."""
+
+    def __init__(self, suffix: str) -> None:
+        self._linear = suffix in LINEAR_SUFFIXES
+        self._tables: list[Table] = []
+        self._materials: list[Material] = []
+        self._starts = [0]
+        self._mapped = False
+
+    def add(self, part: trimesh.Trimesh, faces: Ints) -> Int32:
+        """Take a part; returns the row of each corner of its faces (m, 3), as the file winds them."""
+        (coordinates, colours), rows = self._table(part, faces)
+        start = self._starts[-1]
+        self._tables.append((coordinates, colours))
+        self._starts.append(start + len(coordinates))
+        self._materials.append(_material(getattr(part.visual, "material", None)))
+        return (rows + start).astype(np.int32)
+
+    def look(self, rows: Ints) -> Look | None:
+        """Return the whole, by the rows (m, 3) of the faces that were kept; None if it says nothing."""
+        pictures = any(m.colour is not None or m.normal is not None for m in self._materials)
+        one_factor = len({material.factor for material in self._materials}) == 1
+        if one_factor and not pictures and all(len(colours) == 1 for _, colours in self._tables):
+            return None
+        coordinates, colours = (np.concatenate([table[i] for table in self._tables]) for i in (0, 1))
+        part = np.searchsorted(self._starts, rows[:, 0], side="right") - 1
+        factors = np.array([material.factor for material in self._materials])[part]
+        plain = np.ptp(colours[rows.ravel()], axis=0).max() == 0.0 and np.ptp(factors, axis=0).max() == 0.0
+        if plain and not pictures and not self._mapped:
+            return None
+        materials = tuple(self._materials)
+        if plain and not pictures:  # a single colour
+            materials, colours = tuple(Material() for _ in materials), np.ones_like(colours)
+        return Look(rows.astype(np.int32), coordinates, colours, part.astype(np.int32), materials, self._mapped)
+
+    def _table(self, part: trimesh.Trimesh, faces: Ints) -> tuple[Table, Ints]:
+        visual, n = part.visual, len(part.vertices)
+        if visual.kind == "face":
+            colours = self._colours(visual.face_colors)
+            each = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
+            return (np.zeros((len(colours), 2), np.float32), colours), each
+        uv = getattr(visual, "uv", None)
+        given = visual.vertex_colors if visual.kind == "vertex" else None
+        if visual.kind == "texture":
+            given = visual.vertex_attributes.get("color")
+        raw = _texture_corners(part, len(faces))
+        if raw is not None:
+            self._mapped = True
+            return (raw, np.ones((len(raw), 3), np.float32)), np.arange(3 * len(faces)).reshape(-1, 3)
+        mapped = uv is not None and np.asarray(uv).shape == (n, 2)
+        if not mapped and (given is None or len(given) != n):
+            return (np.zeros((1, 2), np.float32), np.ones((1, 3), np.float32)), np.zeros_like(faces)
+        self._mapped |= mapped
+        coordinates = _finite(np.asarray(uv)) if mapped else np.zeros((n, 2), np.float32)
+        colours = np.ones((n, 3), np.float32) if given is None or len(given) != n else self._colours(given)
+        return (coordinates, colours), faces
+
+    def _colours(self, values: npt.NDArray[Any]) -> Float32:
+        """Linear RGB of 8-bit, 16-bit or float colours, (n, 3 or 4)."""
+        scale = float(np.iinfo(values.dtype).max) if values.dtype.kind in "ui" else 1.0
+        share = np.clip(np.nan_to_num(np.asarray(values, np.float64)[:, :3] / scale), 0.0, 1.0)
+        return (share if self._linear else linear(share)).astype(np.float32)
+
+
+def detail_of(
+    look: Look | None, mesh: Mesh, name: str, texture: Path | None, normal_map: Path | None, colours: bool, relief: bool
+) -> tuple[Detail | None, tuple[str, ...]]:
+    """Decode what is wanted of a look, pictures of one's own in place of the file's; and sentences on what failed.
+
+    Raises
+    ------
+    InputError
+        If a picture of one's own cannot be read, or there are no texture coordinates to put it on.
+    """
+    for key, path in (("texture", texture), ("normal_map", normal_map)):
+        if path is not None and (look is None or not look.mapped):
+            raise InputError(f"model.{key} needs texture coordinates, which {name} does not have; unwrap it first")
+    if look is None:
+        return None, ()
+    own = None if texture is None or not colours else Texture(_picture(texture, "texture"))
+    bumps = None if normal_map is None or not relief else Texture(_picture(normal_map, "normal_map"), NORMAL)
+    troubles: list[str] = []
+    decoded: dict[tuple[int, str], Texture | None] = {}  # materials may share a picture
+
+    def decode(image: Any, kind: str) -> Texture | None:
+        key = id(image), kind
+        if image is not None and key not in decoded:
+            decoded[key] = _decoded(image, kind, troubles)
+        return None if image is None else decoded[key]
+
+    skins = []
+    for material in look.materials:
+        tinted = colours and texture is None
+        colour = own if texture is not None else decode(material.colour, COLOUR) if tinted else None
+        normal = bumps if normal_map is not None else decode(material.normal, NORMAL) if relief else None
+        skins.append(Skin(material.factor if tinted else (1.0, 1.0, 1.0), colour, normal))
+    tints = look.colours if colours and texture is None else np.ones_like(look.colours)
+    detail = Detail(mesh, look.rows, look.coordinates, tints, look.material, tuple(skins))
+    warnings = tuple(f"{name}: {trouble}" for trouble in troubles)
+    return (detail if detail.has_colours or detail.has_normals else None), warnings
+
+
+@contextlib.contextmanager
+def texture_troubles() -> Iterator[list[str]]:
+    """Collect what trimesh does without, in one sentence, while a file is read; nothing is printed."""
+    logger, found = logging.getLogger("trimesh"), list[str]()
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if any(word in record.getMessage() for word in TROUBLES) and not found:
+                problem = record.exc_info[1] if record.exc_info else None
+                reason = f" ({_reason(problem)})" if problem is not None else ""
+                found.append(f"a texture or material file of it could not be read{reason}, so it is drawn without")
+
+    handler, before = Collector(), (logger.level, logger.propagate)
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG)
+    logger.propagate = False
+    try:
+        yield found
+    finally:
+        logger.removeHandler(handler)
+        logger.level, logger.propagate = before
+
+
+def _material(given: Any) -> Material:
+    """Take a material of trimesh."""
+    parts = getattr(given, "materials", None)  # of several, the first
+    given = parts[0] if parts else given
+    colour = getattr(given, "baseColorTexture", None) or getattr(given, "image", None)
+    factor = getattr(given, "baseColorFactor", None)
+    if factor is not None:
+        factor = np.asarray(factor, np.float64)[:3] / (255.0 if np.asarray(factor).dtype.kind == "u" else 1.0)
+    elif colour is None:  # exporters write any Kd beside a picture
+        factor = (getattr(given, "kwargs", None) or {}).get("kd")
+    normal = getattr(given, "normalTexture", None)
+    if factor is None or np.shape(factor) != (3,):
+        return Material(colour=colour, normal=normal)
+    red, green, blue = np.clip(np.asarray(factor, np.float64), 0.0, 1.0).tolist()
+    return Material((red, green, blue), colour, normal)
+
+
+def _texture_corners(part: trimesh.Trimesh, faces: int) -> Float32 | None:
+    """Texture coordinates of the corners, (3 m, 2), where a PLY file has them by faces; trimesh would cut there."""
+    raw = part.metadata.get("_ply_raw", {}).get("face", {}).get("data")
+    try:
+        corners = np.asarray(raw["texcoord"]["f1"] if isinstance(raw, np.ndarray) else raw["texcoord"], np.float64)
+    except (KeyError, ValueError, IndexError, TypeError):
+        return None
+    return _finite(corners.reshape(-1, 2)) if corners.shape == (faces, 6) else None
+
+
+def _finite(coordinates: npt.ArrayLike) -> Float32:
+    return np.nan_to_num(np.asarray(coordinates, np.float64), posinf=0.0, neginf=0.0).astype(np.float32)
+
+
+def _picture(path: Path, key: str) -> npt.NDArray[np.uint8]:
+    if path.suffix.lower() not in PICTURE_SUFFIXES:
+        raise InputError(f"model.{key} must end in {', '.join(PICTURE_SUFFIXES)}, not {path.name}")
+    pixels = read_image(path)
+    return np.asarray(pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2), np.uint8)
+
+
+def _decoded(image: Any, kind: str, troubles: list[str]) -> Texture | None:
+    try:
+        shrink = -(-max(image.size) // LARGEST)
+        return Texture(np.asarray((image.reduce(shrink) if shrink > 1 else image).convert("RGB"), np.uint8), kind)
+    except Exception as problem:  # whatever Pillow's decoders raise
+        troubles.append(f"its {kind} texture could not be read ({_reason(problem)}), so it is drawn without")
+        return None
+
+
+def _reason(problem: BaseException) -> str:
+    text = str(getattr(problem, "strerror", None) or problem)
+    return " ".join(text.split())[:100].rstrip(".") or type(problem).__name__

@@ -1,0 +1,69 @@
+"""Vertex buffers of a mesh and of its surface samples: uploaded once, drawn by several passes."""
+
+import moderngl
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.viewer.gl.context import Program, leave_framebuffer
+
+
+class MeshBuffers:
+    """Vertices, normals and faces of a mesh on the GPU."""
+
+    def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
+        self._context = context
+        self._positions = context.buffer(mesh.vertices)
+        self._normals = context.buffer(mesh.normals)
+        self._faces = context.buffer(mesh.faces)
+
+    def positions(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position``, and ``a_body`` if given: one float a vertex."""
+        content = [(self._positions, "3f", "a_position")]
+        return self._bound(program, content, bodies)
+
+    def positions_and_normals(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position`` and ``a_normal``, and ``a_body`` if given: one float a vertex."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        return self._bound(program, content, bodies)
+
+    def points(self, program: Program) -> moderngl.VertexArray:
+        """Bind a program that reads ``a_position`` and ``a_normal`` of each vertex once."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        return self._context.vertex_array(program.program, content)
+
+    def visible(self, program: Program, values: dict[str, tuple[moderngl.Buffer, str]]) -> moderngl.VertexArray:
+        """Bind a program that reads more of each vertex: buffers by attribute, with their formats."""
+        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+        more = [(buffer, layout, name) for name, (buffer, layout) in values.items()]
+        return self._bound(program, content + more, None)
+
+    def _bound(
+        self, program: Program, content: list[tuple[moderngl.Buffer, str, str]], bodies: moderngl.Buffer | None
+    ) -> moderngl.VertexArray:
+        if bodies is not None:
+            content.append((bodies, "1f", "a_body"))
+        return self._context.vertex_array(program.program, content, self._faces)
+
+
+class SampleBuffers:
+    """Surface samples on the GPU, and the transform feedback that reads values of theirs back."""
+
+    def __init__(self, context: moderngl.Context, samples: SurfaceSamples) -> None:
+        self._context = context
+        self.count = len(samples)
+        self._positions = context.buffer(samples.points)
+        self._normals = context.buffer(samples.normals)
+        self._output = context.buffer(reserve=12 * self.count)
+
+    def transform(self, program: Program, first: int = 0, count: int | None = None) -> memoryview:
+        """Run a vertex program over all samples, or some; returns its one vec3 output, 12 bytes a sample."""
+        count = self.count - first if count is None else count
+        content = [(self._positions, "3f", "a_position")]
+        if "a_normal" in program.program:
+            content.append((self._normals, "3f", "a_normal"))
+        vertices = self._context.vertex_array(program.program, content)
+        # Nothing is rasterised, yet a surfaceless context refuses to draw without a complete framebuffer.
+        leave_framebuffer(self._context)
+        vertices.transform(self._output, moderngl.POINTS, count, first=first)
+        vertices.release()
+        return memoryview(self._output.read(12 * count))

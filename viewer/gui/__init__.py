@@ -1,0 +1,1 @@
+"""Dear ImGui's one door: toolkit, controls, sliders, events and keys."""

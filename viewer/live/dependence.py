@@ -1,0 +1,56 @@
+"""What a picture depends on, for deciding what to do again."""
+
+from dataclasses import replace
+
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import CameraSettings
+from milkglass.viewer.scene.tables import version
+
+
+def files(scene: Scene) -> tuple[object, ...]:
+    """Everything that has to be read or sampled before a scene can be lit."""
+    return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport, scene.detail
+
+
+def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
+    """Everything that light and transport depend on, but for where the camera stands; `occluded`: as far as known."""
+    environment, material = scene.environment, scene.material
+    table = material.table_in_use
+    scatters = material.resolve(), material.profile, table, version(table)
+    return scene.model, scatters, scene.detail, scene.effective_lights(), environment, scene.transport, occluded
+
+
+def turned(camera: CameraSettings) -> CameraSettings:
+    """Return what turns the layers, out of a camera."""
+    return CameraSettings(azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg)
+
+
+def angle(a: CameraSettings, b: CameraSettings) -> float:
+    """Largest difference of the angles, degrees."""
+    turn = abs(a.azimuth_deg - b.azimuth_deg) % 360.0
+    return max(min(turn, 360.0 - turn), abs(a.elevation_deg - b.elevation_deg), abs(a.roll_deg - b.roll_deg))
+
+
+def same_light(a: LitScene, b: LitScene) -> bool:
+    """Whether transport would have the same work: stages return the very same arrays where nothing changed."""
+    return (
+        a.model is b.model
+        and a.transport is b.transport
+        and a.grid == b.grid
+        and a.coordinates is b.coordinates
+        and a.flux is b.flux
+        and a.profiles == b.profiles
+        and a.media == b.media
+        and len(a.lights) == len(b.lights)
+        and all(one is other for one, other in zip(a.lights, b.lights, strict=True))
+        and a.sources == b.sources
+        and a.bodies is b.bodies
+        and a.detail is b.detail
+    )
+
+
+def looks_of(scene: Scene, lit: LitScene) -> tuple[object, ...]:
+    """All that a picture depends on, but for its volume and its size."""
+    display = replace(scene.display, image_size=(16, 16))
+    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.detail, lit.sources

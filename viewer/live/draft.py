@@ -1,0 +1,55 @@
+"""How well a frame is drawn: what it may take while something moves, and when a picture comes to rest."""
+
+from dataclasses import dataclass
+
+from milkglass.core.stages import Allowance
+from milkglass.viewer.assets.quality import Quality
+from milkglass.viewer.scene.scene import Scene
+
+DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
+DRAFT_SOLUTION_SECONDS = 1.0  # likewise with `diffusion`, where another grid takes half a second by itself
+SMALLEST_DRAFT = 32  # texels
+STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
+STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How well a frame is drawn: `draft` while something moves; antialiasing samples of a pixel.
+
+    A picture at rest with lights of a size may take several frames, unless it has to be there `at_once`.
+    """
+
+    draft: bool = False
+    samples: int = 1
+    at_once: bool = False
+
+
+def allowance() -> Allowance:
+    """Return what one frame may do of a picture that comes to rest: the rest of it follows in the next ones."""
+    return Allowance(STEPS_A_FRAME, STEP_SECONDS)
+
+
+def draft_resolution(scene: Scene, quality: Quality, cost: tuple[float, int, int]) -> int | None:
+    """How many texels transport may have while something moves, None for what the scene asks for.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+        Of the light that there is.
+    cost : (float, int, int)
+        Seconds of transport in a drag, its resolution and layers.
+    """
+    settings = scene.transport
+    seconds, resolution, layers = cost
+    is_of_method = settings.method == quality.method or quality.open_surface is not None
+    automatic = settings.resolution is None and is_of_method
+    wanted = settings.resolution or quality.resolution
+    # Layers of their own number cost as many times a map; else they grow with the resolution.
+    power = 2.0 if settings.layers is not None else 3.0
+    seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
+    affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
+    fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
+    least = min(wanted, max(SMALLEST_DRAFT, fitting))
+    return least if fitting < wanted else wanted if automatic else None

@@ -1,0 +1,295 @@
+"""The error of what is on screen, measured in a thread of its own whenever the picture has come to rest.
+
+The thread that owns OpenGL calls `LiveError.update` for each frame and never waits. It draws what is measured once, by
+passes of its own; the sum that takes seconds touches no OpenGL and ends within a fraction of one when it is not wanted.
+"""
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.errors import InputError
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.stages import Stages
+from milkglass.viewer.assets.keeper import PartedProbe
+from milkglass.viewer.assets.quality import Quality
+from milkglass.viewer.gl.context import leave_framebuffer
+from milkglass.viewer.live.dependence import lighting_key
+from milkglass.viewer.live.finished import Finished
+from milkglass.viewer.live.live import Live
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.shading import Shading
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from milkglass.core.reference.equation import Occluder
+    from milkglass.viewer.error.visible import VisibleError
+
+LOG = logging.getLogger("milkglass")
+Surface = tuple[Float32, Float32, Float32]  # alpha, position and exitance, see `Shading.surface`
+
+LARGEST = 512  # pixels along the longer side of the picture that points are chosen from
+THREADS = max(1, (os.cpu_count() or 1) - 1)  # of the sum: one core is left to what draws
+WAKE_SECONDS = 0.1  # between frames that only show progress
+NOT_EQUATION_1 = (
+    "not measured here, because diffusion does not approximate equation (1): milkglass bench and milkglass render "
+    "--report compare it with a photon walk"
+)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the error is asked of: where the points lie in the view, what lights them, how many they are."""
+
+    place: tuple[object, ...]
+    light: tuple[object, ...]
+    points: int
+
+    @classmethod
+    def of(cls, scene: Scene, points: int) -> "Question":
+        """Take what exitance in a scene's picture depends on."""
+        return cls(_place(scene), lighting_key(scene), points)
+
+
+def _place(scene: Scene) -> tuple[object, ...]:
+    return scene.model, scene.camera, scene.display.image_size
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A finished measurement.
+
+    Attributes
+    ----------
+    of : Question
+    error : VisibleError
+    size : (width, height)
+        Of the picture that was measured, pixels.
+    covered : int
+        How many of them show the object.
+    quality : Quality
+        Of the transport.
+    seconds : float
+    """
+
+    of: Question
+    error: "VisibleError"
+    size: tuple[int, int]
+    covered: int
+    quality: Quality
+    seconds: float
+
+    def lies_in(self, scene: Scene) -> bool:
+        """Whether the points lie where they were measured in a scene's picture."""
+        return self.of.place == _place(scene)
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether no light leaves the surface, so that there is nothing to compare."""
+        return not self.error.reference.any() and not self.error.seen.exitance.any()
+
+
+class Cancelled(Exception):  # noqa: N818 (it is no error)
+    """The measurement is not wanted any more."""
+
+
+class _Job:
+    """One measurement: what it is of, how far it is, whether it is still wanted."""
+
+    def __init__(self, of: Question, wake: Callable[[], object]) -> None:
+        self.of, self.progress = of, 0.0
+        self.cancelled = threading.Event()
+        self.future: Future[Measured] | None = None
+        self._wake, self._told = wake, time.monotonic()
+
+    def report(self, share: float) -> None:
+        """Take how far it is, in the thread that measures."""
+        if self.cancelled.is_set():
+            raise Cancelled
+        self.progress = share
+        if time.monotonic() - self._told >= WAKE_SECONDS:
+            self._told = time.monotonic()
+            self._wake()
+
+
+class LiveError:
+    """Measures the error of what is on screen.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    wake : callable
+        Called from the measuring thread when there is something new to show.
+
+    Attributes
+    ----------
+    result : Measured or None
+        The last one, perhaps of an earlier picture.
+    trouble : str or None
+        Why the picture could not be measured, a sentence.
+    outdated : bool
+        Whether `result` is not of the picture on screen.
+    """
+
+    def __init__(self, context: moderngl.Context, wake: Callable[[], object]) -> None:
+        self.result: Measured | None = None
+        self.trouble: str | None = None
+        self.outdated = False
+        self._context, self._wake = context, wake
+        self._worker: ThreadPoolExecutor | None = None
+        self._job: _Job | None = None
+        self._asked: Question | None = None
+        self._answered: Question | None = None
+        self._occluder: tuple[Mesh, Occluder] | None = None  # of the last mesh; used by the worker alone
+
+    @property
+    def progress(self) -> float | None:
+        """How far the measurement is, [0, 1]; None if none runs."""
+        return None if self._job is None else self._job.progress
+
+    def follow(self, scene: Scene, points: int | None) -> None:
+        """Give up a measurement that is not of the picture that comes next, before the picture is drawn.
+
+        Parameters
+        ----------
+        scene : Scene
+            What is shown, with the size of the picture on screen.
+        points : int or None
+            How many to measure, None for no measurement.
+        """
+        self._asked = None if points is None else Question.of(scene, points)
+        if self._job is not None and self._job.of != self._asked:
+            self._cancel()
+        if self._asked is None:
+            self._occluder = None
+
+    def update(self, scene: Scene, live: Live, *, at_rest: bool) -> bool:
+        """Measure what is shown if that is due; once a frame, after `follow`, by the thread that owns OpenGL.
+
+        Parameters
+        ----------
+        scene : Scene
+            As of `follow`.
+        live : Live
+            What draws it.
+        at_rest : bool
+            Whether the picture is at its best and nobody is changing it.
+
+        Returns
+        -------
+        bool
+            Whether there is something new to show.
+        """
+        asked = self._asked
+        was_outdated, news = self.outdated, self._collect()
+        self.outdated = asked != self._answered
+        if asked is not None and self.outdated and self._job is None and at_rest and live.finished is not None:
+            self._start(asked, scene, live, live.finished)
+            return True
+        return news or self.outdated != was_outdated
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Wait for what is being measured; for tests and replays, never for a window."""
+        if self._job is not None and self._job.future is not None:
+            self._job.future.exception(timeout)
+
+    def close(self) -> None:
+        """Give up what is being measured and free the thread."""
+        self._cancel()
+        if self._worker is not None:
+            self._worker.shutdown(wait=True, cancel_futures=True)
+
+    # one measurement
+
+    def _start(self, asked: Question, scene: Scene, live: Live, finished: Finished) -> None:
+        self.trouble = None
+        if finished.lit.quality.method == "diffusion":
+            self._fail(asked, InputError(NOT_EQUATION_1))
+            return
+        try:
+            surface = surface_of(self._context, scene, finished)
+            environment = scene.environment
+            around = live.renderer.parted(environment)
+        except Exception as error:
+            self._fail(asked, error)
+            return
+        if self._worker is None:
+            self._worker = ThreadPoolExecutor(1, thread_name_prefix="error")
+        self._job = job = _Job(asked, self._wake)
+        job.future = self._worker.submit(lambda: self._measure(job, scene, surface, finished.lit, around))
+        job.future.add_done_callback(lambda _: self._wake())
+
+    def _measure(
+        self, job: _Job, scene: Scene, surface: Surface, lit: LitScene, around: PartedProbe | None
+    ) -> Measured:
+        """Run in the worker: nothing here touches OpenGL."""
+        from milkglass.viewer.error.illumination import lights_of
+        from milkglass.viewer.error.visible import measure, visible_points
+
+        job.report(0.0)
+        start, (alpha, position, exitance) = time.perf_counter(), surface
+        seen = visible_points(alpha, position, exitance, job.of.points)
+        light, material = lights_of(scene, around, lit), scene.material.resolve()
+        mesh = lit.model.mesh
+        occluder = self._occluder_of(mesh)
+        error = measure(seen, mesh, light, material, job.report, THREADS, occluder, lit.bodies, lit.profiles)
+        size, covered = (alpha.shape[1], alpha.shape[0]), int(np.count_nonzero(alpha))
+        return Measured(job.of, error, size, covered, lit.quality, time.perf_counter() - start)
+
+    def _occluder_of(self, mesh: Mesh) -> "Occluder":
+        """Return what rays are cast against, made once a mesh: no other thread of Python runs while it is made."""
+        from milkglass.core.reference.equation import Occluder
+
+        kept = self._occluder
+        if kept is None or kept[0] is not mesh:
+            kept = self._occluder = mesh, Occluder(mesh)
+        return kept[1]
+
+    def _collect(self) -> bool:
+        """Take what the worker has finished; True if there was something."""
+        job = self._job
+        if job is None or job.future is None or not job.future.done():
+            return False
+        self._job = None
+        try:
+            self.result, self._answered = job.future.result(), job.of
+        except Exception as error:  # whatever happens there, the window goes on and says so
+            self._fail(job.of, error)
+        return True
+
+    def _fail(self, asked: Question, error: Exception) -> None:
+        """Say why there is no number, and do not try again until something has changed."""
+        if not isinstance(error, InputError):
+            LOG.error("the error could not be measured", exc_info=error)
+        sentence = " ".join(str(error).split()) or type(error).__name__
+        self.trouble = sentence if isinstance(error, InputError) else f"the measurement failed: {sentence}"
+        self.result, self._answered = None, asked
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancelled.set()
+            self._job = None
+
+
+def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> Surface:
+    """Draw what is on screen once more, one sample a pixel and not too large, beside the passes of the picture."""
+    width, height = scene.display.image_size
+    scale = min(1.0, LARGEST / max(width, height))
+    size = (max(1, round(scale * width)), max(1, round(scale * height)))
+    display = replace(scene.display, image_size=size)
+    smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
+    camera = place_camera(scene.camera, finished.lit.model.mesh.radius, size)
+    try:
+        return Shading(context, Stages()).surface(smaller, replace(finished.lit, camera=camera), finished.gather)
+    finally:
+        leave_framebuffer(context)  # what was drawn into is gone now

@@ -1,0 +1,125 @@
+"""Transport of one light in a worker thread: shown on the way where it is solved in steps, and given up in good time.
+
+Every job has its own previews and its own word on whether it is wanted, so that none can be taken for another's.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.renderer import Renderer
+
+# Relative residual from which on a solution may be seen: pixels magnify it a few times, to 1 % rms. At 0.005 shadows
+# have coloured stains yet; what a start of other light gives is black and blue, worse than the volume before.
+PRESENTABLE = 2e-3
+PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
+SURFACE_STAGES = {"rays", "boundary"}  # run once a mesh and grid, which a drag keeps
+
+
+@dataclass(frozen=True, eq=False)
+class Scattered:
+    """What transport gives.
+
+    Attributes
+    ----------
+    lit : LitScene
+        The light it is of.
+    result : volume or Solution
+    timings : dict
+        Stage -> ms; empty on the way.
+    complete : bool
+        Whether it is all that can be had, not on the way or given up for newer light.
+    seen_after : float
+        Seconds until a solution could be seen.
+    """
+
+    lit: LitScene
+    result: Float32 | AnySolution
+    timings: dict[str, float]
+    complete: bool
+    seen_after: float = np.inf
+
+    @property
+    def is_presentable(self) -> bool:
+        """Whether it may be seen."""
+        return self.complete or not isinstance(self.result, AnySolution) or _is_presentable(self.result)
+
+    @property
+    def seconds(self) -> float | None:
+        """What a drag costs on this grid until it may be seen; None where that is not to be told from this."""
+        if not self.complete:
+            return None
+        if isinstance(self.result, AnySolution):
+            known = "solution" in self.timings and not SURFACE_STAGES & self.timings.keys()
+            return self.seen_after if known else None
+        if "convolution" not in self.timings:
+            return None
+        return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage != "weights")
+
+
+class TransportJob:
+    """Begins at once.
+
+    Parameters
+    ----------
+    worker : Executor
+        Of one thread.
+    renderer, lit
+    wake : callable
+        Called from the worker when there is something to take.
+    """
+
+    def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
+        self._renderer, self._lit, self._wake = renderer, lit, wake
+        self._superseded, self._unwanted = threading.Event(), threading.Event()
+        self._preview: AnySolution | None = None
+        self._shown: AnySolution | None = None
+        self._shown_at, self._gave_up = -np.inf, False
+        self._began, self._seen_after = 0.0, np.inf
+        self.future: Future[Scattered] = worker.submit(self._scatter)
+        self.future.add_done_callback(lambda _: wake())
+
+    def supersede(self, at_once: bool) -> None:
+        """Tell it that newer light waits: it ends `at_once` (another model's), else as soon as it may be seen."""
+        self._superseded.set()
+        if at_once:
+            self._unwanted.set()
+
+    def preview(self) -> Scattered | None:
+        """Return the newest solution on the way, once."""
+        solution, self._preview = self._preview, None  # one that comes in between is followed by others, or the end
+        return None if solution is None else Scattered(self._lit, solution, {}, complete=False)
+
+    def _scatter(self) -> Scattered:
+        """Run in the worker: nothing here touches OpenGL."""
+        stages = self._renderer.transport_stages
+        stages.begin()
+        self._began = time.perf_counter()
+        result = self._renderer.scatter(self._lit, self._go_on)
+        self._seen_after = min(self._seen_after, time.perf_counter() - self._began)
+        return Scattered(self._lit, result, dict(stages.timings), not self._gave_up, self._seen_after)
+
+    def _go_on(self, solution: AnySolution) -> bool:
+        """Show the first solution that may be seen at once and some of the later ones; give up in good time."""
+        presentable = _is_presentable(solution)
+        self._gave_up = self._unwanted.is_set() or (presentable and self._superseded.is_set())
+        now = time.perf_counter()
+        if presentable:
+            self._seen_after = min(self._seen_after, now - self._began)
+        new = solution is not self._shown  # bodies have nothing better together while one of them goes on
+        if presentable and new and not self._gave_up and now - self._shown_at > PREVIEW_SECONDS:
+            _ = solution.volume  # summed here, not where it is drawn
+            self._shown_at, self._shown, self._preview = now, solution, solution
+            self._wake()
+        return not self._gave_up
+
+
+def _is_presentable(solution: AnySolution) -> bool:
+    return max(solution.residuals) <= PRESENTABLE

@@ -1,0 +1,303 @@
+"""A scene drawn while it changes: files and transport in a worker thread, frames with the newest finished volume.
+
+The thread that owns OpenGL calls `Live.draw` for each frame and never waits. It lights the scene as it is now, hands
+the light to the worker if the worker is free, and draws with the newest volume that came back: perhaps of the material
+of a moment ago, never of two at once, and always replaced as soon as the newer one is there.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+
+import moderngl
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.stages import Unfinished
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.quality import sample_spacing
+from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, turned
+from milkglass.viewer.live.draft import Detail, allowance, draft_resolution
+from milkglass.viewer.live.finished import Finished
+from milkglass.viewer.live.job import TransportJob
+from milkglass.viewer.live.visibility import VisibilityJob
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.render.lighting import quality_of
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import CameraSettings
+
+KEEP = 3  # models, probes and sets of samples that undo finds again at once
+DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
+
+
+class Live:
+    """Draws scenes in one OpenGL context.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    wake : callable
+        Called from the worker thread when something is ready: draw again.
+    assets : Assets, optional
+        Shared with another `Live` of the same context.
+    """
+
+    def __init__(self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None = None) -> None:
+        self.assets = assets or Assets(KEEP)
+        self.assets.bakes = False
+        self.visibility = VisibilityJob(self.assets, wake)
+        self.renderer = Renderer(context, assets=self.assets)
+        self.finished: Finished | None = None
+        self.picture: Picture | None = None
+        self.current = False  # whether the last picture is of the scene asked for, not of one before it
+        self.spreading = False  # whether the last frame left something to do for the next one
+        self.stage_times: dict[str, float] = {}  # ms, of the last time that each ran
+        self.ran: dict[str, float] = {}  # ms, of the stages of the last frame that ran any
+        self._wake = wake
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
+        self._job: TransportJob | None = None
+        self._load: Future[None] | None = None
+        self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
+        self._ready: Scene | None = None  # the newest scene whose files are there
+        self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
+        self._lit: LitScene | None = None
+        self._lit_for: tuple[tuple[object, ...], CameraSettings, bool] | None = None
+        self._shadows: tuple[object, ...] | None = None  # what all of the sub-lights there are were cast for
+        self._sent: LitScene | None = None
+        self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
+        self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
+
+    @property
+    def loading(self) -> bool:
+        """Whether files are being read or sampled."""
+        return self._load is not None
+
+    @property
+    def working(self) -> bool:
+        """Whether the worker has something to do, or the next frame."""
+        return self.spreading or self._job is not None or self._load is not None or self.visibility.busy
+
+    def draw(
+        self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
+    ) -> Picture | None:
+        """Draw the newest state of a scene; None while there is nothing to show yet.
+
+        Raises
+        ------
+        InputError
+            The scene's files or values cannot be used; raised once, by the frame that finds out.
+        """
+        self.renderer.stages.begin(None if detail.draft or detail.at_once else allowance())
+        newest = self._newest(scene, detail)
+        if newest is None:
+            return None
+        looks = (*looks_of(*newest[:2]), self.finished, show, exposure_for)
+        # A draft of what is shown already would take the processor from the worker, and show nothing new.
+        if not (detail.draft and looks == self._looks and self.picture is not None):
+            try:
+                self.picture = self.renderer.shade(
+                    *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for,
+                    quick=not detail.at_once,
+                )  # fmt: skip
+            except Unfinished:
+                looks = ()
+                self._go_on()
+        self._looks = looks
+        self._count(self.renderer.stages.timings)
+        return self.picture
+
+    def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
+        """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""
+        self.renderer.stages.begin(allowance())
+        newest = self._newest(scene, Detail(False, samples))
+        done = newest is None or self.renderer.advance(*newest, samples=samples, parts=show != "radiance")
+        self._count(self.renderer.stages.timings)
+        return done
+
+    def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Gather] | None:
+        """Light the scene and keep the worker busy; returns what can be drawn now."""
+        self._collect()
+        self.current = self.spreading = False
+        drawn = self._latest_ready(scene, detail)
+        if drawn is None:
+            return None
+        self.visibility.follow(drawn)
+        lit = self._light(drawn, detail)
+        self.current = drawn is scene and not self.spreading
+        self._submit(lit)
+        if self.finished is None:
+            return None
+        old = self.finished.lit
+        if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.method == "diffusion":
+            lit = old  # the first volume of a new model, its bodies or other light is on the way
+        camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
+        return drawn, replace(lit, camera=camera), self.finished.gather
+
+    def is_settled(self, scene: Scene) -> bool:
+        """Whether what was drawn last is of this scene at full quality, with nothing more to come."""
+        return (
+            not self.working
+            and self.finished is not None
+            and self.finished.complete
+            and self._lit is not None
+            and self._sent is self._lit
+            and self.finished.lit is self._lit
+            and self._lit_for == (lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera), False)
+        )
+
+    def wait(self, timeout: float = 60.0) -> None:
+        """Wait for what the worker does now; for tests and replays, never for a window."""
+        if self._load is not None:
+            self._load.exception(timeout)
+        if self._job is not None:
+            self._job.future.exception(timeout)
+        self.visibility.wait(timeout)
+
+    def close(self) -> None:
+        """Let the worker finish and free it."""
+        self.visibility.close()
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+    # files
+
+    def _latest_ready(self, scene: Scene, detail: Detail) -> Scene | None:
+        """Return the scene if its files are loaded; else start loading them and stay with the last one."""
+        if self._load is not None and self._load.done():
+            load, self._load = self._load, None
+            load.result()  # raises what loading raised
+        if self._has_files(scene, detail):
+            self._ready, self._failed = scene, None
+        elif self._load is None and (self._failed is None or files(self._failed) != files(scene)):
+            self._load = self._worker.submit(self._read, scene)
+            self._load.add_done_callback(lambda _: self._wake())
+        if self._ready is None or self._ready is scene:
+            return self._ready
+        display = replace(self._ready.display, image_size=scene.display.image_size)
+        return replace(self._ready, camera=scene.camera, display=display)
+
+    def _has_files(self, scene: Scene, detail: Detail) -> bool:
+        assets, table = self.assets, scene.material.table_in_use
+        if not (assets.has_detail(scene.model, scene.detail) and assets.has_surround(scene.environment)):
+            return False
+        mesh, _ = assets.mesh(scene.model)
+        if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
+            return False
+        if scene.transport.method == "diffusion" and not assets.has_row_sums(mesh, scene.separate):
+            return False
+        settings = assets.possible(scene.transport, mesh, scene.separate)
+        rough = settings.method != "ewald" or assets.has_roughness(mesh)
+        return detail.draft or (rough and assets.has_samples(mesh, self._sample_spacing(scene, mesh)))
+
+    def _read(self, scene: Scene) -> None:
+        self._failed = scene
+        mesh, _ = self.assets.mesh(scene.model)
+        self.assets.detail(scene.model, scene.detail)
+        if scene.separate:
+            self.assets.bodies(mesh)
+        if scene.environment.source is not None:
+            lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
+            if scene.specular.strength > 0.0:
+                lobes.prepare(scene.specular.shininess)
+        scene.material.profiles(self.assets.profile_table)
+        self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
+        self._failed = None
+
+    def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
+        settings = self.assets.possible(scene.transport, mesh, scene.separate)
+        return sample_spacing(mesh, settings, quality_of(scene, mesh, self.assets).resolution)
+
+    # light and transport
+
+    def _light(self, scene: Scene, detail: Detail) -> LitScene:
+        """Light the scene, unless the light that there is will do."""
+        key, camera = lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera)
+        unchanged = self._lit_for is not None and key == self._lit_for[0]
+        if self._lit is not None and self._lit_for is not None:
+            if unchanged and detail.draft and angle(camera, self._lit_for[1]) < DRAFT_TURN_DEG:
+                return self._lit
+            if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
+                return self._lit
+            solving = detail.draft and self._lit.quality.method == "diffusion"
+            if solving and self._job is not None and not unchanged:
+                # Lit when it can be solved for: until then the processor is the worker's.
+                self._job.supersede(at_once=key[0] != self._lit_for[0][0])
+                return self._lit
+        if not detail.draft:
+            self._held = None
+        coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
+        if coarse is not None:
+            order = scene.transport.assignment or (self._lit.quality.assignment if self._lit is not None else None)
+            scene = replace(scene, transport=replace(scene.transport, resolution=coarse, assignment=order))
+        self.assets.accept_finer = detail.draft
+        shadows = scene.model, scene.effective_lights(), scene.environment
+        few = detail.draft and shadows != self._shadows  # a dragged material keeps the soft shadows that there are
+        try:
+            lit = self.renderer.light(scene, draft=few)
+        except Unfinished:
+            self._go_on()
+            drafted = self._lit_for is not None and self._lit_for[:2] == (key, camera)
+            if self._lit is not None and (drafted or shadows == self._shadows):
+                return self._lit  # until all is there; a draft would replace maps that are as they should be
+            few = True
+            with self.renderer.stages.at_once():
+                lit = self.renderer.light(scene, draft=True)
+        self._shadows = None if few else shadows
+        if self._lit is None or not same_light(lit, self._lit):
+            if self._job is not None:
+                self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
+            self._lit = lit
+        self._lit_for = (key, camera, coarse is not None or few)
+        return self._lit
+
+    def _draft_resolution(self, scene: Scene) -> int | None:
+        """As `live.draft.draft_resolution`, once a drag: the grid stays and all weights on it, even of a material."""
+        if self._cost is None or self._lit is None:
+            return None
+        settings, held = scene.transport, self._held
+        if held is not None and held[:2] == (scene.model, settings):
+            return held[2]
+        chosen = draft_resolution(scene, self._lit.quality, self._cost)
+        self._held = scene.model, settings, chosen
+        return chosen
+
+    def _submit(self, lit: LitScene) -> None:
+        if self._job is None and self._sent is not lit:
+            self._sent = lit
+            self._job = TransportJob(self._worker, self.renderer, lit, self._wake)
+
+    def _collect(self) -> None:
+        """Take what the worker has, finished or on the way."""
+        if (job := self._job) is None:
+            return
+        if done := job.future.done():
+            self._job = None
+        scattered = job.future.result() if done else job.preview()
+        if scattered is None:
+            return
+        if done and not scattered.complete:
+            self._sent = None  # where the light comes back, it is solved after all
+        lit = scattered.lit
+        if scattered.is_presentable:
+            gather = self.renderer.gather(lit, scattered.result)
+            self.finished = Finished(lit, gather, scattered.result, scattered.complete)
+        if scattered.seconds is not None:
+            self._cost = scattered.seconds, lit.quality.resolution, lit.grid.n_layers
+        self.renderer.stages.timings.update(scattered.timings)
+
+    def _go_on(self) -> None:
+        """Have the next frame drawn at once, for what this one left."""
+        self.spreading = True
+        self._wake()
+
+    def _count(self, timings: dict[str, float]) -> None:
+        if timings:
+            self.ran = dict(timings)
+            self.stage_times.update(timings)
+
+
+def solves(live: Live) -> bool:
+    """Whether what is shown is of `diffusion`."""
+    return live.finished is not None and live.finished.lit.quality.method == "diffusion"

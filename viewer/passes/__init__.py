@@ -1,0 +1,1 @@
+"""One GPU pass a file, with its record and uniforms."""

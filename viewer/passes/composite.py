@@ -1,0 +1,77 @@
+"""Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import moderngl
+
+from milkglass.viewer.gl.context import Program, draw_over_object, float_targets, over_object
+from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.passes.gbuffer import GBuffer
+from milkglass.viewer.passes.irradiance import PixelLight, highlight_uniforms
+from milkglass.viewer.scene.camera import Camera
+from milkglass.viewer.scene.settings import SpecularSettings
+
+OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
+
+
+@dataclass(frozen=True, eq=False)
+class Composite:
+    """RGBA float textures by name, the first one or all of `OUTPUTS`: sums over the pixel's samples, a coverage."""
+
+    textures: dict[str, moderngl.Texture]
+    framebuffer: moderngl.Framebuffer
+
+
+class CompositePass:
+    """Draws what leaves the surface towards the eye."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "fullscreen.vert", "composite.frag")
+        self._triangle = context.vertex_array(self._program.program, [])
+
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "composite_detail.frag")
+        return program, self._context.vertex_array(program.program, [])
+
+    def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
+        """Allocate radiance, and its parts too if wanted, for (width, height) pixels; `depth` as of light."""
+        names = OUTPUTS if parts else OUTPUTS[:1]
+        textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
+        return Composite(textures, over_object(self._context, list(textures.values()), depth))
+
+    def render(
+        self,
+        gbuffer: GBuffer,
+        light: PixelLight,
+        gather: Gather,
+        specular: SpecularSettings,
+        camera: Camera,
+        weight: float,
+        out: Composite,
+    ) -> None:
+        """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
+        out.framebuffer.use()
+        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
+        mirrors = highlight_uniforms(specular)
+        program.set(
+            {
+                "t_position": gbuffer.position,
+                "t_normal": gbuffer.normal,
+                "t_irradiance": light.irradiance,
+                "t_specular": light.specular,
+                **gather.exitance_uniforms(),
+                **leaving_uniforms(gbuffer.detail),
+                "t_local": light.local,
+                "t_lobe": gbuffer.lobe or gbuffer.normal,
+                "u_occluded_lobe": gbuffer.lobe is not None,
+                **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
+                "u_eye": tuple(camera.eye),
+                "u_eta": gather.eta,
+                "u_weight": weight,
+            }
+        )
+        draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)

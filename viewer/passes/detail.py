@@ -1,0 +1,120 @@
+"""Detail: colour and relief of the visible surface at every pixel, where the model has any."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.texture import COLOUR, Texture
+from milkglass.viewer.gl.context import Program, checked, driver_name, float_targets
+
+SRGB8 = 0x8C41
+ANISOTROPY = 8.0  # where a GPU does it
+
+
+@dataclass(frozen=True, eq=False)
+class DetailBuffer:
+    """Float textures of one image size, see detail.frag."""
+
+    colour: moderngl.Texture
+    shading: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+
+
+@dataclass(frozen=True)
+class Group:
+    """Faces of one skin, that lie together in the index buffer."""
+
+    skin: int
+    first: int
+    count: int
+
+
+class DetailBuffers:
+    """A mesh with its colours and textures on the GPU."""
+
+    def __init__(self, context: moderngl.Context, detail: Detail) -> None:
+        self.detail, vertices = detail, detail.vertices
+        order = np.argsort(detail.skin, kind="stable")
+        counts = np.bincount(detail.skin, minlength=len(detail.skins))
+        starts = np.cumsum(counts) - counts
+        self.groups = [
+            Group(i, int(first), int(n)) for i, (first, n) in enumerate(zip(starts, counts, strict=True)) if n
+        ]
+        columns = vertices.positions, vertices.normals, vertices.coordinates, vertices.colours, vertices.tangents
+        self.vertices = context.buffer(np.concatenate(columns, axis=1).astype(np.float32))
+        self.faces = context.buffer(np.ascontiguousarray(vertices.faces[order]))
+        self._textures: dict[Texture, moderngl.Texture] = {}
+        self.none = context.texture((1, 1), 3, b"\xff\xff\xff", alignment=1)
+        for skin in detail.skins:
+            for texture in (skin.colour, skin.normal):
+                if texture is not None and texture not in self._textures:
+                    self._textures[texture] = _upload(context, texture)
+
+    def texture(self, texture: Texture | None) -> moderngl.Texture:
+        """Return what was uploaded of a texture, any texture for None."""
+        return self.none if texture is None else self._textures[texture]
+
+
+class DetailPass:
+    """Rasterises a mesh with its own vertices: texture coordinates may jump where the surface does not."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "detail.vert", "detail.frag")
+
+    def targets(self, size: tuple[int, int]) -> DetailBuffer:
+        """Allocate what `render` fills, (width, height) pixels."""
+        colour, shading = float_targets(self._context, size, 2)
+        depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
+        return DetailBuffer(colour, shading, self._context.framebuffer([colour, shading], depth))
+
+    def render(
+        self, buffers: DetailBuffers, world_to_clip: npt.NDArray[np.float64], strength: float, out: DetailBuffer
+    ) -> None:
+        """Draw through a world-to-clip matrix (4, 4), row vectors; relief has `strength`."""
+        out.framebuffer.use()
+        out.framebuffer.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        attributes = ("a_position", "a_normal", "a_coordinates", "a_colour", "a_tangent")
+        content = [(buffers.vertices, "3f 3f 2f 3f 4f", *attributes)]
+        vertices = self._context.vertex_array(self._program.program, content, buffers.faces)
+        for group in buffers.groups:
+            skin = buffers.detail.skins[group.skin]
+            self._program.set(
+                {
+                    "u_world_to_clip": world_to_clip,
+                    "u_factor": skin.factor,
+                    "u_has_colours": skin.colour is not None,
+                    "t_colours": buffers.texture(skin.colour),
+                    "u_has_relief": skin.normal is not None and strength > 0.0,
+                    "t_relief": buffers.texture(skin.normal),
+                    "u_strength": strength,
+                }
+            )
+            vertices.render(vertices=3 * group.count, first=3 * group.first)
+        vertices.release()
+
+
+def _upload(context: moderngl.Context, texture: Texture) -> moderngl.Texture:
+    """Make a texture with its mip levels that repeats; colours are decoded before they are filtered."""
+    width, height = texture.size
+    largest = int(context.info["GL_MAX_TEXTURE_SIZE"])
+    pixels, step = texture.pixels, -(-max(width, height) // largest)
+    if step > 1:
+        pixels = np.ascontiguousarray(pixels[::step, ::step])
+    internal = SRGB8 if texture.kind == COLOUR else None
+    size = pixels.shape[1], pixels.shape[0]
+    made = checked(
+        context,
+        lambda: context.texture(size, 3, pixels, alignment=1, internal_format=internal),
+        f"a texture of {width} x {height}",
+    )
+    made.build_mipmaps()
+    made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    made.repeat_x = made.repeat_y = True
+    if "llvmpipe" not in driver_name(context):  # which takes many times longer for it
+        made.anisotropy = min(ANISOTROPY, context.max_anisotropy)
+    return made

@@ -1,0 +1,86 @@
+"""Colours and relief of a surface as the passes take them: buffers, textures, and their uniforms."""
+
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.reference.sources import Sources
+from milkglass.viewer.gl.buffers import SampleBuffers
+from milkglass.viewer.passes.detail import DetailBuffer, DetailBuffers
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The samples of a mesh, on both sides; factors (n, 3) on their irradiance where they have colours or relief."""
+
+    samples: SurfaceSamples
+    buffers: SampleBuffers
+    weights: Float32 | None = None
+
+    def weighted(self, irradiance: Float32) -> Float32:
+        """E (n, 3) as it enters."""
+        return irradiance if self.weights is None else irradiance * self.weights
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceDetail:
+    """What lighting and shading need; compared by identity.
+
+    Attributes
+    ----------
+    detail : Detail
+    buffers : DetailBuffers
+    before, after : float
+        Powers of the colour on irradiance and on exitance.
+    strength : float
+        Of the relief.
+    near : 3-D texture
+        Colour^before of the surface near each node of `grid`.
+    """
+
+    detail: Detail
+    buffers: DetailBuffers
+    before: float
+    after: float
+    strength: float
+    near: moderngl.Texture3D
+    grid: LayerGrid
+
+    def on_sources(self, sources: Sources) -> tuple[Sources, npt.NDArray[np.float64]]:
+        """Sources with the normals that light meets, and factors (n, 3) on what enters there: for the reference."""
+        places = self.detail.at(sources.points, sources.face_normals, sources.areas)
+        normals, weights = sources.normals, np.ones((len(sources), 3))
+        if self.before > 0.0:
+            weights = self.detail.colour(places, self.before).astype(np.float64)
+        if self.detail.has_normals and self.strength > 0.0:
+            turned, factors = self.detail.relief(places, sources.normals, self.strength)
+            normals, weights = turned.astype(np.float64), weights * factors[:, None]
+        return replace(sources, normals=normals), weights
+
+
+Drawn = tuple[SurfaceDetail, DetailBuffer]
+
+
+def entering_uniforms(drawn: Drawn | None) -> dict[str, object]:
+    """Values of detail_entering.glsl, where something is drawn."""
+    if drawn is None:
+        return {}
+    detail, buffer = drawn
+    return {
+        "t_colour": buffer.colour,
+        "t_shading": buffer.shading,
+        "u_before": detail.before,
+        "t_near_colour": detail.near,
+        "u_world_to_near": detail.grid.world_to_texture,
+    }
+
+
+def leaving_uniforms(drawn: Drawn | None) -> dict[str, object]:
+    """Values of detail_leaving.glsl, where something is drawn."""
+    return {} if drawn is None else {"t_colour": drawn[1].colour, "u_after": drawn[0].after}

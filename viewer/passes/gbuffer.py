@@ -1,0 +1,93 @@
+"""G-buffer: position, normal and body of the visible surface at every pixel."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.gl.context import Program, checked, float_targets
+from milkglass.viewer.passes.detail_uniforms import Drawn
+from milkglass.viewer.passes.occlusion import Occlusion
+
+
+@dataclass(frozen=True, eq=False)
+class GBuffer:
+    """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body.
+
+    `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
+    `viewer.render.occlusion` and `viewer.passes.highlights`; `detail` where the surface has colours or relief.
+    """
+
+    position: moderngl.Texture
+    normal: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+    visible: moderngl.Texture | None = None
+    lobe: moderngl.Texture | None = None
+    detail: Drawn | None = None
+
+
+class GBufferPass:
+    """Rasterises the mesh."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "gbuffer.vert", "gbuffer.frag")
+        self._bodies_program = Program(context, "gbuffer_bodies.vert", "gbuffer_bodies.frag")
+        self._visible_program = Program(context, "gbuffer_visible.vert", "gbuffer_visible.frag")
+        # What all vertices share where nothing better is known of each.
+        constant = [np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1)]
+        self._all, self._no_lobe, self._one_body = (context.buffer(values.astype("f4")) for values in constant)
+
+    def depth(self, size: tuple[int, int]) -> moderngl.Renderbuffer:
+        """Allocate a depth buffer of (width, height) pixels."""
+        return checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
+
+    def targets(
+        self,
+        size: tuple[int, int],
+        occluded: bool = False,
+        lobes: bool = False,
+        depth: moderngl.Renderbuffer | None = None,
+    ) -> GBuffer:
+        """Allocate a G-buffer of (width, height) pixels, with a `depth` that others read too if it is given."""
+        position, normal, *visible = float_targets(self._context, size, 2 + occluded + lobes)
+        framebuffer = self._context.framebuffer([position, normal, *visible], depth or self.depth(size))
+        return GBuffer(position, normal, framebuffer, visible[0] if occluded else None, visible[-1] if lobes else None)
+
+    def render(
+        self,
+        buffers: MeshBuffers,
+        world_to_clip: npt.NDArray[np.float64],
+        out: GBuffer,
+        bodies: moderngl.Buffer | None = None,
+        occlusion: Occlusion | None = None,
+        behind: moderngl.Buffer | None = None,
+        lobes: moderngl.Buffer | None = None,
+    ) -> None:
+        """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
+
+        `bodies` holds the body of each vertex where there are several; of its mesh if there is an `occlusion`. Of an
+        occlusion, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted.
+        """
+        out.framebuffer.use()
+        out.framebuffer.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        program = self._program if bodies is None else self._bodies_program
+        if occlusion is not None:
+            program = self._visible_program
+            vertices = occlusion.buffers.visible(
+                program,
+                {
+                    "a_visible": (occlusion.values, "3f"),
+                    "a_behind": (self._all, "3f/i") if behind is None else (behind, "3f"),
+                    "a_lobe": (self._no_lobe, "4f/i") if lobes is None else (lobes, "4f"),
+                    "a_body": (self._one_body, "1f/i") if bodies is None else (bodies, "1f"),
+                },
+            )
+        else:
+            vertices = buffers.positions_and_normals(program, bodies)
+        program.set({"u_world_to_clip": world_to_clip})
+        vertices.render()
+        vertices.release()

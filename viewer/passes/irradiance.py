@@ -1,0 +1,165 @@
+"""Irradiance, (2): of the surface samples by transform feedback, of the pixels light by light over the G-buffer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.stages import Steps, exhausted
+from milkglass.viewer.gl.buffers import SampleBuffers
+from milkglass.viewer.gl.context import Program, draw_over_object, float_targets, over_object
+from milkglass.viewer.passes.detail_uniforms import entering_uniforms
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.passes.gbuffer import GBuffer
+from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.scene.camera import Camera
+from milkglass.viewer.scene.settings import SpecularSettings
+
+# Times sub-lights: what about 50 ms are enough for without a GPU.
+SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
+
+
+class SampleIrradiancePass:
+    """Runs irradiance.glsl over the surface samples."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
+
+    @cached_property
+    def _soft_program(self) -> Program:
+        return Program(self._context, "irradiance_samples_soft.vert", varyings=("v_irradiance",))
+
+    def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
+        """As `steps`, all at once."""
+        return exhausted(self.steps(buffers, source, eta))
+
+    def steps(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Steps[Float32]:
+        """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
+        program = self._soft_program if source.is_soft else self._program
+        result, step = np.empty((buffers.count, 3), np.float32), max(1, SAMPLES_A_STEP // source.sub_lights)
+        for first in range(0, buffers.count, step):
+            if first > 0:
+                yield
+            part = result[first : first + step]
+            program.set(source.sample_uniforms(eta))
+            part[:] = np.frombuffer(buffers.transform(program, first, len(part)), np.float32).reshape(-1, 3)
+        return result
+
+
+class PixelIrradiancePass:
+    """Runs irradiance.glsl over the G-buffer."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
+        self._triangle = context.vertex_array(self._program.program, [])
+
+    @cached_property
+    def _soft(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_soft.frag")
+
+    @cached_property
+    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_detail.frag")
+
+    @cached_property
+    def _soft_detailed(self) -> tuple[Program, moderngl.VertexArray]:
+        return self._variant("irradiance_pixels_soft_detail.frag")
+
+    def _drawn_with(self, soft: bool, detailed: bool) -> tuple[Program, moderngl.VertexArray]:
+        """Return the cheapest program that does."""
+        if soft:
+            return self._soft_detailed if detailed else self._soft
+        return self._detailed if detailed else (self._program, self._triangle)
+
+    def _variant(self, fragment: str) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", fragment)
+        return program, self._context.vertex_array(program.program, [])
+
+    def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
+        """Allocate what `steps` fill; `depth` of the G-buffer spares it the pixels beside the object."""
+        irradiance, specular, local = float_targets(self._context, size, 3)
+        framebuffer = over_object(self._context, [irradiance, specular, local], depth)
+        return PixelLight(irradiance, specular, local, framebuffer)
+
+    def steps(
+        self,
+        gbuffer: GBuffer,
+        sources: Sequence[LightSource],
+        gather: Gather,
+        specular: SpecularSettings,
+        highlights: moderngl.Texture,
+        camera: Camera,
+        out: "PixelLight",
+        sample: int = 0,
+        samples: int = 1,
+    ) -> Steps[None]:
+        """Sum E, the Phong highlights and the local exitance of all lights at every pixel, in one of its samples.
+
+        `highlights` is the environment prefiltered with the lobe, any texture without one. A step of a light with a
+        size is a band of the picture.
+        """
+        framebuffer, drawn = out.framebuffer, 0
+        framebuffer.use()
+        framebuffer.clear()
+        for source in sources:
+            program, triangle = self._drawn_with(source.is_soft, gbuffer.detail is not None)
+            values = {
+                **source.uniforms(gather.eta, sample, samples),
+                **source.shadow.depth_uniforms(),
+                **gather.light_uniforms(),
+                **entering_uniforms(gbuffer.detail),
+                "t_position": gbuffer.position,
+                "t_normal": gbuffer.normal,
+                "t_visible": gbuffer.visible or gbuffer.normal,
+                "t_lobe": gbuffer.lobe or gbuffer.normal,
+                "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
+                "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
+                "u_eye": tuple(camera.eye),
+                **highlight_uniforms(specular),
+                "t_highlights": highlights,
+            }
+            each = source.sub_lights // samples or 1 if source.is_soft else 0
+            width, height = framebuffer.size
+            rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, each))))
+            for low in range(0, height, rows):
+                cost = each * width * rows
+                if drawn > 0 and drawn + cost > PIXELS_A_STEP:
+                    yield
+                    drawn = 0
+                drawn += cost
+                framebuffer.use()
+                self._context.scissor = None if rows >= height else (0, low, width, rows)
+                program.set(values)
+                draw_over_object(self._context, triangle, framebuffer.depth_attachment is not None)
+                self._context.scissor = None
+
+
+def highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
+    """Values for highlights.glsl."""
+    integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
+    normalized = specular.model == "normalized"
+    return {
+        "u_shininess": specular.shininess,
+        "u_lamp_strength": specular.strength / integral if normalized else specular.strength,
+        "u_surround_strength": specular.strength if normalized else specular.strength * integral,
+        "u_fresnel": normalized,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class PixelLight:
+    """RGBA float textures of every pixel's light, and the framebuffer that draws into them.
+
+    `local` is the exitance of `core.transport.base.LocalTerm`, or what light adds to the equation of
+    `core.transport.diffusion.pixels`; then the alphas are the same on the other side of a sheet.
+    """
+
+    irradiance: moderngl.Texture
+    specular: moderngl.Texture
+    local: moderngl.Texture
+    framebuffer: moderngl.Framebuffer

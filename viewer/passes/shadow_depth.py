@@ -1,0 +1,70 @@
+"""Depth of the mesh as lights see it: views as tiles of one texture, and bodies where they are told apart."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import moderngl
+
+from milkglass.core.arrays import Array
+from milkglass.core.stages import Steps
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.gl.context import Program, checked, float_texture, leave_framebuffer
+
+
+class DepthTiles:
+    """Draws the tiles of shadow maps in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+
+    @cached_property
+    def _program(self) -> Program:
+        return Program(self._context, "shadows.vert", "shadows.frag")
+
+    @cached_property
+    def _bodies_program(self) -> Program:
+        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
+
+    @cached_property
+    def no_bodies(self) -> moderngl.Texture:
+        """What stands for the bodies where they are not told apart."""
+        return float_texture(self._context, (1, 1), 1)
+
+    def texture(self, size: tuple[int, int], what: str) -> moderngl.Texture:
+        """Allocate depths, read texel by texel; `what` names them where there is no memory."""
+        texture = checked(self._context, lambda: self._context.depth_texture(size), what)
+        texture.compare_func = ""
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
+    def steps(
+        self,
+        texture: moderngl.Texture,
+        columns: int,
+        side: int,
+        matrices: Sequence[Array] | Array,
+        buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None,
+    ) -> Steps[moderngl.Texture]:
+        """Draw the mesh by each matrix, row by row of `columns` tiles of `side` texels; returns its bodies if given."""
+        program, seen, colours = self._program, self.no_bodies, []
+        if bodies is not None:
+            program, seen = self._bodies_program, float_texture(self._context, texture.size, 1)
+            colours = [seen]
+        framebuffer = self._context.framebuffer(colours, texture)
+        framebuffer.use()
+        framebuffer.clear(depth=1.0)
+        vertices = buffers.positions(program, bodies)
+        for i, matrix in enumerate(matrices):
+            if i > 0:
+                yield
+            framebuffer.use()
+            self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
+            framebuffer.viewport = (side * (i % columns), side * (i // columns), side, side)
+            program.set({"u_world_to_clip": matrix})
+            vertices.render()
+            leave_framebuffer(self._context)
+        vertices.release()
+        framebuffer.release()
+        return seen

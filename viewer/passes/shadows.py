@@ -1,0 +1,115 @@
+"""Shadow maps: one depth texture a light, fitted to the object."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.stages import exhausted
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.passes.shadow_depth import DepthTiles
+from milkglass.viewer.passes.shadow_views import CUBE_MARGIN, FAR, cube_views, directional_view, frustum_view
+from milkglass.viewer.scene.settings import DirectionalLight, PointLight
+
+SIZE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 mm
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMap:
+    """Depth seen from a light.
+
+    Attributes
+    ----------
+    texture : depth texture
+        One view, or six tiles in 3 columns and 2 rows.
+    depths : sampler
+        Of the same texture, for its depths instead of comparisons with them.
+    world_to_clip : (6, 4, 4) float64
+        Row vectors; unused ones are 0.
+    views : int
+        0 (no shadow), 1 or 6.
+    texel : float
+        Size of a texel on the object: mm for a directional light, mm per mm of distance for a point light.
+    bodies : texture
+        The body at each texel, where bodies are told apart; else any texture.
+    tells_bodies : bool
+    """
+
+    texture: moderngl.Texture
+    depths: moderngl.Sampler
+    world_to_clip: Array
+    views: int
+    texel: float
+    bodies: moderngl.Texture
+    tells_bodies: bool = False
+
+    def uniforms(self) -> dict[str, object]:
+        """Values for shadows.glsl."""
+        return {
+            "t_shadow": self.texture,
+            "u_shadow_views": self.views,
+            "u_shadow_world_to_clip": self.world_to_clip,
+            "u_shadow_texel": self.texel,
+        }
+
+    def depth_uniforms(self) -> dict[str, object]:
+        """Values for sheet.glsl."""
+        views = self.world_to_clip[: self.views]
+        clip_to_world = np.zeros((6, 4, 4))
+        clip_to_world[: self.views] = np.linalg.inv(views)
+        return {
+            "t_shadow_depth": self.depths,
+            "u_shadow_clip_to_world": clip_to_world,
+            "u_separate_shadow": self.tells_bodies,
+            "t_shadow_body": self.bodies,
+        }
+
+
+class ShadowsPass:
+    """Renders shadow maps."""
+
+    def __init__(self, context: moderngl.Context, size: int = SIZE) -> None:
+        self._context, self._tiles = context, DepthTiles(context)
+        self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
+        nothing = self._texture((1, 1))
+        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0, self._tiles.no_bodies)
+
+    def render(
+        self,
+        buffers: MeshBuffers,
+        mesh: Mesh,
+        light: DirectionalLight | PointLight,
+        bodies: moderngl.Buffer | None = None,
+    ) -> ShadowMap:
+        """Render the mesh's depth as the light sees it, and its bodies if given: one float a vertex."""
+        tiles = (1, 1)
+        side = self._size
+        if isinstance(light, DirectionalLight):
+            matrices, texel = directional_view(mesh, light.direction, side)
+        elif (distance := float(np.linalg.norm(light.position_mm))) > FAR * mesh.radius:
+            matrices, texel = directional_view(mesh, light.position_mm, side)
+            texel /= distance
+        elif distance > CUBE_MARGIN * mesh.radius:
+            matrices, texel = frustum_view(mesh, light.position_mm, side)
+        else:
+            tiles, side = (3, 2), self._size // 2
+            matrices, texel = cube_views(mesh, light.position_mm, side)
+        size = side * tiles[0], side * tiles[1]
+        texture = self._texture(size)
+        seen = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))
+        padded = np.zeros((6, 4, 4))
+        padded[: len(matrices)] = matrices
+        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
+
+    def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
+        texture = self._tiles.texture(size, "a shadow map")
+        texture.compare_func = "<="
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        return texture
+
+    def _depths(self, texture: moderngl.Texture) -> moderngl.Sampler:
+        sampler = self._context.sampler(False, False, filter=(moderngl.NEAREST, moderngl.NEAREST), texture=texture)
+        sampler.compare_func = ""
+        return sampler

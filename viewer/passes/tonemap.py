@@ -1,0 +1,105 @@
+"""Tone map: exposure from the log-average luminance of the object, background, sRGB."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.display import LOG_FLOOR
+from milkglass.viewer.gl.context import Program, float_texture, leave_framebuffer
+from milkglass.viewer.scene.camera import Camera, world_to_probe
+from milkglass.viewer.scene.settings import DisplaySettings
+
+TILE = 16  # pixels a side that one fragment of the reduction sums
+COLOUR, TRANSPARENT, ENVIRONMENT = range(3)  # as in tonemap.frag
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """The probe behind the object: a lat-long texture of radiance; any texture where another background is set."""
+
+    probe: moderngl.Texture
+    rotation_deg: float
+    intensity: float
+
+
+class TonemapPass:
+    """Turns radiance into a picture."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._luminance = Program(context, "fullscreen.vert", "tonemap_luminance.frag")
+        self._tonemap = Program(context, "fullscreen.vert", "tonemap.frag")
+        self._reduce = context.vertex_array(self._luminance.program, [])
+        self._triangle = context.vertex_array(self._tonemap.program, [])
+
+    def log_average(self, radiance: moderngl.Texture) -> float:
+        """Log-average luminance over the object, as `core.display.log_average`."""
+        _, total, count = self._sums(radiance, 1.0)
+        if count == 0.0 or total == 0.0:
+            return 0.0
+        logs, _, _ = self._sums(radiance, LOG_FLOOR * total / count)
+        return float(np.exp(logs / count))
+
+    def render(
+        self,
+        radiance: moderngl.Texture,
+        log_average: float,
+        display: DisplaySettings,
+        background: Background,
+        camera: Camera,
+        out: moderngl.Framebuffer,
+        directions: bool = False,
+    ) -> None:
+        """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.
+
+        `directions`: the object's pixels are unit vectors, drawn as (n + 1) / 2 and not tone-mapped.
+        """
+        # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
+        exposure = display.key / log_average if log_average > 0.0 else 0.0
+        out.use()
+        self._context.enable_only(moderngl.NOTHING)
+        to_probe = np.eye(4)
+        to_probe[:3, :3] = world_to_probe(background.rotation_deg)
+        kind, colour = _background(display.background)
+        self._tonemap.set(
+            {
+                "t_radiance": radiance,
+                "t_probe": background.probe,
+                "u_exposure": exposure,
+                "u_white": display.white,
+                "u_background_kind": kind,
+                "u_background": colour,
+                "u_clip_to_probe": np.linalg.inv(camera.world_to_clip) @ to_probe,
+                "u_probe_intensity": background.intensity,
+                "u_directions": directions,
+            }
+        )
+        self._triangle.render(vertices=3)
+
+    def _sums(self, radiance: moderngl.Texture, floor: float) -> npt.NDArray[np.float64]:
+        size = (-(-radiance.width // TILE), -(-radiance.height // TILE))
+        target = float_texture(self._context, size)
+        framebuffer = self._context.framebuffer([target])
+        framebuffer.use()
+        self._context.enable_only(moderngl.NOTHING)
+        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE, TILE), "u_floor": floor})
+        self._reduce.render(vertices=3)
+        sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)[:, :3]
+        leave_framebuffer(self._context)
+        framebuffer.release()
+        target.release()
+        return np.asarray(sums.sum(axis=0, dtype=np.float64))
+
+
+def _background(name: str) -> tuple[int, tuple[float, float, float]]:
+    black = (0.0, 0.0, 0.0)
+    if name == "transparent":
+        return TRANSPARENT, black
+    if name == "environment":
+        return ENVIRONMENT, black
+    if name == "black":
+        return COLOUR, black
+    red, green, blue = (int(name[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return COLOUR, (red, green, blue)

@@ -1,0 +1,235 @@
+"""Image-based material editing: the object of a photograph in another material, under the light around it.
+
+After Khan et al. 2006, as figure 3 of the paper does: photograph -> height -> surface (`viewer.photograph.geometry`),
+background -> light (`core.photograph.surround`), then the renderer's own pipeline, and back into the photograph
+(`viewer.photograph.composite`).
+"""
+
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import label
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.display import luminance
+from milkglass.core.geometry.bodies import Bodies
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.light.probe import Probe, irradiance_table, lookup
+from milkglass.core.photograph.light import Shading, light_around
+from milkglass.core.photograph.surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
+from milkglass.core.threads import thread_pool
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.files.model import FileModel
+from milkglass.viewer.files.photograph import Photo, Region
+from milkglass.viewer.gl.context import read_rgba
+from milkglass.viewer.photograph.framing import frame_object
+from milkglass.viewer.photograph.geometry import Geometry, make_geometry
+from milkglass.viewer.render.lighting import Progress
+from milkglass.viewer.render.picture import Frame, read_frame
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import DisplaySettings, ModelSettings
+
+SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
+NODES = 48  # of diffusion along the object, unless it is told: what they miss is far less than an estimated shape does
+KEY = DisplaySettings().key  # where the photograph's own exposure is kept
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """An object in another material, not yet in its photograph; pixels are the rendered ones of `geometry.framing`.
+
+    Attributes
+    ----------
+    photo : Photo
+    geometry : Geometry
+    radiance : (h, w, 3) float32
+        Rendered, multiplied by coverage.
+    coverage : (h, w) float32
+        By the rendered surface.
+    frame : Frame, optional
+        All of what was rendered, where it was asked for.
+    exposure : float
+        The radiance times this is that of the photograph, see `core.photograph.surround.scene_radiance`.
+    white : float
+        Of the tone map.
+    behind : (h, w, 3) float32
+        Linear RGB of the background, filled in where the object was; see `background`.
+    timings : dict
+        Stage -> ms.
+    warnings : tuple of str
+    """
+
+    photo: Photo
+    geometry: Geometry
+    radiance: Float32
+    coverage: Float32
+    frame: Frame | None
+    exposure: float
+    white: float
+    behind: Float32
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+
+
+class PhotoAssets(Assets):
+    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its light."""
+
+    def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
+        super().__init__()
+        self._mesh, self._path, self._light = geometry.mesh, path, light
+        self._inside = geometry.base > 0.0
+
+    def probe(self, source: Path | str) -> Probe:
+        """Return the photograph's light, or another light probe."""
+        return self._light if source == self._path else super().probe(source)
+
+    def bodies(self, mesh: Mesh) -> Bodies:
+        """Return its bodies: one, where the outline's nodes hang together."""
+        if label(self._inside, np.ones((3, 3)))[1] == 1:
+            return Bodies(np.zeros(len(mesh.faces), np.int32), 1, 0)
+        return super().bodies(mesh)
+
+    def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
+        """Return what they are: the object is closed by construction."""
+        return np.full(1, -0.5)
+
+    def _model(self, settings: ModelSettings) -> FileModel:
+        return FileModel(self._mesh)
+
+
+def edit(
+    photo: Photo,
+    scene: Scene,
+    context: moderngl.Context,
+    *,
+    samples: int = 1,
+    parts: bool = True,
+    progress: Progress = lambda _: None,
+) -> Edited:
+    """Render the object of a photograph in a scene's material and light.
+
+    Parameters
+    ----------
+    photo : Photo
+    scene : Scene
+        Its model's shape, camera and picture size are the photograph's; without an environment of its own, the
+        photograph's background is one. How depth is read is in its table of the photograph.
+    context : moderngl.Context
+    samples : int
+        Of a pixel; the mask smooths the outline anyway.
+    parts : bool
+        Whether to keep what the radiance is made of.
+    progress : as of `viewer.render.renderer.render`
+
+    Raises
+    ------
+    InputError
+        What cannot be rendered; one sentence.
+    """
+    timings: dict[str, float] = {}
+    clock = perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        timings[stage], clock = 1e3 * (perf_counter() - clock), perf_counter()
+
+    progress("estimating the depth")
+    framing = frame_object(photo, scene.model.size_mm)
+    white, read = scene.display.white, scene.photo
+    lit: list[Future[Probe]] = []
+    geometry = make_geometry(
+        photo,
+        framing,
+        white,
+        strength=read.depth_strength,
+        smoothing=read.depth_smoothing,
+        depth=read.depth,
+        tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
+    )
+    lap("depth and surface")
+    behind = thread_pool().submit(background, geometry)
+    progress("looking at the surround")
+    light = lit[0].result()
+    lap("light")
+    placed = placed_scene(scene, photo, geometry)
+    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
+    renderer.develops = parts
+    # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
+    own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
+    # A height field casts short shadows: a window of the surround needs few sub-lights.
+    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True)
+    timings |= renderer.timings
+    rendered = read_rgba(picture.composite.textures["radiance"])
+    radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
+    exposure = scene.display.key / KEY
+    if not own:
+        irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
+        mean = float(luminance(irradiance).sum()) / max(float(covered.sum()), 1.0)
+        exposure *= exposure_match(light, geometry, placed, mean)
+    frame = read_frame(picture, renderer.timings, last=True) if parts else None
+    lap("rendering")
+    kept = exposure, white, behind.result(), timings, picture.warnings
+    lap("background")
+    return Edited(photo, geometry, radiance, covered, frame, *kept)
+
+
+def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
+    """Return the scene with the photograph's camera, and its light where there is no other environment.
+
+    What is bright in the background is behind the object, and need not shine as a lamp: only one in front does.
+    """
+    rows, columns = geometry.framing.size
+    environment = scene.environment
+    if not environment.given:
+        sharp = environment.extract and geometry.shading.lamp is not None
+        environment = replace(environment, path=photo.path, extract=sharp)
+    transport = scene.transport
+    if transport.method == "diffusion" and transport.resolution is None and transport.error_target is None:
+        transport = replace(transport, resolution=NODES)
+    display = replace(scene.display, image_size=(columns, rows), background="black")
+    return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
+
+
+def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
+    """Return the light on the object, in the photograph's radiance, see `core.photograph.light`."""
+    h, w = photo.size
+    block = max(1, max(h, w) // SURROUND_SIDE)
+    region = Region(0, 0, -(-h // block) * block, -(-w // block) * block)
+    colour, coverage = photo.reduced(region, block)
+    weight, around = clear_of(coverage), None
+    if weight.any():
+        outline = photo.outline
+        centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
+        around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
+    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+
+
+def background(geometry: Geometry) -> Float32:
+    """Fill the background in where the object is, (h, w, 3), two pixels that are read a side of one.
+
+    So large since what is filled in is smooth, and only that is seen.
+    """
+    step, clear = geometry.framing.step, clear_of(geometry.coverage).astype(np.float32)
+    return filled_halves(geometry.framing.cut(geometry.colour, step), geometry.framing.cut(clear, step))
+
+
+def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
+    """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
+    near = np.pad(coverage > 0.0, 2)
+    near = near[:-4] | near[1:-3] | near[2:-2] | near[3:-1] | near[4:]
+    return ~(near[:, :-4] | near[:, 1:-3] | near[:, 2:-2] | near[:, 3:-1] | near[:, 4:])
+
+
+def exposure_match(light: Probe, geometry: Geometry, scene: Scene, rendered: float) -> float:
+    """Factor that makes the mean luminance of the irradiance in a picture that of the photograph's own light."""
+    front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
+    # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
+    table = irradiance_table(light.sh, scene.material.resolve().eta)
+    wanted = float(np.average(luminance(lookup(table, front)), weights=front[:, 2]))
+    return wanted / rendered if rendered > 0.0 else 0.0

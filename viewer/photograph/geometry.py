@@ -1,0 +1,237 @@
+"""The object of a photograph as a mesh in front of a camera that sees it where the photograph shows it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.display import LUMINANCE
+from milkglass.core.errors import InputError
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.photograph.depth import estimate_height, inflated, inscribed_radius
+from milkglass.core.photograph.light import Shading, measure_shading, unexplained, without_lamp
+from milkglass.core.photograph.surface import Outline, find_outline, height_surface
+from milkglass.core.photograph.surround import filled, scene_luminance
+from milkglass.viewer.files.images import read_channels, read_photo
+from milkglass.viewer.files.photograph import Photo, Region
+from milkglass.viewer.photograph.enlarge import enlarged
+from milkglass.viewer.photograph.framing import Framing
+from milkglass.viewer.scene.settings import CameraSettings
+
+DEPTH_SUFFIXES = (".png", ".exr", ".npy")
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """An object of a photograph.
+
+    Attributes
+    ----------
+    framing : Framing
+    colour : (h, w, 3) float32
+        Linear RGB of the region, a pixel for each `block`.
+    coverage : (h, w) float32
+    share : (n, m) float64
+        Coverage of the nodes' squares.
+    base : (n, m) float64
+        The outline inflated, in nodes.
+    shading : Shading
+        How the photograph shows it lit.
+    height : (n, m) float64
+        Of the nodes towards the camera, in nodes; 0 beside the object.
+    mesh : Mesh
+    camera : CameraSettings
+        Orthographic; shows what is in the photograph.
+    """
+
+    framing: Framing
+    colour: Float32
+    coverage: Float32
+    share: Array
+    base: Array
+    shading: Shading
+    height: Array
+    mesh: Mesh
+    camera: CameraSettings
+
+    def depth_mm(self, band: Region) -> Float32:
+        """Height of a region's pixels, (height, width), 0 beside the object: between the nodes, linearly."""
+        nodes = (self.height * self.framing.mm).astype(np.float32)[..., None]
+        whole = self.framing.region
+        rows, columns = (
+            range(start, start + n)
+            for start, n in ((band.top - whole.top, band.height), (band.left - whole.left, band.width))
+        )
+        return enlarged(nodes, self.framing.node, rows, columns)[..., 0]
+
+    def facing(self) -> Float32:
+        """Cosine between the surface and the camera at every rendered pixel, (h, w); 0 at the rim."""
+        down, right = np.gradient(self.height)
+        cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
+        rows, columns = self.framing.size
+        return enlarged(self.framing.cut(cosine), self.framing.shades, range(rows), range(columns))[..., 0]
+
+
+def make_geometry(
+    photo: Photo,
+    framing: Framing,
+    white: float,
+    *,
+    strength: float,
+    smoothing: float,
+    depth: Path | None = None,
+    tell: Callable[[Shading], object] = lambda _: None,
+) -> Geometry:
+    """Estimate the object's depth, or read it, and make a surface of it.
+
+    Parameters
+    ----------
+    photo, framing
+    white : float
+        Luminance of the photograph's white, see `core.photograph.surround.scene_radiance`.
+    strength, smoothing : as of `core.photograph.depth.estimate_height`
+        With a depth of one's own, strength scales it and smoothing is of no use.
+    depth : Path, optional
+        See `read_depth`.
+    tell : callable
+        Told the shading as soon as it is known: light can be made of it meanwhile.
+
+    Raises
+    ------
+    InputError
+        If the object is too thin for a surface, or the depth cannot be used.
+    """
+    colour, coverage = photo.reduced(framing.region, framing.block)
+    share = _squares(coverage, framing.step)
+    outline = find_outline(share)
+    if not outline.inner.any():
+        raise InputError(
+            f"{photo.mask_path} shows nothing thick enough for a volume: paint the object's inside white too"
+        )
+    base = inflated(outline.inner)
+    given = None
+    if depth is not None:
+        given = _given_height(
+            read_depth(depth, photo), photo, framing, outline, strength, depth.suffix.lower() == ".png"
+        )
+    shown = colour @ LUMINANCE.astype(np.float32)
+    shading = _shading(shown, coverage, share, base if given is None else given, framing.step, white)
+    tell(shading)
+    if given is None:
+        light = over_nodes(shown, coverage, framing.step)
+        # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
+        more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
+        light = without_lamp(light, base, outline.inner, shading)
+        height = estimate_height(
+            light,
+            outline.inner,
+            base,
+            unexplained=more,
+            gradient=shading.gradient,
+            smoothing=smoothing,
+            strength=strength,
+        )
+    else:
+        height = given
+    mesh = height_surface(outline, height, base, framing.mm)
+    centre = mesh.bounds.mean(axis=0)
+    mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
+    camera = _camera(framing, mesh, centre)
+    return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
+
+
+def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
+    """Measure how the object is lit, on nodes that it covers wholly, if there are any."""
+    seen = over_nodes(scene_luminance(shown, white), coverage, step)
+    inside = share > 0.999
+    return measure_shading(seen, height, inside if inside.any() else share > 0.5)
+
+
+def read_depth(path: Path, photo: Photo) -> Float32:
+    """Read a person's depth map: (h, w), larger is nearer. PNG of any range; EXR and NPY in mm.
+
+    Raises
+    ------
+    InputError
+        Unreadable, of another size than the photograph, not finite on the object.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".png":
+        values = read_photo(path)[0][..., 0].astype(np.float32)
+    elif suffix == ".exr":
+        channels = read_channels(path, (".exr",), limit=8)
+        values = channels.get("Z", channels.get("depth.Z", next(iter(channels.values()))))
+    elif suffix == ".npy":
+        values = _read_npy(path)
+    else:
+        raise InputError(f"the depth map {path} must end in {', '.join(DEPTH_SUFFIXES)}; save it as one of them")
+    if values.shape != photo.size:
+        size = " x ".join(map(str, values.shape[::-1]))
+        raise InputError(
+            f"the depth map {path} measures {size} but the photograph {photo.size[1]} x {photo.size[0]}: "
+            "make the depth map of the same picture, at the same size"
+        )
+    if not np.isfinite(values[photo.mask > np.iinfo(photo.mask.dtype).max // 2]).all():
+        raise InputError(f"the depth map {path} has NaN or infinite values on the object: fill them in first")
+    return values
+
+
+def _given_height(
+    values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
+) -> Array:
+    """Height of the nodes, in nodes, from a depth map; what lies beyond the mask goes on from it."""
+    region = framing.region
+    rows = np.clip(np.arange(region.top, region.top + region.height), 0, photo.size[0] - 1)
+    columns = np.clip(np.arange(region.left, region.left + region.width), 0, photo.size[1] - 1)
+    # Half-covered pixels may show what is behind.
+    weight = photo.coverage(region) > 0.5
+    cut = np.where(weight, values[rows[:, None], columns[None, :]], 0.0)
+    means, known = (
+        over_nodes(cut, weight.astype(np.float32), framing.node),
+        _squares(weight.astype(np.float32), framing.node) > 0.0,
+    )
+    height = filled(means[..., None], known.astype(np.float32))[..., 0].astype(np.float64)
+    low, high = float(height[known].min()), float(height[known].max())
+    if not relative:
+        return (height - low) * (strength / framing.mm)
+    scale = strength * inscribed_radius(outline.inner) / (high - low) if high > low else 0.0
+    return (height - low) * scale
+
+
+def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
+    """Orthographic, from +z, so that the picture is what is shown of the region."""
+    rows, columns = framing.size
+    pixel, region, shown = framing.mm / framing.node, framing.region, framing.shown
+    half = 0.5 * shown.height * pixel
+    zoom = mesh.radius / min(1.0, columns / rows) / half
+    # Nodes are the centres of squares of pixels, so that the grid's middle, x = y = 0 before, is the region's.
+    right = shown.left - region.left + 0.5 * (shown.width - region.width)
+    down = shown.top - region.top + 0.5 * (shown.height - region.height)
+    target = (right * pixel - float(centre[0]), -down * pixel - float(centre[1]), 0.0)
+    return CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, orthographic=True, zoom=zoom, target_mm=target)
+
+
+def over_nodes(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating], step: int) -> Array:
+    """Weighted means (n, m) of pixels (h, w) over the squares of the nodes; 0 where nothing has weight."""
+    return _squares(values * weight, step) / np.maximum(_squares(weight, step), 1e-6)
+
+
+def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
+    """Means over squares of `step` pixels, (h, w)."""
+    h, w = values.shape
+    rows = values.reshape(h // step, step, w).sum(axis=1, dtype=np.float64)  # along memory
+    return np.asarray(rows.reshape(h // step, w // step, step).sum(axis=2) / step**2)
+
+
+def _read_npy(path: Path) -> Float32:
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
+        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
+        raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
+    return values.astype(np.float32)

@@ -1,0 +1,1 @@
+"""The pipeline: lighting, transport, shading, picture."""

@@ -1,0 +1,113 @@
+"""A model's colours and relief in a scene: at the pixels, and at the samples that scattering starts from."""
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.detail import Detail, Places
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
+from milkglass.core.stages import Stages
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.gl.buffers import SampleBuffers
+from milkglass.viewer.gl.context import volume_texture
+from milkglass.viewer.passes.detail import DetailBuffers, DetailPass
+from milkglass.viewer.passes.detail_uniforms import Drawn, Surface, SurfaceDetail
+from milkglass.viewer.scene.scene import Scene
+
+NEAR_NODES = 48  # along the object's longest side, where the colour of the other side of a sheet is looked up
+
+
+class DetailStages:
+    """Makes detail ready in one OpenGL context; a step runs only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
+        self._context, self._run, self._assets = context, stages.run, assets
+
+    def surface(self, scene: Scene, samples: SurfaceSamples) -> tuple[Surface, SurfaceDetail | None, tuple[str, ...]]:
+        """Upload samples, with the colours and relief that the scene wants of its model; and say what failed."""
+        detail, troubles = self._assets.detail(scene.model, scene.detail)
+        if detail is None:
+            return self._uploaded(samples, samples, None), None, troubles
+        run, (before, after) = self._run, scene.detail.powers
+        strength = scene.detail.normal_strength
+        buffers = run("detail", [detail], lambda: DetailBuffers(self._context, detail))
+        places = run(
+            "detail of samples", [detail, samples], lambda: detail.places(samples.points, samples.faces, samples.areas)
+        )
+        turned, factors = run(
+            "relief of samples", [places, strength], lambda: _relief(detail, samples, places, strength)
+        )
+        tints = run("tints of samples", [places, before], lambda: _tints(detail, places, before))
+        weights = run("weights of samples", [tints, factors], lambda: tints * factors[:, None])
+        made = run(
+            "tints at nodes",
+            [buffers, tints, before, after, strength],
+            lambda: self._detail(buffers, samples, tints, (before, after), strength),
+        )
+        return self._uploaded(samples, turned, weights), made, troubles
+
+    def _uploaded(self, samples: SurfaceSamples, lit: SurfaceSamples, weights: Float32 | None) -> Surface:
+        """Upload samples with the normals that light meets."""
+        context = self._context
+        return self._run(
+            "sample buffers", [lit, weights], lambda: Surface(samples, SampleBuffers(context, lit), weights)
+        )
+
+    def _detail(
+        self,
+        buffers: DetailBuffers,
+        samples: SurfaceSamples,
+        tints: Float32,
+        powers: tuple[float, float],
+        strength: float,
+    ) -> SurfaceDetail:
+        detail = buffers.detail
+        grid = fit_nodes(detail.mesh.bounds, NEAR_NODES)
+        near = volume_texture(self._context, _near(tints, samples, grid))
+        return SurfaceDetail(detail, buffers, *powers, strength, near, grid)
+
+
+class DrawnDetail:
+    """Draws detail in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages) -> None:
+        self._context, self._run = context, stages.run
+        self._pass: DetailPass | None = None  # most models need none
+
+    def draw(self, detail: SurfaceDetail | None, clip: npt.NDArray[np.float64], size: tuple[int, int]) -> Drawn | None:
+        """Draw what pixels show of it."""
+        if detail is None:
+            return None
+        if self._pass is None:
+            self._pass = DetailPass(self._context)
+        made, strength = self._pass, detail.strength
+        out = self._run("detail targets", [size], lambda: made.targets(size))
+        depends = [detail.buffers, strength, clip.tobytes(), out]
+        self._run("detail of pixels", depends, lambda: made.render(detail.buffers, clip, strength, out))
+        return detail, out
+
+
+def _tints(detail: Detail, places: Places, power: float) -> Float32:
+    """Colours to a power, (n, 3)."""
+    return detail.colour(places, power) if power > 0.0 else np.ones((len(places.faces), 3), np.float32)
+
+
+def _relief(detail: Detail, samples: SurfaceSamples, places: Places, strength: float) -> tuple[SurfaceSamples, Float32]:
+    """Samples with the normals that light meets, and factors (n,) on irradiance there."""
+    if not detail.has_normals or strength == 0.0:
+        return samples, np.ones(len(samples), np.float32)
+    normals, factors = detail.relief(places, samples.normals, strength)
+    return replace(samples, normals=normals), factors
+
+
+def _near(tints: Float32, samples: SurfaceSamples, grid: LayerGrid) -> Float32:
+    """Mean of values (n, 3) of samples near each node, (3, n_layers, height, width)."""
+    weights = tent_matrix(grid, grid.coordinates(samples.points))
+    total = weights @ samples.areas
+    mean = (weights @ (samples.areas[:, None] * tints)) / np.maximum(total, np.finfo(np.float32).tiny)[:, None]
+    mean[total == 0.0] = (samples.areas @ tints) / max(float(samples.areas.sum()), 1e-30)
+    return np.ascontiguousarray(mean.T, np.float32).reshape(3, *grid.shape)

@@ -1,0 +1,222 @@
+"""First half of the pipeline, up to the flux of the surface samples: model, samples, shadows, irradiance, layers."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.grid.atlas import Atlas
+from milkglass.core.light.probe import Probe
+from milkglass.core.material.medium import media
+from milkglass.core.stages import Stages, Steps
+from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.viewer.assets.keeper import Assets, PartedProbe, shape_of
+from milkglass.viewer.assets.quality import AnyTransport, Quality, make_transport, sample_spacing
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.gl.context import table_texture, volume_texture
+from milkglass.viewer.passes.detail_uniforms import Surface
+from milkglass.viewer.passes.gather import DiffuseTables, Gather
+from milkglass.viewer.passes.irradiance import SampleIrradiancePass
+from milkglass.viewer.passes.layers import LayersPass
+from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
+from milkglass.viewer.render.detail import DetailStages
+from milkglass.viewer.render.lamps import Lamps
+from milkglass.viewer.render.lit_scene import LitScene, Model
+from milkglass.viewer.render.occlusion import OcclusionStages
+from milkglass.viewer.render.sources import Surround, casts_shadows
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
+
+Progress = Callable[[str], None]
+
+
+class Lighting:
+    """Lights scenes in one OpenGL context; every stage runs only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets) -> None:
+        self._context = context
+        self._run, self._spread = stages.run, stages.spread
+        self._assets = assets
+        self._effort = effort
+        self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
+        self._lamps = Lamps(context, stages)
+        self._irradiance = SampleIrradiancePass(context)
+        self._surround = Surround(context, stages, assets, self._lamps)
+        self._layers = LayersPass(context)
+        self._separation = Separation(context, stages, self._layers)
+        self._occlusions = OcclusionStages(context, stages, assets)
+        self._details = DetailStages(context, stages, assets)
+
+    def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
+        """Run the first half of the pipeline; `say` is told as each long step begins.
+
+        As a `draft`, lights with a size get by with less, and sources in an environment with its soft shadows.
+        Raises `core.stages.Unfinished` where the stages have an allowance and that is not enough.
+        """
+        run, material = self._run, scene.material.resolve()
+
+        say("loading the model")
+        model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
+        bodies, separate = None, scene.separate
+        if separate:
+            bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
+        settings = self._assets.possible(scene.transport, model.mesh, separate)
+        if scene.model.bodies is None and bodies is not None:
+            bodies = separate_by_default(bodies, settings.method)
+        count = 1 if bodies is None else bodies.count
+        camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
+        profiles = scene.material.profiles(self._assets.profile_table)
+        if settings.method == "ewald":
+            run("roughness", [model], lambda: self._assets.roughness(model.mesh))
+        quality = quality_of(scene, model.mesh, self._assets)
+        made_for = quality.grid_alone
+        keep = convolvers(made_for, count)
+        transport = run("transport", [made_for, keep], lambda: self._transport(made_for, keep))
+        grid = transport.grid(model.mesh, camera.rotation)
+        if count == 1:
+            self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
+
+        say("sampling the surface")
+        spacing = sample_spacing(model.mesh, settings, quality.resolution)
+        # What is at hand may serve for several spacings: everything after depends on the samples themselves.
+        finer = self._assets.accept_finer
+        samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
+        surface, detail, troubles = self._details.surface(scene, samples)
+
+        separated = marks = None
+        if bodies is not None and count > 1:
+            separated = self._separation.separated(model.mesh, bodies, made_for, transport, grid, samples)
+            # Light through thin sheets, which layered has none of, asks which body a shadow map shows.
+            marks = None if quality.method == "layered" else separated.marks.buffer
+
+        say("casting shadows")
+        on_model = model.mesh, model.buffers
+        environment = scene.environment
+        if draft and self._occlusions.known(environment, model.mesh):
+            # Its windows and lamps stay in it: a turn is then a product, not a shadow map for each of them.
+            environment = replace(environment, extract=False)
+        occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
+        around, lobes = self._surround.sources(environment, material.eta, *on_model, marks, occlusion, draft)
+        lamps = enumerate(scene.effective_lights(), start=1)
+        sources = (*(self._lamps.source(light, f"light {i}", *on_model, marks, draft) for i, light in lamps), *around)
+
+        say("lighting the surface")
+        each = self._irradiances(surface, sources, material.eta)
+        flux = run("flux", [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
+        lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
+        coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
+        placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
+        return LitScene(
+            model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated, detail, troubles
+        )
+
+    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
+        """Upload the result of transport."""
+        if isinstance(scattered, AnySolution):
+            return self._gather_solution(lit, scattered)
+        transport = lit.transport
+        assert not isinstance(transport, DiffusionTransport)
+        volume = self._run("layer volume", [scattered], lambda: self._layers.volume(scattered))
+        local = self._run("local", [transport, lit.grid, lit.profiles], lambda: transport.local(lit.grid, lit.profiles))
+        table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
+        to_texture, windows = lit.grid.world_to_texture, None
+        if lit.separated is not None:
+            to_texture, windows = lit.separated.atlas.world_to_texture, self._windows(lit.separated.atlas)
+        return Gather(volume, to_texture, transport.smooth, table, local.reach, lit.eta, windows)
+
+    def _gather_solution(self, lit: LitScene, solution: AnySolution) -> Gather:
+        run, transport = self._run, lit.transport
+        assert isinstance(transport, DiffusionTransport)
+        s = transport.window_width(solution.grid)
+        volume = run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
+        terms = run("pixel terms", [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
+        mean = run("mean fluence", [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
+        bent = terms.bending
+        bending = None if bent is None else run("bending", [terms], lambda: volume_texture(self._context, bent))
+        request = [terms, mean, bending]
+        tables = run("pixel tables", request, lambda: DiffuseTables.upload(self._context, terms, mean, bending))
+        sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
+        reach = max(sheets, default=0.0)
+        windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)
+        return Gather(volume, solution.world_to_texture, True, self._lamps.no_probe, reach, lit.eta, windows, tables)
+
+    def _windows(self, atlas: Atlas) -> moderngl.Texture:
+        return self._run("body windows", [atlas], lambda: self._layers.windows(atlas))
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Read the light probe of an environment that has one."""
+        return self._surround.probe(environment)
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of its probe that shine as lamps, and the rest; None where no light comes from."""
+        return self._surround.parted(environment)
+
+    def release(self) -> None:
+        """Let go of solvers and assets, but for the probes."""
+        self._solvers.clear()
+        self._separation.release()
+        self._assets.keep_probes()
+
+    def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
+        """Make a transport; with `diffusion`, which keeps a surface and a solution, one of the last two may serve."""
+        if made_for.method != "diffusion":
+            return make_transport(made_for, self._effort, keep)
+        solver = self._solvers.pop(made_for, None) or make_transport(made_for, self._effort, keep)
+        assert isinstance(solver, DiffusionTransport)
+        solver.keep = keep
+        self._solvers = {**dict(list(self._solvers.items())[-1:]), made_for: solver}
+        return solver
+
+    def _load(self, settings: ModelSettings) -> Model:
+        mesh, warnings = self._assets.mesh(settings)
+        return Model(mesh, MeshBuffers(self._context, mesh), warnings)
+
+    def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
+        """E of each light at every sample, (n, 3) float32."""
+        return [
+            self._spread(
+                f"irradiance of light {i}",
+                [surface, source, eta],
+                lambda source=source: self._irradiance_of(surface, source, eta),  # type: ignore[misc]
+            )
+            for i, source in enumerate(sources, start=1)
+        ]
+
+    def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Steps[Float32]:
+        entering = surface.weighted((yield from self._irradiance.steps(surface.buffers, source, eta)))
+        return self._occlusions.occluded(entering, source.occlusion, surface.samples)
+
+    def _entering(
+        self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]
+    ) -> tuple[EnteringLight, ...]:
+        """Each light's power at every sample, and where it comes from."""
+        areas = surface.samples.areas[:, None]
+        return tuple(
+            self._run(
+                f"flux of light {i}",
+                [source, irradiance],
+                lambda source=source, irradiance=irradiance: source.entering(irradiance * areas),  # type: ignore[misc]
+            )
+            for i, (source, irradiance) in enumerate(zip(sources, irradiances, strict=True), start=1)
+        )
+
+
+def _total(irradiances: list[Float32], n: int) -> Float32:
+    total = np.zeros((n, 3), np.float32)
+    for part in irradiances:
+        total += part
+    return total
+
+
+def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:
+    """Choose layers and resolution for a scene whose mesh is loaded."""
+    sharp = bool(scene.effective_lights()) or casts_shadows(scene.environment, assets)
+    profiles = scene.material.profiles(assets.profile_table)
+    return assets.quality(scene.transport, profiles, mesh, sharp_light=sharp, separate=scene.separate)

@@ -1,0 +1,91 @@
+"""A scene that has been lit: what transport and shading need of it."""
+
+from dataclasses import dataclass, replace
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.bodies import Bodies
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.highlights import LobeFilter
+from milkglass.core.material.medium import Medium
+from milkglass.core.profiles.base import Profiles
+from milkglass.core.transport.base import Transport
+from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.viewer.assets.quality import Quality
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
+from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.render.bodies import Separated
+from milkglass.viewer.scene.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A loaded mesh, on both sides."""
+
+    mesh: Mesh
+    buffers: MeshBuffers
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LitScene:
+    """A scene ready for transport, which needs no OpenGL, and for shading.
+
+    Attributes
+    ----------
+    model, camera
+    sources : lights with their shadow maps
+    eta : float
+    quality : Quality
+        What the transport was made for, with the error to expect.
+    transport, grid, profiles
+    coordinates : (n, 3) float32
+        Grid coordinates of the samples.
+    flux : (n, 3) float32
+        E dA of the samples, all lights.
+    lights : light by light, where transport is `diffusion`
+    media : of the material
+    samples : SurfaceSamples
+    lobes : LobeFilter, optional
+        Of the environment less the sources that shine as lamps: what highlights mirror.
+    bodies : Bodies, optional
+        Where they are to be separate.
+    separated : Separated, optional
+        Where they are more than one.
+    detail : SurfaceDetail, optional
+        Colours and relief of the surface.
+    troubles : tuple of str
+        What of them could not be had.
+    """
+
+    model: Model
+    camera: Camera
+    sources: tuple[LightSource, ...]
+    eta: float
+    quality: Quality
+    transport: Transport | DiffusionTransport
+    grid: LayerGrid
+    profiles: Profiles
+    coordinates: Float32
+    flux: Float32
+    lights: tuple[EnteringLight, ...]
+    media: tuple[Medium, ...]
+    samples: SurfaceSamples
+    lobes: LobeFilter | None = None
+    bodies: Bodies | None = None
+    separated: Separated | None = None
+    detail: SurfaceDetail | None = None
+    troubles: tuple[str, ...] = ()
+
+    @property
+    def occlusion(self) -> Occlusion | None:
+        """What keeps the environment's light from the surface, where that is known."""
+        return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
+
+    def without_tint(self) -> "LitScene":
+        """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""
+        return self if self.detail is None else replace(self, detail=replace(self.detail, after=0.0))

@@ -1,0 +1,79 @@
+"""Environment light that the object itself keeps from its surface: baked once a mesh, then a share for every vertex.
+
+Shares multiply the unoccluded irradiance: interpolated over the faces for pixels (the G-buffer's third texture), and
+for the surface samples on the CPU. Highlights have shares of their own, see `viewer.passes.highlights`.
+"""
+
+from collections.abc import Callable
+
+import moderngl
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.refine import interpolated
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.light.harmonics import rotated
+from milkglass.core.light.probe import Probe
+from milkglass.core.stages import Stages
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.visibility import BakedVisibility, needs_visibility
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.scene.settings import EnvironmentSettings
+
+
+class OcclusionStages:
+    """Makes occlusions in one OpenGL context, each step only when what it depends on has changed."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
+        self._context, self._run, self._assets = context, stages.run, assets
+
+    def known(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
+        """Whether what keeps an environment's light from a mesh is wanted, and there or to be waited for."""
+        return needs_visibility(environment) and (self._assets.bakes or self._assets.has_visibility(mesh))
+
+    def of(
+        self,
+        environment: EnvironmentSettings,
+        rest: Callable[[EnvironmentSettings], Probe],
+        mesh: Mesh,
+        buffers: MeshBuffers,
+        say: Callable[[str], None],
+    ) -> Occlusion | None:
+        """What keeps the environment's light from the surface of a mesh, if that is wanted and known.
+
+        `rest` gives the probe without what shines as lamps, which have shadow maps.
+        """
+        if not self.known(environment, mesh):
+            return None
+
+        def report(share: float) -> None:
+            say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
+
+        baked = self._run("visibility", [mesh], lambda: self._assets.visibility(mesh, report))
+        return self._occlusion(baked, buffers, rest(environment), environment.rotation_deg)
+
+    def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
+        """Unoccluded E at the surface samples, (n, 3), times what reaches them."""
+        if occlusion is None:
+            return irradiance
+        fine = occlusion.baked.refined
+        corners, weights = self._run(
+            "occluded samples", [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
+        )
+        return irradiance * interpolated(corners, weights, occlusion.shares)
+
+    def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
+        context, run, fine = self._context, self._run, baked.refined
+        of_mesh = run(
+            "refined mesh",
+            [baked, buffers],
+            lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
+        )
+
+        def share() -> Occlusion:
+            shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
+            # A buffer of its own each time: the last one is drawn from until the light inside has followed.
+            return Occlusion(baked, shares, of_mesh, context.buffer(shares))
+
+        return run("occlusion", [baked, of_mesh, probe, rotation_deg], share)

@@ -1,0 +1,148 @@
+"""The finished frame: arrays of the picture and of what it is made of, and files of them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.viewer.assets.quality import Quality
+from milkglass.viewer.files.images import check_output, write_exr, write_png
+from milkglass.viewer.gl.context import read_rgba
+from milkglass.viewer.passes.composite import Composite
+
+SUFFIXES = (".png", ".exr")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A frame on the GPU."""
+
+    composite: Composite
+    image: moderngl.Framebuffer
+    transparent: bool
+    warnings: tuple[str, ...]
+    quality: Quality
+    log_average: float  # luminance that the picture itself asks to be exposed for
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """A tone-mapped picture alone, as an array; attributes as of `Frame`."""
+
+    image: npt.NDArray[np.uint8]
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+    quality: Quality
+    remarks: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> None:
+        """Write ``.png``, whole or not at all; otherwise as `Frame.save`."""
+        check_output(path, SUFFIXES[:1])
+        write_png(path, self.image)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame as arrays, top row first; 0 where the object is not.
+
+    Attributes
+    ----------
+    radiance : (H, W, 3) float32
+        Linear RGB towards the eye, multiplied by coverage.
+    alpha : (H, W) float32
+        Coverage of the pixel by the object, [0, 1].
+    image : (H, W, 3) uint8, or (H, W, 4) where the background is transparent
+        Tone-mapped sRGB; alpha is not multiplied in.
+    position, normal : (H, W, 3) float32
+        World space (mm; unit), means over the covered part of the pixel.
+    irradiance, exitance : (H, W, 3) float32
+        E that enters and M that leaves, means over the covered part of the pixel.
+    subsurface, specular : (H, W, 3) float32
+        F_t M / pi and the highlights; they sum to `radiance`.
+    timings : dict
+        Stage -> ms, of the stages that ran.
+    warnings : tuple of str
+        What the model's flaws do to the picture, and what its transport misses.
+    quality : Quality
+        Method and resolution of transport, with the error to expect.
+    remarks : tuple of str
+        What transport resolves less finely than the material asks for.
+    """
+
+    radiance: Float32
+    alpha: Float32
+    image: npt.NDArray[np.uint8]
+    position: Float32
+    normal: Float32
+    irradiance: Float32
+    exitance: Float32
+    subsurface: Float32
+    specular: Float32
+    timings: dict[str, float]
+    warnings: tuple[str, ...]
+    quality: Quality
+    remarks: tuple[str, ...] = ()
+
+    def channels(self) -> dict[str, Float32]:
+        """EXR channel name -> (H, W) float32."""
+        planes = {name: self.radiance[..., i] for i, name in enumerate("RGB")}
+        planes["A"] = self.alpha
+        for layer, names in (("position", "XYZ"), ("normal", "XYZ")):
+            planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate(names)}
+        for layer in ("irradiance", "exitance", "subsurface", "specular"):
+            planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate("RGB")}
+        return planes
+
+    def save(self, path: str | Path) -> None:
+        """Write ``.png`` (tone-mapped) or ``.exr`` (linear, all channels), whole or not at all.
+
+        Raises
+        ------
+        InputError
+            For another suffix or a place that cannot be written.
+        """
+        check_output(path, SUFFIXES)
+        if Path(path).suffix.lower() == ".png":
+            write_png(path, self.image)
+        else:
+            write_exr(path, self.channels())
+
+
+def read_frame(picture: Picture, timings: dict[str, float], last: bool = False) -> Frame:
+    """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
+    alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
+    planes = {}
+    if last:
+        picture.composite.framebuffer.release()
+    for name, texture in picture.composite.textures.items():
+        planes[name] = np.ascontiguousarray(read_rgba(texture)[..., :3])
+        if last:
+            texture.release()
+    # Sums over the samples that hit the object become their means; most pixels are hit by all or none.
+    edge = (alpha > 0.0) & (alpha < 1.0)
+    for name in ("position", "normal", "irradiance", "exitance"):
+        planes[name][edge] /= alpha[edge, None]
+    hit = alpha > 0.0
+    normals = planes["normal"][hit]
+    planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    return Frame(
+        **planes,
+        alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1
+        image=read_image(picture),
+        timings=timings,
+        warnings=picture.warnings,
+        quality=picture.quality,
+        remarks=picture.remarks,
+    )
+
+
+def read_image(picture: Picture) -> npt.NDArray[np.uint8]:
+    """Read the tone-mapped image back: (H, W, 3 or 4) uint8, top row first."""
+    width, height = picture.image.size
+    components = 4 if picture.transparent else 3
+    data = picture.image.read(components=components, alignment=1)
+    return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, components)[::-1])

@@ -1,0 +1,51 @@
+"""Lengths of a material against those of a picture: sentences on what is missed where they do not fit."""
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.material.library import CHANNELS, Material
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.scene import Scene
+
+# What a grid coarser than the mean free path does to a picture, by transport.
+MISSED = {
+    "layered": "light and shadow are blurred over that, and about a third of the light that falls between layers goes",
+    "ewald": "a point's own light stays sharp, but what reaches it from closer than that is averaged: fine relief "
+    "looks flatter, and what light only shines through is off by several per cent",
+}
+MISSED["diffusion"] = MISSED["ewald"]
+
+
+def beyond_object(scene: Scene) -> str | None:
+    """Say that the mean free path is longer than the object, with what the picture then misses."""
+    size, material = scene.model.size_mm, _material(scene, scene.transport.method)
+    if material is None or not (named := _named(material, material.mean_free_path > size)):
+        return None
+    return (
+        f"the mean free path is longer than the object of {size:.3g} mm in {named}: most light crosses it without "
+        "scattering, and the picture misses that: what shows through, refracted, and what scatters once"
+    )
+
+
+def below_nodes(scene: Scene, lit: LitScene) -> str | None:
+    """Say that the mean free path is shorter than the grid can follow, with what the picture then misses."""
+    spacing, material = max(lit.grid.texel, lit.grid.layer_distance), _material(scene, lit.quality.method)
+    if material is None or not (named := _named(material, material.mean_free_path < spacing)):
+        return None
+    what = "texels or layers" if lit.quality.method == "layered" else "nodes"
+    return (
+        f"the mean free path is shorter than the {spacing:.3g} mm between {what} in {named}: "
+        f"{MISSED[lit.quality.method]}"
+    )
+
+
+def _material(scene: Scene, method: str) -> Material | None:
+    """Return whose lengths the picture has; None where it is those of a table."""
+    a_table = scene.material.table_in_use is not None and method != "diffusion"
+    return None if a_table else scene.material.resolve()
+
+
+def _named(material: Material, chosen: npt.NDArray[np.bool_]) -> str:
+    """Return the chosen channels that scatter, with their mean free paths; the others are black whatever the scale."""
+    pairs = zip(CHANNELS, material.mean_free_path, chosen & (np.asarray(material.sigma_s_prime) > 0.0), strict=True)
+    return ", ".join(f"{channel} ({length:.3g} mm)" for channel, length, is_chosen in pairs if is_chosen)

@@ -1,0 +1,222 @@
+"""The pipeline, top to bottom: a scene becomes a picture.
+
+`Renderer.draw` is the diagram of the README: light (OpenGL) -> scatter (CPU) -> gather and shade (OpenGL). Every
+stage inside states what it depends on and runs only when that changed, so a renderer that is kept (the window's, a
+benchmark's) computes only what a new scene needs.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.kernels import Kernels
+from milkglass.core.light.probe import Probe
+from milkglass.core.stages import Stages
+from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.viewer.assets.keeper import Assets, PartedProbe
+from milkglass.viewer.gl.context import check_image_size, headless_context, leave_framebuffer
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.render import memory
+from milkglass.viewer.render.lighting import Lighting, Progress
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.picture import Frame, Picture, Still, read_frame, read_image
+from milkglass.viewer.render.shading import Shading
+from milkglass.viewer.scene.camera import pixel_offsets
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import EnvironmentSettings
+
+
+def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
+    """Render a scene without a window.
+
+    Parameters
+    ----------
+    scene : Scene
+    samples : int
+        Antialiasing samples of a pixel, >= 1.
+    seed : int
+        Of their pattern; >= 0.
+    progress : callable, optional
+        Called with a few words as each long step begins.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    InputError
+        Unusable files or values, GPU limits, no OpenGL driver; one sentence each.
+    """
+    return read_frame(*_drawn(scene, samples, seed, progress, parts=True), last=True)
+
+
+def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Still:
+    """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
+    picture, timings = _drawn(scene, samples, seed, progress, parts=False)
+    return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
+
+
+def _drawn(
+    scene: Scene, samples: int, seed: int, progress: Progress | None, parts: bool
+) -> tuple[Picture, dict[str, float]]:
+    """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
+    renderer = Renderer(headless_context())
+    picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
+    return picture, renderer.timings
+
+
+class Renderer:
+    """Renders scenes in one OpenGL context and keeps what the next scene can use again.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    effort : str
+        FFTW's planner flag, see `core.grid.convolution.LayerConvolver`.
+    assets : Assets, optional
+        Where meshes and probes come from, and stay for the next scene.
+
+    Attributes
+    ----------
+    develops : bool
+        Whether `shade` makes an image of radiance. Without one a photograph is drawn, which has its own exposure.
+    """
+
+    def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None) -> None:
+        self.context = context
+        # Two sets of stages, because transport may run in a thread of its own.
+        self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
+        self._lighting = Lighting(context, self.stages, effort, assets or Assets())
+        self._shading = Shading(context, self.stages)
+        self.develops = True
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Stage -> ms, of the stages that ran for the last picture."""
+        return {**self.stages.timings, **self.transport_stages.timings}
+
+    def render(self, scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
+        """Render a scene and read everything back; see `render`."""
+        picture = self.draw(scene, samples=samples, seed=seed, parts=True, progress=progress)
+        return read_frame(picture, self.timings)
+
+    def draw(
+        self,
+        scene: Scene,
+        *,
+        samples: int = 1,
+        seed: int = 0,
+        parts: bool = False,
+        progress: Progress | None = None,
+        last: bool = False,
+        tinted: bool = True,
+        draft: bool = False,
+    ) -> Picture:
+        """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
+
+        If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
+        `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A
+        `draft` has fewer sub-lights, see `light`.
+        """
+        say = progress or (lambda _: None)
+        self.stages.begin()
+        self.transport_stages.begin()
+        lit, gather = self._scattered(scene, say, draft)
+        lit = lit if tinted else lit.without_tint()
+        if last:
+            lit = self._without_transport(lit)
+            memory.give_back()
+        say("drawing")
+        return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts)
+
+    def _scattered(self, scene: Scene, say: Progress, draft: bool) -> tuple[LitScene, Gather]:
+        """Light a scene and have it scattered; nothing else of that stays on the stack."""
+        lit = self.light(scene, say, draft)
+        say("scattering light through the layers")
+        return lit, self.gather(lit, self.scatter(lit))
+
+    def _without_transport(self, lit: LitScene) -> LitScene:
+        """Let go of all that pixels do not need, and return what they do."""
+        self.stages.clear()
+        self.transport_stages.clear()
+        self._lighting.release()
+        if isinstance(lit.transport, Kernels):
+            lit.transport.release()
+        if lit.separated is not None:
+            lit.separated.transport.release()
+        none = np.empty((0, 3), np.float32)
+        samples = SurfaceSamples(none, none, none[:, 0])
+        return replace(lit, coordinates=none, flux=none, lights=(), samples=samples)
+
+    def light(self, scene: Scene, progress: Progress = lambda _: None, draft: bool = False) -> LitScene:
+        """Load, sample and light a scene, as a draft with fewer sub-lights: all that transport needs, on the CPU."""
+        check_image_size(self.context, scene.display.image_size)
+        leave_framebuffer(self.context)  # what was drawn last may be replaced
+        return self._lighting.light(scene, progress, draft)
+
+    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] | None = None) -> Float32 | AnySolution:
+        """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
+
+        `go_on` as of `core.transport.diffusion.solver.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may
+        run it.
+        """
+        if isinstance(lit.transport, DiffusionTransport):
+            mesh, stages = lit.model.mesh, self.transport_stages
+            if lit.separated is not None:
+                return lit.separated.solve(lit.lights, lit.media, stages, go_on)
+            return lit.transport.solve(mesh, lit.samples, lit.grid, lit.lights, lit.media, stages, go_on)
+        if lit.separated is not None:
+            return lit.separated.exitance(lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
+        return lit.transport.exitance(
+            lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
+        )
+
+    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
+        """Upload what `scatter` returned as the volume that pixels read."""
+        return self._lighting.gather(lit, scattered)
+
+    def shade(
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        *,
+        samples: int = 1,
+        seed: int = 0,
+        parts: bool = False,
+        show: str = "radiance",
+        exposure_for: float | None = None,
+        quick: bool = False,
+    ) -> Picture:
+        """Draw the scene through its camera from a volume, which may be of an older camera or light.
+
+        `show` is what the image is made of, one of `viewer.passes.composite.OUTPUTS`; `exposure_for` a log-average
+        luminance that takes the place of the picture's own. `quick` as of `viewer.render.shading.Shading.shade`.
+        """
+        offsets = pixel_offsets(samples, seed)
+        shading = self._shading
+        if show == "radiance" and not self.develops:
+            return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
+        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
+
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
+        """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
+        return self._shading.advance(scene, lit, gather, pixel_offsets(samples), parts)
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Return the light probe of an environment that has one."""
+        return self._lighting.probe(environment)
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of an environment's probe that shine as lamps, and the rest; None where no light is."""
+        return self._lighting.parted(environment)
+
+    def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
+        """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""
+        return self._shading.pick(pixel)

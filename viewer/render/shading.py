@@ -1,0 +1,254 @@
+"""Second half of the pipeline, from the layer volume to the picture: G-buffer, composite, tone map."""
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.light.blur import blurred
+from milkglass.core.stages import Stages, Steps, Unfinished
+from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
+from milkglass.viewer.passes.composite import Composite, CompositePass
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.passes.gbuffer import GBuffer, GBufferPass
+from milkglass.viewer.passes.highlights import HighlightsPass
+from milkglass.viewer.passes.irradiance import PixelIrradiancePass
+from milkglass.viewer.passes.tonemap import Background, TonemapPass
+from milkglass.viewer.render.bodies import bodies_warnings
+from milkglass.viewer.render.detail import DrawnDetail
+from milkglass.viewer.render.lighting import Lighting
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.remarks import below_nodes, beyond_object
+from milkglass.viewer.scene.camera import jittered, pixel_offsets
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.sub_lights import PARTS
+
+LARGE = 16  # sub-lights of a light of which a picture may show some first
+
+Offsets = tuple[tuple[float, float], ...]
+
+
+class Shading:
+    """Draws lit scenes in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages) -> None:
+        self._context = context
+        self._stages, self._run = stages, stages.run
+        self._gbuffer = GBufferPass(context)
+        self._irradiance = PixelIrradiancePass(context)
+        self._lobes = HighlightsPass(context)
+        self._composite = CompositePass(context)
+        self._tonemap = TonemapPass(context)
+        self._detail = DrawnDetail(context, stages)
+        self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+        self._seen: GBuffer | None = None
+
+    def shade(
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        lighting: Lighting,
+        offsets: Offsets,
+        parts: bool,
+        show: str = "radiance",
+        exposure_for: float | None = None,
+        quick: bool = False,
+    ) -> Picture:
+        """Draw a scene seen through its camera.
+
+        Parameters
+        ----------
+        scene, lit
+        gather : Gather
+            The layer volume to read, which may be an older one: exitance does not depend on the camera.
+        lighting : Lighting
+            Where the probe behind the object comes from.
+        offsets : from `viewer.scene.camera.pixel_offsets`
+            Samples of a pixel.
+        parts : bool
+            Whether to keep what radiance is made of.
+        show : str
+            The part that the image shows; needs `parts` unless it is the radiance itself.
+        exposure_for : float, optional
+            Log-average luminance to expose for instead of the picture's own.
+        quick : bool
+            Whether a single sample of a pixel may see as little of large lights as each of four would.
+
+        Raises
+        ------
+        Unfinished
+            The stages have an allowance, and the pixels take more.
+        """
+        display = scene.display
+        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        shown = composite.textures[show]
+        average = self._run("exposure", [composite, show], lambda: self._tonemap.log_average(shown))
+        exposed = average if exposure_for is None else exposure_for
+        background = self._background(scene, lighting)
+        image = self._run("image", [display.image_size], lambda: self._image(display.image_size))
+        self._run(
+            "tone map",
+            [composite, show, exposed, display, scene.environment, scene.camera, image],
+            lambda: self._tonemap.render(
+                shown, exposed, display, background, lit.camera, image, directions=show == "normal"
+            ),
+        )
+        return self._picture(scene, lit, composite, image, average)
+
+    def undeveloped(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+    ) -> Picture:
+        """Likewise, without exposure and tone map: the image is the composite's own framebuffer."""
+        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
+
+    def _picture(
+        self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
+    ) -> Picture:
+        too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
+        warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
+        warnings += () if too_large is None else (too_large,)
+        remarks = () if too_small is None else (too_small,)
+        transparent = scene.display.background == "transparent"
+        return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
+
+    def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
+        """World position of the visible surface at a pixel (column, row from the top) of the last picture."""
+        if self._seen is None:
+            return None
+        texture, (x, y) = self._seen.position, pixel
+        if not (0 <= x < texture.width and 0 <= y < texture.height):
+            return None
+        box = (x, texture.height - 1 - y, 1, 1)
+        values = np.frombuffer(self._seen.framebuffer.read(viewport=box, components=4, dtype="f4"), np.float32)
+        return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
+
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
+        """Draw some of what `shade` will ask for, so that no frame waits for all of it; True when all is there."""
+        try:
+            self._pixels(scene, lit, gather, offsets, parts)
+        except Unfinished:
+            return False
+        return True
+
+    def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
+        """Draw what lies at the middle of every pixel and read it back, top row first.
+
+        Returns
+        -------
+        alpha : (H, W) float32
+            1 where the object is.
+        position, exitance : (H, W, 3) float32
+            World space, mm; M, without what colours do to light that leaves.
+        """
+        lit = lit.without_tint()
+        textures = self._pixels(scene, lit, gather, pixel_offsets(1), True).textures
+        radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
+        return radiance[..., 3], position[..., :3], exitance[..., :3]
+
+    def _pixels(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+    ) -> Composite:
+        """Shade every pixel once a sample."""
+        targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
+        large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE
+        sharing = PARTS if quick and large and len(offsets) == 1 else len(offsets)
+
+        def shade() -> Steps[Composite]:
+            for i in range(len(offsets)):
+                if i > 0:
+                    yield
+                yield from self._sample(scene, lit, gather, offsets, i, sharing, targets)
+            return replace(targets)  # the same textures, but a new object: what follows knows that they changed
+
+        return self._stages.spread("composite", (*key, sharing), shade)
+
+    def _pixel_work(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
+    ) -> tuple[Composite, tuple[object, ...]]:
+        """Where the pixels go, and everything that they depend on."""
+        size = scene.display.image_size
+        depth = self._run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        targets = self._run("composite targets", made, lambda: self._composite.targets(size, parts, depth))
+        volume = gather.volume, gather.local, gather.diffuse, gather.eta
+        light = lit.model, lit.detail, *lit.sources
+        return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
+
+    def _sample(
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, i: int, sharing: int, targets: Composite
+    ) -> Steps[None]:
+        """Add one sample of every pixel; the first one clears what was there."""
+        run, size, camera = self._run, scene.display.image_size, lit.camera
+        occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
+        parts = occlusion is not None, lobes is not None
+        depth = run("depth", [size], lambda: self._gbuffer.depth(size))
+        made = [size, parts, depth]
+        gbuffer = self._seen = run("gbuffer targets", made, lambda: self._gbuffer.targets(size, *parts, depth))
+        light = run("light targets", [size, depth], lambda: self._irradiance.targets(size, depth))
+        clip = jittered(camera, offsets[i], size)
+        marks = None if lit.separated is None else lit.separated.marks.buffer
+        if lit.separated is not None and occlusion is not None:
+            of_vertex, refined = lit.separated.marks.of_vertex, occlusion.baked.refined
+            marks = run("refined marks", [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
+        run(
+            "gbuffer",
+            [lit.model, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
+            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion, behind, lobes),
+        )
+        gbuffer = replace(gbuffer, detail=self._detail.draw(lit.detail, clip, size))
+        if i == 0:
+            targets.framebuffer.clear()
+        highlights = self._highlights(scene, lit)
+        seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
+        yield from self._irradiance.steps(*seen, light, i, sharing)
+        self._composite.render(gbuffer, light, gather, scene.specular, camera, 1.0 / len(offsets), targets)
+
+    def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
+        """Return the environment as highlights of this shininess mirror it, any texture where none is seen."""
+        lobes, specular = lit.lobes, scene.specular
+        if lobes is None or specular.strength == 0.0:
+            return self._no_probe
+        return self._run(
+            "environment highlights",
+            [lobes, specular.shininess],
+            lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
+        )
+
+    def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
+        """What is visible of highlights that something may be in the way of, at each vertex."""
+        occlusion, specular = lit.occlusion, scene.specular
+        if occlusion is None or specular.strength == 0.0:
+            return None
+        baked = occlusion.baked
+        blocked = self._run("blocked highlights", [baked], lambda: self._lobes.upload(baked.visibility))
+        return self._run(
+            "occluded highlights",
+            [occlusion.baked, occlusion.buffers, blocked, specular.shininess, lit.camera.eye.tobytes()],
+            lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
+        )
+
+    def _behind(self, lit: LitScene, gather: Gather) -> moderngl.Buffer | None:
+        """What is visible from the other side of thin parts, at each vertex, where there are any."""
+        if (occlusion := lit.occlusion) is None or not gather.is_thin:
+            return None
+        return self._run("occlusion behind", [occlusion], lambda: occlusion.behind(self._context))
+
+    def _background(self, scene: Scene, lighting: Lighting) -> Background:
+        environment = scene.environment
+        if scene.display.background != "environment":  # then the probe itself is never seen
+            return Background(self._no_probe, 0.0, 0.0)
+        probe = lighting.probe(environment)
+        blur = scene.display.background_blur_deg
+        texture = self._run(
+            "background", [probe, blur], lambda: latlong_texture(self._context, blurred(probe.latlong, blur))
+        )
+        return Background(texture, environment.rotation_deg, environment.intensity)
+
+    def _image(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        what = f"a picture of {size[0]} x {size[1]} pixels"
+        texture = checked(self._context, lambda: self._context.texture(size, 4), what)
+        return self._context.framebuffer([texture])

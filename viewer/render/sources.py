@@ -1,0 +1,97 @@
+"""Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
+
+import moderngl
+import numpy as np
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.light.highlights import LobeFilter
+from milkglass.core.light.probe import Probe, irradiance_table
+from milkglass.core.light.sources import ProbeSource
+from milkglass.core.stages import Stages
+from milkglass.viewer.assets.keeper import Assets, PartedProbe
+from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.gl.context import latlong_texture
+from milkglass.viewer.passes.light_source import LightSource, surround
+from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.render.lamps import Lamps
+from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.settings import DirectionalLight, EnvironmentSettings
+
+MAX_IRRADIANCE = 1e9  # that a light may have
+
+
+class Surround:
+    """Makes the sources of light of an environment, in one OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, lamps: Lamps) -> None:
+        self._context, self._run = context, stages.run
+        self._assets, self._lamps = assets, lamps
+
+    def probe(self, environment: EnvironmentSettings) -> Probe:
+        """Read the light probe of an environment that has one."""
+        source = environment.source
+        assert source is not None
+        return self._run("probe", [source], lambda: self._assets.probe(source))
+
+    def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
+        """Return the sources of its probe that shine as lamps, and the probe of the rest; None where no light is."""
+        if not shines(environment):
+            return None
+        key = [self.probe(environment), environment.extract]
+        return self._run("probe sources", key, lambda: self._assets.surround(environment))
+
+    def rest(self, environment: EnvironmentSettings) -> Probe:
+        """Return the probe of an environment that shines, without what shines as lamps."""
+        parts = self.parted(environment)
+        assert parts is not None
+        return parts[1]
+
+    def sources(
+        self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None, occlusion: Occlusion | None, draft: bool,
+    ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
+        """Return an environment's sources of light, lamps with shadow maps first, and highlights of what is no lamp.
+
+        `bodies` as of `viewer.passes.shadows.ShadowsPass.render`; `occlusion` of the rest.
+        """
+        if not shines(environment):
+            return [], None
+        run, parts = self._run, self.parted(environment)
+        assert parts is not None
+        strong, rest = parts
+        found = [
+            self._lamps.source(light, f"probe source {i}", mesh, buffers, bodies, draft)
+            for i, light in enumerate(probe_lamps(environment, strong), start=1)
+        ]
+        table = run(
+            "environment table",
+            [rest, eta],
+            lambda: latlong_texture(self._context, irradiance_table(rest.sh, eta)),
+        )
+        around = run(
+            "environment light",
+            [table, environment, occlusion],
+            lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
+        )
+        return [*found, around], run("highlight lobes", [rest], lambda: self._assets.lobes(rest))
+
+
+def shines(environment: EnvironmentSettings) -> bool:
+    """Whether light comes from an environment."""
+    return environment.given and environment.intensity > 0.0
+
+
+def probe_lamps(environment: EnvironmentSettings, sources: tuple[ProbeSource, ...]) -> tuple[DirectionalLight, ...]:
+    """Return the lights that sources of a probe are in the world, turned and scaled as the environment is."""
+    to_probe = world_to_probe(environment.rotation_deg)
+    lights = []
+    for source in sources:
+        x, y, z = (np.array(source.direction) @ to_probe.T).tolist()
+        red, green, blue = (min(environment.intensity * channel, MAX_IRRADIANCE) for channel in source.irradiance)
+        lights.append(DirectionalLight((x, y, z), (red, green, blue), angle_deg=source.angle_deg))
+    return tuple(lights)
+
+
+def casts_shadows(environment: EnvironmentSettings, assets: Assets) -> bool:
+    """Whether an environment has sources that shine as lamps; reads its probe, or has it already."""
+    return shines(environment) and bool(assets.surround(environment)[0])

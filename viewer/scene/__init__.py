@@ -1,0 +1,1 @@
+"""What a picture is of: values, checked, and their TOML."""

@@ -1,0 +1,48 @@
+"""The library as one looks through it: measured materials and one's own, by name and by where diffusion holds."""
+
+import functools
+from collections.abc import Callable
+
+from milkglass.core.errors import InputError
+from milkglass.core.material import library as materials
+from milkglass.core.material.library import Material
+from milkglass.viewer.scene import own_materials
+from milkglass.viewer.scene.declaration import nearest
+
+# Name on the command line -> what the panel says, and which materials it keeps.
+FILTERS: dict[str, tuple[str, Callable[[Material], bool]]] = {
+    "all": ("all", lambda _: True),
+    "valid": ("diffusion holds", materials.diffusion_holds),
+    "thin": ("optically thin", materials.is_thin),
+    "JMLH01": ("Jensen et al. 2001", lambda material: material.source == "JMLH01"),
+    "NGD06": ("Narasimhan et al. 2006", lambda material: material.source == "NGD06"),
+    "milkglass": ("chosen by us", lambda material: material.source == "milkglass"),
+    "own": ("your own", lambda material: material.source == own_materials.SOURCE),
+}
+
+
+def found(only: str = "all", search: str = "", own: own_materials.Materials | None = None) -> list[Material]:
+    """Return the materials that a filter keeps and a search finds, one's own last; `own` takes the place of the file's.
+
+    Raises
+    ------
+    InputError
+        If there is no such filter, or the file of one's own materials is broken.
+    """
+    if only not in FILTERS:
+        raise InputError(f"unknown filter {only!r}; {nearest(only, FILTERS)}")
+    kept = _kept(only, own_materials.own() if own is None else own)
+    return [material for material in kept if matches(material, search)]
+
+
+@functools.lru_cache(maxsize=16)
+def _kept(only: str, own: own_materials.Materials) -> own_materials.Materials:
+    _, keeps = FILTERS[only]
+    return tuple(material for material in (*materials.library(), *own) if keeps(material))
+
+
+def matches(material: Material, search: str) -> bool:
+    """Whether a material's name has all words of a search, however capitalised and spaced."""
+    name = material.name.casefold()
+    joined = "".join(character for character in name if character.isalnum())
+    return all(word in name or word in joined for word in search.casefold().split())

@@ -1,0 +1,236 @@
+"""The scene's table of the material: by name, coefficients or colour, what is added to it, and its profiles.
+
+A name of one's own materials (`viewer.scene.own_materials`) becomes their coefficients at once, so that a scene says
+everything itself.
+"""
+
+import functools
+import itertools
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from milkglass.core.errors import InputError
+from milkglass.core.material import library as materials
+from milkglass.core.material.mixtures import LEAST_WATER, dilute, mix
+from milkglass.core.profiles.names import DIPOLE, PROFILES, TABLE
+from milkglass.viewer.scene import own_materials
+from milkglass.viewer.scene.declaration import check_fields, setting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from milkglass.core.profiles.base import Profiles
+    from milkglass.viewer.scene.tables import ProfileTable
+
+# A setting reads as a paragraph: its value and range, then its reason.
+# fmt: off
+# ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
+
+Vector = tuple[float, float, float]
+# Ways to say what a material is: one of them, whole.
+WAYS = (
+    ("name",),
+    ("sigma_s_prime", "sigma_a"),
+    ("diffuse_reflectance", "mean_free_path_mm"),
+    ("diffuse_reflectance", "diffuse_mean_free_path_mm"),
+)
+OTHER = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")  # what mix_with is by coefficients
+ADDED = ("mix_with", *OTHER, "mix_share", "water")
+# Keys that exclude each other: choosing one side sets the other to its default. A new material starts pure.
+_NAME, _COEFFICIENTS, _LENGTH, _DIFFUSE_LENGTH = map(set, WAYS)
+_COLOUR = _LENGTH | _DIFFUSE_LENGTH
+RIVALS = (
+    (_NAME, _COEFFICIENTS | _COLOUR | {"eta", *ADDED}),
+    (_COEFFICIENTS, _NAME | _COLOUR),
+    (_COLOUR, _NAME | _COEFFICIENTS),
+    ({"mean_free_path_mm"}, {"diffuse_mean_free_path_mm"}),
+    ({"diffuse_mean_free_path_mm"}, {"mean_free_path_mm"}),
+    ({"mix_with"}, {*OTHER}),
+    ({*OTHER}, {"mix_with"}),
+)
+
+
+@dataclass(frozen=True)
+class MaterialSettings:
+    """A material of the library by name, coefficients of one's own, or a colour and a mean free path."""
+
+    TABLE: ClassVar[str] = "material"
+    DEFAULT_ETA: ClassVar[float] = 1.5
+
+    name: str | None = setting(
+        "text", None, optional=True, default_text="marble",
+        why="material of the library (`milkglass materials`), however spaced and capitalised; or one of your own: the "
+            "scene then keeps its coefficients"
+    )
+    sigma_s_prime: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
+    )
+    sigma_a: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
+    )
+    eta: float | None = setting(
+        "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
+        default_text="of the named material, else 1.5", why="relative index of refraction, before anything is added"
+    )
+    diffuse_reflectance: Vector | None = setting(
+        "number", None, optional=True, length=3, low=0, high=1,
+        why="colour: share of R, G, B that leaves again of what enters; with mean_free_path_mm, instead of name; the "
+            "profile's own reflectance turns them into coefficients"
+    )
+    mean_free_path_mm: Vector | None = setting(
+        "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
+        why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name"
+    )
+    diffuse_mean_free_path_mm: Vector | None = setting(
+        "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
+        why="1 / sigma_tr of R, G, B, how far light gets before it is absorbed; with diffuse_reflectance, instead of "
+            "mean_free_path_mm"
+    )
+    mix_with: str | None = setting(
+        "text", None, optional=True,
+        why="a second material, by name as above; coefficients and index are weighted by volume"
+    )
+    mix_sigma_s_prime: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="reduced scattering of the second material; with mix_sigma_a, instead of mix_with"
+    )
+    mix_sigma_a: Vector | None = setting(
+        "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
+        why="absorption of the second material; with mix_sigma_s_prime, instead of mix_with"
+    )
+    mix_eta: float | None = setting(
+        "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
+        default_text="that of the first material", why="index of refraction of a second material by coefficients"
+    )
+    mix_share: float = setting(
+        "number", 0.5, low=0, high=1, why="share of the volume that the second material has"
+    )
+    water: float = setting(
+        "number", 0.0, low=LEAST_WATER, high=1,
+        why="share of the volume that is water, which absorbs too: 0.9 is one part in ten; below 0 water is taken "
+            "out, -1 is twice as strong"
+    )
+    profile: str = setting(
+        "text", DIPOLE, choices=PROFILES,
+        why="diffusion profile R_d that ewald and layered sum; diffusion has no profile"
+    )
+    profile_table: Path | None = setting(
+        "path", None, optional=True, why="CSV of radius_mm, R, G, B (R_d in 1/mm^2) for the profile table"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+        if self.name is not None:
+            self._take("name", *WAYS[1], "eta")
+        self._check_way()
+        if self.mix_with is not None:
+            self._take("mix_with", *OTHER)
+        if (self.mix_sigma_s_prime is None) != (self.mix_sigma_a is None):
+            keys = OTHER[:2] if self.mix_sigma_a is None else OTHER[1::-1]
+            raise InputError(f"material.{keys[0]} is given without material.{keys[1]}; add it")
+        if self.mix_with is not None and self.mix_sigma_a is not None:
+            raise InputError("material.mix_with and material.mix_sigma_a are both given; keep one of them")
+        if self.profile == TABLE and self.profile_table is None:
+            raise InputError('material.profile is "table" without material.profile_table; add the file')
+        if self.diffuse_reflectance is not None:
+            self.base()  # a colour out of reach is told at once
+        if self.water < 0.0:
+            self.resolve()  # and a concentration
+
+    def _check_way(self) -> None:
+        """Check that one way of saying what the material is has been used, whole."""
+        used = [key for key in dict.fromkeys(itertools.chain(*WAYS)) if getattr(self, key) is not None]
+        if not used:
+            raise InputError(
+                "material has neither name nor sigma_s_prime and sigma_a, nor diffuse_reflectance and "
+                "mean_free_path_mm; give one of them"
+            )
+        for pair in itertools.combinations(used, 2):
+            if not any({*pair} <= {*way} for way in WAYS):
+                raise InputError(f"material.{pair[0]} and material.{pair[1]} are both given; keep one of them")
+        way = next(way for way in WAYS if {*used} <= {*way})
+        if len(used) < len(way):
+            missing = next(key for key in way if key not in used)
+            raise InputError(f"material.{used[0]} is given without material.{missing}; add it")
+
+    def _take(self, key: str, sigma_s_prime: str, sigma_a: str, eta: str) -> None:
+        """Write the library's own spelling of a name; in place of an own material's, its coefficients."""
+        found = own_materials.lookup(getattr(self, key))
+        if found.source != own_materials.SOURCE:
+            object.__setattr__(self, key, found.name)
+            return
+        for each in (sigma_s_prime, sigma_a):
+            if getattr(self, each) is not None:
+                raise InputError(f"material.{key} and material.{each} are both given; keep one of them")
+        taken: dict[str, object] = {key: None, sigma_s_prime: found.sigma_s_prime, sigma_a: found.sigma_a}
+        if getattr(self, eta) is None:
+            taken[eta] = found.eta
+        for each, value in taken.items():
+            object.__setattr__(self, each, value)
+
+    def resolve(self) -> materials.Material:
+        """Return the material that light meets: `base`, mixed and diluted."""
+        return _resolved(self)
+
+    def other(self) -> materials.Material | None:
+        """Return what is mixed in."""
+        if self.mix_with is not None:
+            return materials.lookup(self.mix_with)
+        if self.mix_sigma_s_prime is None or self.mix_sigma_a is None:
+            return None
+        eta = self.base().eta if self.mix_eta is None else self.mix_eta
+        return materials.Material("custom", self.mix_sigma_s_prime, self.mix_sigma_a, eta, "scene")
+
+    def base(self) -> materials.Material:
+        """Return the material before anything is added."""
+        if self.name is not None:
+            found = materials.lookup(self.name)
+            return found if self.eta is None else replace(found, eta=self.eta)
+        eta = self.DEFAULT_ETA if self.eta is None else self.eta
+        if self.sigma_s_prime is not None and self.sigma_a is not None:
+            return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
+        assert self.diffuse_reflectance is not None  # _check_way
+        from milkglass.core.profiles import choose as profiles  # numerics that what only reads settings need not load
+
+        colour, lengths = self.diffuse_reflectance, self.mean_free_path_mm
+        try:
+            if lengths is None:
+                assert self.diffuse_mean_free_path_mm is not None
+                lengths = profiles.mean_free_paths(colour, self.diffuse_mean_free_path_mm, eta, self.profile)
+            return profiles.material_of_colour(colour, lengths, eta, self.profile)
+        except InputError as error:
+            raise InputError(f"material.diffuse_reflectance, {error}") from None
+
+    @property
+    def table_in_use(self) -> Path | None:
+        """The file that the profile is read from, if it is."""
+        return self.profile_table if self.profile == TABLE else None
+
+    def profiles(self, read: "Callable[[Path], ProfileTable] | None" = None) -> "Profiles":
+        """Return the R, G and B profiles of the material.
+
+        Parameters
+        ----------
+        read : callable, optional
+            Takes the place of `viewer.scene.tables.read_profile_table`, whose errors this may raise.
+        """
+        from milkglass.core.profiles.choose import profiles
+        from milkglass.viewer.scene.tables import read_profile_table
+
+        path = self.table_in_use
+        table = None if path is None else (read or read_profile_table)(path)
+        return profiles(self.resolve(), self.profile, table)
+
+
+@functools.lru_cache(maxsize=64)  # a window asks many times a frame
+def _resolved(settings: MaterialSettings) -> materials.Material:
+    material, other = settings.base(), settings.other()
+    if other is not None:
+        material = mix(material, other, settings.mix_share)
+    try:
+        return material if settings.water == 0.0 else dilute(material, settings.water)
+    except InputError as error:
+        raise InputError(f"material.water = {settings.water:g} is too strong: {error}") from None

@@ -1,0 +1,207 @@
+"""A person's own materials: one TOML file in the user's data folder, a table each.
+
+    ["candle"]
+    sigma_s_prime = [0.6, 0.7, 0.9]   # 1/mm
+    sigma_a = [0.001, 0.003, 0.012]   # 1/mm
+    eta = 1.44
+
+A scene never refers to this file: where an own material is named, its coefficients are what the scene keeps, and so it
+renders alike on every machine. No name of the library can be given to one.
+"""
+
+import functools
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from milkglass.core.errors import InputError
+from milkglass.core.material import library as materials
+from milkglass.core.material.library import Material
+from milkglass.viewer.scene import toml_files
+from milkglass.viewer.scene.declaration import nearest, shown
+
+SOURCE = "own"
+KEYS = ("sigma_s_prime", "sigma_a", "eta")
+LONGEST_NAME = 60
+MAX_BYTES = 10_000_000
+
+Materials = tuple[Material, ...]
+
+
+def file() -> Path:
+    """Return where they are kept; there need not be such a file."""
+    return Path(platformdirs.user_data_dir("milkglass", appauthor=False)) / "materials.toml"
+
+
+def own() -> Materials:
+    """Return all of them, in the order of the file, which is read again where it has changed.
+
+    Raises
+    ------
+    InputError
+        Naming the file, the material and the key.
+    """
+    try:
+        return read(file())
+    except FileNotFoundError:
+        return ()
+
+
+def lookup(name: str) -> Material:
+    """Return a material of the library, else an own one, by name as `core.material.library.lookup`."""
+    try:
+        return materials.lookup(name)
+    except InputError:
+        return materials.lookup(name, own())
+
+
+def named_like(material: Material) -> Material | None:
+    """Return the own material of the same coefficients, if there is one; a file that cannot be read has none."""
+    try:
+        return next((each for each in own() if _content(each) == _content(material)), None)
+    except InputError:
+        return None
+
+
+def save(name: str, material: Material) -> Material:
+    """Keep a material under a name, in the place of an own one of that name; returns it as it is kept.
+
+    Raises
+    ------
+    InputError
+        If the name is the library's or no name, or the file cannot be read or written.
+    """
+    kept = replace(material, name=checked_name(name), source=SOURCE)
+    key, known = materials.key_of(kept.name), own()
+    if any(materials.key_of(each.name) == key for each in known):
+        _write(file(), [kept if materials.key_of(each.name) == key else each for each in known])
+    else:
+        _write(file(), [*known, kept])
+    return kept
+
+
+def delete(name: str) -> None:
+    """Forget an own material."""
+    _write(file(), [each for each in own() if each.name != name])
+
+
+def rename(name: str, new: str) -> None:
+    """Give an own material another name, which none of the others has."""
+    new = checked_name(new)
+    if any(materials.key_of(each.name) == materials.key_of(new) for each in own() if each.name != name):
+        raise InputError(f'"{new}" is another of your materials; choose another name')
+    _write(file(), [replace(each, name=new) if each.name == name else each for each in own()])
+
+
+def import_from(path: Path) -> Materials:
+    """Add the materials of a file, all or none; returns them.
+
+    Raises
+    ------
+    InputError
+        Naming the file and what is wrong in it, or the material that would change one that is known.
+    """
+    known = {materials.key_of(each.name): each for each in own()}
+    try:
+        new = read(path)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    for each in new:
+        before = known.get(materials.key_of(each.name))
+        if before is not None and _content(before) != _content(each):
+            raise InputError(f'{path}: you have another "{each.name}"; rename one of them')
+        known.setdefault(materials.key_of(each.name), each)
+    _write(file(), known.values())
+    return new
+
+
+def export_to(path: Path) -> Materials:
+    """Write all of them to a file, which is replaced; returns them."""
+    kept = own()
+    if not kept:
+        raise InputError("there are no materials of your own to export; save one first")
+    _write(path, kept)
+    return kept
+
+
+def checked_name(name: str) -> str:
+    """Return a name that an own material can have, without spaces around it.
+
+    Raises
+    ------
+    InputError
+        Saying what is wrong with it.
+    """
+    name = " ".join(name.split())
+    if not materials.key_of(name) or not name.isprintable() or len(name) > LONGEST_NAME:
+        raise InputError(f"a material needs a name of 1 to {LONGEST_NAME} letters, not {shown(name)}")
+    for each in materials.library():
+        if materials.key_of(each.name) == materials.key_of(name):
+            raise InputError(f'"{name}" is a material of the library ({each.name}); choose another name')
+    return name
+
+
+def read(path: Path) -> Materials:
+    """Read a file of materials, or return what it held if it has not changed since.
+
+    Raises
+    ------
+    InputError
+        Naming the file, the material and the key.
+    FileNotFoundError
+    """
+    try:
+        found = path.stat()
+        return _read(path, found.st_mtime_ns, found.st_size)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the materials ({error.strerror or error})") from error
+
+
+@functools.lru_cache(maxsize=8)
+def _read(path: Path, changed: int, size: int) -> Materials:
+    if size > MAX_BYTES:
+        raise InputError(f"{path}: {size / 1e6:.0f} MB are too large for materials")
+    found: dict[str, Material] = {}
+    for name, content in toml_files.parse(path.read_bytes(), path).items():
+        try:
+            material = _material(name, content)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        if materials.key_of(material.name) in found:
+            raise InputError(f'{path}: two materials are called "{material.name}"; rename one of them')
+        found[materials.key_of(material.name)] = material
+    return tuple(found.values())
+
+
+def _material(name: str, content: Any) -> Material:
+    name = checked_name(name)
+    if not isinstance(content, dict):
+        raise InputError(f'"{name}" must be a table; write ["{name}"] on a line and {", ".join(KEYS)} below')
+    for key in content:
+        if key not in KEYS:
+            raise InputError(f'{name}: unknown key "{key}"; {nearest(key, KEYS)}')
+    for key in KEYS:
+        if key not in content:
+            raise InputError(f"{name}: {key} is missing")
+    return Material(name, content["sigma_s_prime"], content["sigma_a"], content["eta"], SOURCE)
+
+
+def _content(material: Material) -> tuple[object, ...]:
+    return tuple(getattr(material, key) for key in KEYS)
+
+
+def _write(path: Path, kept: Iterable[Material]) -> None:
+    """Write a file of materials, whole or not at all."""
+    document = {
+        each.name: {key: list(v) if isinstance(v := getattr(each, key), tuple) else v for key in KEYS} for each in kept
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot write the materials ({error.strerror or error})") from error
+    toml_files.write(path, toml_files.dumps(document), "the materials")

@@ -1,0 +1,296 @@
+"""A scene: everything a picture depends on, as a TOML file, from the command line or from Python.
+
+>>> import dataclasses
+>>> scene = Scene(material=MaterialSettings(name="skim milk"))
+>>> apply_set(scene, ["display.key=0.2", "material.name=jade"]).material.name
+'jade'
+>>> dataclasses.replace(scene, lights=()).effective_lights()
+()
+"""
+
+import dataclasses
+import os
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene import lights as kinds
+from milkglass.viewer.scene import toml_files
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
+from milkglass.viewer.scene.lights import (
+    LIGHT_KINDS,
+    DirectionalLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+)
+from milkglass.viewer.scene.material_settings import RIVALS
+from milkglass.viewer.scene.settings import (
+    DEFAULT_LIGHTS,
+    TABLES,
+    CameraSettings,
+    DetailSettings,
+    DisplaySettings,
+    EnvironmentSettings,
+    MaterialSettings,
+    ModelSettings,
+    PhotoSettings,
+    SpecularSettings,
+    TransportSettings,
+)
+
+__all__ = [
+    "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
+    "MaterialSettings", "ModelSettings", "PhotoSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings",
+    "SphereLight", "SpotLight", "TransportSettings", "apply_set", "changed",
+]  # fmt: skip
+
+# Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
+_RIVALS = {
+    "model": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
+    "environment": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
+    "material": RIVALS,
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Frozen and hashable; every table checks its own values.
+
+    ``lights`` None means not given: a default pair then lights the object unless an environment does.
+    """
+
+    model: ModelSettings = field(default_factory=ModelSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
+    material: MaterialSettings = field(default_factory=lambda: MaterialSettings(name="marble"))
+    detail: DetailSettings = field(default_factory=DetailSettings)
+    specular: SpecularSettings = field(default_factory=SpecularSettings)
+    lights: tuple[Light, ...] | None = None
+    environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
+    transport: TransportSettings = field(default_factory=TransportSettings)
+    display: DisplaySettings = field(default_factory=DisplaySettings)
+    photo: PhotoSettings = field(default_factory=PhotoSettings)
+
+    def __post_init__(self) -> None:
+        for name, table in TABLES.items():
+            given = getattr(self, name)
+            if not isinstance(given, table):
+                raise InputError(f"{name} must be a {table.__name__}, not a {type(given).__name__}")
+        if self.lights is not None:
+            lights: object = self.lights
+            if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
+                raise InputError(f"lights must be a tuple of {kinds.NAMES}, or None")
+            object.__setattr__(self, "lights", tuple(lights))
+        if self.display.background == "environment" and not self.environment.given:
+            fix = "set environment.path or environment.builtin too"
+            raise InputError(f'display.background is "environment" but there is none; {fix}')
+
+    def effective_lights(self) -> tuple[Light, ...]:
+        """Return the lights that shine, as they are in the world: on, and not black."""
+        shining = tuple(light for light in self.all_lights() if light.on and any(kinds.brightness(light)))
+        if all(light.fixed_to == "world" for light in shining):
+            return shining
+        return tuple(kinds.in_world(light, place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
+
+    @property
+    def separate(self) -> bool:
+        """Whether bodies scatter light each alone, where there are not too many; `diffusion` knows no other way."""
+        asked = self.model.bodies
+        return asked == "separate" or (asked is None and self.transport.method == "diffusion")
+
+    def all_lights(self) -> tuple[Light, ...]:
+        """Return the lights given, off or on, else the default pair where there is no environment."""
+        if self.lights is not None:
+            return self.lights
+        return () if self.environment.given else DEFAULT_LIGHTS
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Scene":
+        """Read a scene file; paths in it are relative to it.
+
+        Raises
+        ------
+        InputError
+            Naming the file, the table and key, the problem and the fix.
+        """
+        path = Path(path)
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: cannot read the scene file ({error.strerror or error})") from error
+        document = toml_files.parse(data, path)
+        try:
+            return _from_document(document, path.parent)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    def to_toml(self) -> str:
+        """Return the text of a scene file; paths in it stay absolute."""
+        return _to_toml(self, Path(os.path.sep))
+
+    @classmethod
+    def from_toml(cls, text: str) -> "Scene":
+        """Read what `to_toml` returned."""
+        return _from_document(tomllib.loads(text), Path(os.path.sep))
+
+    def save(self, path: str | Path) -> None:
+        """Write a scene file, whole or not at all; paths in it become relative to it where possible."""
+        toml_files.write(path, _to_toml(self, Path(os.path.abspath(path)).parent), "the scene file")
+
+
+def default_scene() -> Scene:
+    """Return what a newcomer sees: the sculpture in jade, exposed for the light that comes through it."""
+    return Scene(material=MaterialSettings(name="jade"), display=DisplaySettings(key=0.35))
+
+
+class Change(NamedTuple):
+    """One value that replaces a scene's."""
+
+    table: str
+    key: str  # empty for the list of lights
+    value: Any
+    label: str  # what messages call it
+
+
+def changed(scene: Scene, changes: Iterable[Change]) -> Scene:
+    """Return the scene with all changes made together, a later one winning over an earlier one."""
+    new: dict[str, dict[str, Any]] = {}
+    for change in changes:
+        if change.table == "lights":
+            scene = replace(scene, lights=change.value)
+            continue
+        value = settings_of(TABLES[change.table])[change.key].checked(change.value, change.label)
+        new.setdefault(change.table, {})[change.key] = value
+    tables = {}
+    for table, values in new.items():
+        dropped = {key for chosen, rivals in _RIVALS.get(table, ()) if chosen & values.keys() for key in rivals}
+        values = {key: _default(table, key) for key in dropped - values.keys()} | values
+        tables[table] = replace(getattr(scene, table), **values)
+    return replace(scene, **tables)
+
+
+def _default(table: str, key: str) -> Any:
+    return next(each.default for each in dataclasses.fields(TABLES[table]) if each.name == key)
+
+
+def apply_set(scene: Scene, assignments: Sequence[str]) -> Scene:
+    """Return the scene with assignments such as "display.key=0.2" or "lights=[]" made, in order.
+
+    Values are TOML; text may stand without quotes. Relative paths are relative to the working directory.
+    """
+    return changed(scene, parse_set(assignments))
+
+
+def parse_set(assignments: Sequence[str]) -> list[Change]:
+    """Return the changes that assignments such as "display.key=0.2" make."""
+    return [_parse_assignment(assignment) for assignment in assignments]
+
+
+def _parse_assignment(assignment: str) -> Change:
+    name, equals, text = (part.strip() for part in assignment.partition("="))
+    label = f"--set {name}"
+    if not equals:
+        raise InputError(f"--set {assignment!r} is not an assignment; write table.key=value")
+    if name == "lights":
+        return Change("lights", "", _lights(_toml_value(text), label), label)
+    keys = {f"{table}.{key}": (table, key) for table in TABLES for key in settings_of(TABLES[table])}
+    if name not in keys:
+        raise InputError(f"{label} is unknown; {nearest(name, [*keys, 'lights'])}")
+    table, key = keys[name]
+    value = _toml_value(text)
+    # A file called 7 or a material called nan is still text.
+    if settings_of(TABLES[table])[key].kind in ("text", "path") and not isinstance(value, str):
+        value = text
+    return Change(table, key, value, label)
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        document = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return document["value"] if document.keys() == {"value"} else text
+
+
+def _from_document(document: Mapping[str, Any], base: Path) -> Scene:
+    tables: dict[str, Any] = {}
+    for name, content in document.items():
+        if name == "lights":
+            tables[name] = _lights(content, name)
+        elif name not in TABLES:
+            raise InputError(f'unknown table "{name}"; {nearest(name, [*TABLES, "lights"])}')
+        elif not isinstance(content, dict):
+            raise InputError(f"{name} must be a table; write [{name}] on a line and its keys below")
+        else:
+            tables[name] = _table(TABLES[name], content, name, base)
+    return Scene(**tables)
+
+
+def _table(table: Any, content: Mapping[str, Any], label: str, base: Path) -> Any:
+    """Make one table; `base` is what its relative paths are relative to."""
+    declared: dict[str, Setting] = settings_of(table)
+    values = {}
+    for key, value in content.items():
+        if key not in declared:
+            raise InputError(f'unknown key {label}."{key}"; {nearest(key, declared)}')
+        if declared[key].kind == "path" and isinstance(value, str) and value:
+            value = os.path.join(base, os.path.expanduser(value))
+        values[key] = declared[key].checked(value, f"{label}.{key}")
+    for missing in (f.name for f in dataclasses.fields(table) if is_required(f) and f.name not in values):
+        raise InputError(f"{label}.{missing} is missing; it must be {declared[missing].expected()}")
+    return table(**values)
+
+
+def _lights(content: Any, label: str) -> tuple[Light, ...]:
+    if not isinstance(content, list) or not all(isinstance(light, dict) for light in content):
+        raise InputError(f"{label} must be a list of tables; write [[lights]] for each, or lights = [] for none")
+    return tuple(_light(light, f"{label}[{i}]") for i, light in enumerate(content))
+
+
+def _light(content: dict[str, Any], label: str) -> Light:
+    kind = content.get("kind")
+    if not isinstance(kind, str) or kind not in LIGHT_KINDS:
+        raise InputError(f"{label}.kind must be one of {', '.join(LIGHT_KINDS)}, not {shown(kind)}")
+    rest = {key: value for key, value in content.items() if key != "kind"}
+    light: Light = _table(LIGHT_KINDS[kind], rest, label, Path())
+    return light
+
+
+def _to_toml(scene: Scene, base: Path) -> str:
+    document: dict[str, Any] = {}
+    for name in (f.name for f in dataclasses.fields(scene)):
+        content = getattr(scene, name)
+        if content == PhotoSettings():
+            continue  # most scenes have no photograph
+        if name != "lights":
+            document[name] = _content(content, base)
+        elif content is not None:
+            document[name] = [{"kind": light.KIND} | _content(light, base) for light in content]
+    return toml_files.dumps(document)
+
+
+def _content(table: Any, base: Path) -> dict[str, Any]:
+    given = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
+    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in given.items()}
+
+
+def _relative(path: Path, base: Path) -> str:
+    try:
+        relative = Path(os.path.relpath(path, base))
+    except ValueError:  # another drive
+        return path.as_posix()
+    # ".." leaves a linked folder through another parent than the one we counted from.
+    leaves_link = relative.parts[:1] == ("..",) and os.path.realpath(base) != str(base)
+    return (path if leaves_link else relative).as_posix()
+
+
+START = Scene(
+    environment=EnvironmentSettings(occluded=False),
+    specular=SpecularSettings(1.0, 80.0, "normalized"),
+)

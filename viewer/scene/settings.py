@@ -1,0 +1,189 @@
+"""The tables of a scene: frozen, hashable, checked when they are made. Lengths in mm, angles in degrees.
+
+Each class is one table of the scene file and each field one key. Changing a value means making a new
+table: ``dataclasses.replace(scene.camera, zoom=2.0)``.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene.declaration import check_fields, setting
+from milkglass.viewer.scene.lights import LIGHT_KINDS as LIGHT_KINDS
+from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
+from milkglass.viewer.scene.lights import Light as Light
+from milkglass.viewer.scene.lights import PointLight as PointLight
+from milkglass.viewer.scene.lights import RectangleLight as RectangleLight
+from milkglass.viewer.scene.lights import SphereLight as SphereLight
+from milkglass.viewer.scene.lights import SpotLight as SpotLight
+from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
+from milkglass.viewer.scene.settings_detail import DetailSettings as DetailSettings
+from milkglass.viewer.scene.settings_photo import PhotoSettings as PhotoSettings
+from milkglass.viewer.scene.settings_surround import EnvironmentSettings as EnvironmentSettings
+from milkglass.viewer.scene.settings_surround import SpecularSettings as SpecularSettings
+
+# A setting reads as a paragraph: its value and range, then its reason.
+# fmt: off
+# ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
+
+Vector = tuple[float, float, float]
+BUILTINS = ("sculpture",)
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What is drawn. Neither a path nor a builtin given means the builtin sculpture."""
+
+    TABLE: ClassVar[str] = "model"
+
+    path: Path | None = setting(
+        "path", None, optional=True, why="mesh file; instead of builtin"
+    )
+    builtin: str | None = setting(
+        "text", None, optional=True, choices=BUILTINS, default_text="sculpture",
+        why="a shape that needs no file; instead of path"
+    )
+    size_mm: float = setting(
+        "number", 100.0, unit="mm", low=1e-3, high=1e6,
+        why="longest side of the model; a hand-sized object, since translucency depends on size"
+    )
+    up: str = setting(
+        "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
+        why="axis of the file that points up; most scans use y"
+    )
+    bodies: str | None = setting(
+        "text", None, optional=True, choices=("joined", "separate"),
+        default_text="separate with diffusion where there are up to 64, else joined",
+        why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
+            "are within about four nodes of each other); or separate: each closed part alone"
+    )
+    texture: Path | None = setting(
+        "path", None, optional=True,
+        why="picture (.png, .jpg) over the model's texture coordinates, in place of the file's own colours"
+    )
+    normal_map: Path | None = setting(
+        "path", None, optional=True,
+        why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+        if self.path is not None and self.builtin is not None:
+            raise InputError("model.path and model.builtin are both given; keep one of them")
+
+    @property
+    def builtin_name(self) -> str | None:
+        """Name of the builtin shape in use, None where a file is."""
+        return (self.builtin or BUILTINS[0]) if self.path is None else None
+
+
+@dataclass(frozen=True)
+class CameraSettings:
+    """Where the picture is taken from: orbit angles about a target; zoom 1 frames the bounding sphere."""
+
+    TABLE: ClassVar[str] = "camera"
+
+    azimuth_deg: float = setting(
+        "number", 30.0, unit="deg", low=-360, high=360,
+        why="turn about the up axis, 0 looks along -z; a three-quarter view"
+    )
+    elevation_deg: float = setting(
+        "number", 10.0, unit="deg", low=-90, high=90, why="height of the view; slightly from above"
+    )
+    roll_deg: float = setting(
+        "number", 0.0, unit="deg", low=-360, high=360, why="turn about the line of sight"
+    )
+    view_angle_deg: float = setting(
+        "number", 35.0, unit="deg", low=1, high=120,
+        why="full vertical view angle; a portrait lens, little distortion"
+    )
+    zoom: float = setting(
+        "number", 1.0, low=0.01, high=100, why="magnification; 1 frames the bounding sphere"
+    )
+    orthographic: bool = setting("boolean", False, why="parallel projection instead of perspective")
+    target_mm: Vector = setting(
+        "number", (0.0, 0.0, 0.0), unit="mm", length=3, low=-1e6, high=1e6,
+        why="point the camera orbits and looks at; the model is centred at 0"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+# Lit from behind first: what shines through is what tells a translucent object from a painted one.
+DEFAULT_LIGHTS: tuple[Light, ...] = (
+    DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
+    DirectionalLight((0.95, 0.45, 0.1), (1.9, 1.85, 1.8)),
+)
+
+
+@dataclass(frozen=True)
+class TransportSettings:
+    """How light travels inside the object."""
+
+    TABLE: ClassVar[str] = "transport"
+
+    method: str = setting(
+        "text", "diffusion", choices=("diffusion", "ewald", "layered"),
+        why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
+            "layered: the paper's parallel layers"
+    )
+    layers: int | None = setting(
+        "integer", None, optional=True, low=1, high=128, default_text="8 if layered, else as dense as the nodes",
+        why="layers over the object's depth (layered) or its z extent (the others)"
+    )
+    resolution: int | None = setting(
+        "integer", None, optional=True, unit="texels", low=16, high=1024,
+        default_text="128 if layered, else from error_target",
+        why="texels along the longer side of a layer (layered), nodes along the longest side of the object (the others)"
+    )
+    error_target: float | None = setting(
+        "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
+        why="wanted rms error of exitance; chooses the resolution of ewald, and in proportion of diffusion, 62 nodes "
+            "at 0.02; if given, it may take longer"
+    )
+    assignment: str | None = setting(
+        "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
+        why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class DisplaySettings:
+    """The picture: photographic tone reproduction (Reinhard et al. 2002), then sRGB."""
+
+    TABLE: ClassVar[str] = "display"
+
+    image_size: tuple[int, int] = setting(
+        "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, why="width and height"
+    )
+    key: float = setting(
+        "number", 0.18, low=1e-4, high=100, why="exposure: where the average lands; 0.18 is middle grey"
+    )
+    white: float = setting(
+        "number", 3.0, low=1e-2, high=1e6, why="scaled luminance that becomes pure white"
+    )
+    background: str = setting(
+        "text", "black", choices=("black", "transparent", "environment"),
+        pattern="#[0-9a-fA-F]{6}", pattern_name="#rrggbb", why="what shows behind the object"
+    )
+    background_blur_deg: float = setting(
+        "number", 0.0, unit="deg", low=0, high=90,
+        why="blur of the environment behind the object; the light it casts stays"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+TABLES = {
+    table.TABLE: table
+    for table in (
+        ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
+        TransportSettings, DisplaySettings, PhotoSettings
+    )
+}

@@ -1,0 +1,1 @@
+"""The edited scene, its history, and how it is looked at."""

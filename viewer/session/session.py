@@ -1,0 +1,281 @@
+"""What the window is about, without a window: the scene being edited, its history, what is kept beside it.
+
+Every edit goes through `Session.edit` or `Session.put`. Bad values never get in: they become a message, and the scene
+stays as it was.
+"""
+
+import tomllib
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.scene import Change, Scene, changed
+from milkglass.viewer.scene.settings import CameraSettings, Light
+
+HISTORY = 200  # steps that can be undone
+DEFAULT_ERROR_POINTS = 300  # as `milkglass render --report`
+# What is shown -> the output of the composite; the last two are maps of a layer.
+SHOWN = {
+    "beauty": "radiance",
+    "irradiance": "irradiance",
+    "exitance": "exitance",
+    "subsurface": "subsurface",
+    "highlight": "specular",
+    "normal": "normal",
+    "layer in": "",
+    "layer out": "",
+}
+
+
+@dataclass(frozen=True)
+class Message:
+    """A sentence for the person. Errors stay longer."""
+
+    text: str
+    is_error: bool = False
+
+
+@dataclass
+class View:
+    """What is shown beside the scene's own settings; not saved with it."""
+
+    show: str = "beauty"
+    layer: int = 0
+    fixed_size: bool = False  # True: the scene's image size, fitted; False: the window's
+    exposure_lock: float | None = None  # log-average luminance that exposure is held at
+    split: float | None = None  # share of the view's width that shows the current state, None for all
+    measure: bool = False  # whether the error of what is shown is measured
+    error_points: int = DEFAULT_ERROR_POINTS
+    error_map: bool = True  # whether a measured error shows over the picture
+    photograph: str | None = None  # its name, where one is what is shown
+    profiles: bool = False  # whether the profile's curves show beside the picture
+
+
+@dataclass(frozen=True)
+class _Step:
+    before: Scene
+    gesture: Hashable
+    moves_camera: bool
+
+
+class Session:
+    """The state behind the window.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : Path, optional
+        The scene file that it came from.
+
+    Attributes
+    ----------
+    gesture : hashable
+        The drag, click or key press going on; edits of one gesture are undone together.
+    kept : Scene or None
+        The other state of an A/B comparison.
+    origin : str or None
+        The library's material that own coefficients started from.
+    messages : list of Message
+        New ones, for the window to take and show.
+    """
+
+    def __init__(self, scene: Scene, path: Path | None = None) -> None:
+        self.scene = scene
+        self.path = path
+        self.view = View()
+        self.kept: Scene | None = None
+        self.origin = scene.material.name
+        self.messages: list[Message] = []
+        self.gesture: Hashable = None
+        self._saved = scene
+        self._working: Scene | None = None  # the last scene that could be drawn
+        self._undo: list[_Step] = []
+        self._redo: list[_Step] = []
+
+    @property
+    def model_name(self) -> str:
+        """What the thing that is shown is called."""
+        model = self.scene.model
+        return self.view.photograph or (str(model.builtin_name) if model.path is None else model.path.name)
+
+    # edits
+
+    def edit(self, table: str, **values: Any) -> bool:
+        """Change keys of one table of the scene; False and a message where a value is not possible."""
+        changes = [Change(table, key, value, f"{table}.{key}") for key, value in values.items()]
+        return self.change(changes)
+
+    def change(self, changes: Iterable[Change]) -> bool:
+        """Make changes together, as `viewer.scene.scene.changed`."""
+        try:
+            scene = changed(self.scene, changes)
+        except InputError as error:
+            self.fail(error)
+            return False
+        self.put(scene)
+        return True
+
+    def edit_lights(self, lights: Sequence[Light]) -> None:
+        """Replace the lights."""
+        self.put(replace(self.scene, lights=tuple(lights)))
+
+    def put(self, scene: Scene) -> None:
+        """Take a scene, as one step of the history."""
+        if scene == self.scene:
+            return
+        goes_on = bool(self._undo) and self.gesture is not None and self._undo[-1].gesture == self.gesture
+        if not goes_on:
+            moves_camera = scene.camera != self.scene.camera
+            self._undo.append(_Step(self.scene, self.gesture, moves_camera))
+            del self._undo[:-HISTORY]
+        self._redo.clear()
+        self._set(scene)
+
+    def look(self, camera: CameraSettings) -> None:
+        """Move the camera, which is not an edit: undoing a colour must not turn the object back."""
+        self.scene = replace(self.scene, camera=camera)
+
+    # history
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to undo."""
+        return bool(self._undo)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step to redo."""
+        return bool(self._redo)
+
+    @property
+    def modified(self) -> bool:
+        """Whether the scene differs from its file."""
+        return self.scene != self._saved
+
+    def undo(self) -> None:
+        """Go one step back."""
+        self._travel(self._undo, self._redo)
+
+    def redo(self) -> None:
+        """Take back an undo."""
+        self._travel(self._redo, self._undo)
+
+    def _travel(self, source: list[_Step], target: list[_Step]) -> None:
+        if not source:
+            return
+        step = source.pop()
+        target.append(_Step(self.scene, None, step.moves_camera))
+        self._set(step.before if step.moves_camera else replace(step.before, camera=self.scene.camera))
+
+    def _set(self, scene: Scene) -> None:
+        self.scene = scene
+        if scene.material.name is not None:
+            self.origin = scene.material.name
+
+    # what cannot be drawn
+
+    def works(self, scene: Scene) -> None:
+        """Remember a scene that could be drawn."""
+        self._working = scene
+
+    def reject(self, error: Exception) -> bool:
+        """Go back to the last scene that could be drawn, and say why; False if there has been none."""
+        if self._working is None:
+            return False
+        self.fail(error)
+        if self.scene == self._working:
+            return True
+        for i in reversed(range(len(self._undo))):
+            if self._undo[i].before == self._working:
+                del self._undo[i:]
+                break
+        self._redo.clear()
+        self._set(replace(self._working, camera=self.scene.camera))
+        return True
+
+    def say(self, text: str) -> None:
+        """Show a sentence."""
+        self.messages.append(Message(text))
+
+    def fail(self, error: Exception | str) -> None:
+        """Show a sentence on what went wrong."""
+        text = " ".join(str(error).split()) or type(error).__name__
+        self.messages.append(Message(text, is_error=True))
+
+    # files
+
+    def open(self, path: Path) -> bool:
+        """Open a scene file; a bad one leaves everything as it was."""
+        try:
+            scene = Scene.load(path)
+        except InputError as error:
+            self.fail(error)
+            return False
+        self.gesture = None
+        self.put(scene)
+        self.path, self._saved = path, scene
+        return True
+
+    def save(self, path: Path, image_size: tuple[int, int], key: float) -> bool:
+        """Write the scene so that `milkglass render` makes the picture seen, of `image_size`, exposed by `key`."""
+        try:
+            scene = replace(self.scene, display=replace(self.scene.display, image_size=image_size, key=key))
+            scene.save(path)
+        except InputError as error:
+            self.fail(error)
+            return False
+        self.path, self._saved = path, self.scene
+        self.say(f"saved {path.name}")
+        return True
+
+    # A/B
+
+    def keep(self) -> None:
+        """Keep the state for comparison."""
+        self.kept = self.scene
+        self.say("kept this state as B: press B to flip, V to split the view")
+
+    def flip(self) -> None:
+        """Exchange the state and the kept one; the view stays."""
+        if self.kept is None:
+            self.keep()
+            return
+        kept, camera = self.kept, self.scene.camera
+        self.kept = self.scene
+        self.gesture = None
+        self.put(replace(kept, camera=camera))
+
+    def toggle_split(self) -> None:
+        """Split the view between the state (left) and the kept one (right), or stop it."""
+        if self.view.split is not None:
+            self.view.split = None
+            return
+        if self.kept is None:
+            self.kept = self.scene
+            self.say("the right half keeps this state; change the left one")
+        self.view.split = 0.5
+
+    # the view as text
+
+    def view_text(self) -> str:
+        """Return the camera as the table of a scene file."""
+        camera = self.scene.camera
+        values = {key: getattr(camera, key) for key in settings_of(camera)}
+        return tomli_w.dumps({"camera": values})
+
+    def paste_view(self, text: str) -> None:
+        """Take the camera of a scene file's text."""
+        try:
+            table = tomllib.loads(text).get("camera")
+        except tomllib.TOMLDecodeError:
+            table = None
+        known = settings_of(CameraSettings)
+        if not isinstance(table, dict) or not set(table) <= set(known):
+            self.fail("the clipboard holds no view: copy one with Ctrl+C first, or a [camera] table")
+            return
+        self.edit("camera", **table)

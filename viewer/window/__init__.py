@@ -1,0 +1,1 @@
+"""The window, its contents, and recordings of it."""

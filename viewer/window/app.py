@@ -1,0 +1,299 @@
+"""Everything in the window but the window itself: events in, frames out, in any framebuffer.
+
+`viewer.window.window` feeds it from GLFW; tests and replays feed it without a display.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.viewer.gl.context import free_dropped
+from milkglass.viewer.gui.controls import Box
+from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Event, Focused, Key, MouseButton
+from milkglass.viewer.gui.renderer import ImguiRenderer
+from milkglass.viewer.gui.shortcuts import pressed_actions
+from milkglass.viewer.gui.sliders import percent
+from milkglass.viewer.gui.toolkit import Gui, imgui
+from milkglass.viewer.live.error import LiveError
+from milkglass.viewer.live.photograph_work import PhotoWork
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.session.preferences import Preferences
+from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.contents import make_contents
+from milkglass.viewer.window.curves.view import ProfileView
+from milkglass.viewer.window.panel.panel import WIDTH
+from milkglass.viewer.window.view.actions import Clipboard
+from milkglass.viewer.window.view.error_overlay import ErrorOverlay
+from milkglass.viewer.window.view.overlays import Messages, draw_help, draw_status
+
+FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
+PATIENCE = 0.06  # seconds that all but the first leave the processor to the worker that a drag waits for
+TOOLTIP_SECONDS = 0.75  # after the pointer has come to rest
+RATE_WEIGHT = 0.2  # of the newest frame in the rate that is shown
+GREY = (0.085, 0.09, 0.095)
+
+
+class App:
+    """The window's contents.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    scene : Scene
+    path : Path, optional
+        The scene file that it came from.
+    preferences : Preferences, optional
+    wake : callable, optional
+        Called from any thread when a frame should be drawn.
+    clipboard : Clipboard, optional
+    clock : callable, optional
+        Seconds, from any start.
+    photo : PhotoWork, optional
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        scene: Scene,
+        *,
+        path: Path | None = None,
+        preferences: Preferences | None = None,
+        wake: Callable[[], object] = lambda: None,
+        clipboard: Clipboard | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        photo: PhotoWork | None = None,
+    ) -> None:
+        # Objects are freed by the thread that draws, whichever thread drops them.
+        context.gc_mode = "context_gc"
+        self.session = Session(scene, path)
+        self.preferences = preferences or Preferences()
+        self.clock = clock
+        self.frames_per_second = 0.0
+        self._context = context
+        self._gui = Gui()
+        self._painter = ImguiRenderer(context)
+        graphics, clipboard = (context, self._gui, self._painter), clipboard or Clipboard()
+        parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
+        self.view, self.panel, self.actions = parts
+        self.error = LiveError(context, wake)
+        self._error_overlay = ErrorOverlay()
+        self.profiles = ProfileView(self.session, self.panel.controls, wake)
+        self._messages = Messages()
+        self.actions.on_dismiss = self._messages.clear
+        self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
+        self._frames_due = FRAMES_AN_EVENT
+        self._last_event = self.clock()
+        self._tooltip_due = False
+        self._gestures = 0
+        self._last_frame: float | None = None
+
+    @property
+    def messages(self) -> list[str]:
+        """Sentences that are shown."""
+        return self._messages.texts
+
+    @property
+    def title(self) -> str:
+        """What the window is called."""
+        name = self.session.path.name if self.session.path is not None else self.session.model_name
+        return f"{name}{' *' if self.session.modified else ''} - milkglass"
+
+    def handle(self, event: Event) -> None:
+        """Take an event."""
+        self._frames_due, self._last_event, self._tooltip_due = FRAMES_AN_EVENT, self.clock(), True
+        if isinstance(event, MouseButton | Key):
+            if event.pressed or isinstance(event, MouseButton):
+                self._gestures += 1
+            self.session.gesture = self._gestures
+        if isinstance(event, Dropped):
+            for dropped in event.paths:
+                self.actions.open(Path(dropped))
+        elif isinstance(event, Closed):
+            self.actions.closing = True
+        elif not isinstance(event, Drawn):
+            self._gui.feed(event)
+        if event == Focused(True):  # whoever comes back may have edited a file meanwhile
+            self.actions.run("reread_profile")
+
+    def wake(self) -> None:
+        """Draw a frame soon: something is ready."""
+        self._frames_due = max(self._frames_due, 1)
+
+    def next_frame(self) -> float | None:
+        """Seconds until a frame is due, 0 for now, None if only an event can make one."""
+        if self._frames_due > 0:
+            waits_for_worker = self._frames_due < FRAMES_AN_EVENT and self.view.detail.draft and self.view.live.working
+            return max(0.0, self._last_event + PATIENCE - self.clock()) if waits_for_worker else 0.0
+        now = self.clock()
+        waits = [self.view.next_change(now)]
+        end = self._messages.next_end()
+        waits.append(None if end is None else max(0.0, end - now))
+        if self._tooltip_due:
+            waits.append(max(0.0, self._last_event + TOOLTIP_SECONDS - now))
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def frame(self, target: moderngl.Framebuffer) -> None:
+        """Draw a frame into a framebuffer."""
+        now = self.clock()
+        self._frames_due = max(0, self._frames_due - 1)
+        if now >= self._last_event + TOOLTIP_SECONDS:
+            self._tooltip_due = False
+        if min(self._gui.pixels) <= 0 or min(self._gui.size) <= 0:  # minimised
+            return
+        self._gui.begin(now)
+        self._keys()
+        view_box, panel_box = self._boxes()
+        view_box, profile_box = self.profiles.split(view_box)
+        if self.actions.panel_shown:
+            rate, recent = self.frames_per_second, self.preferences.recent
+            self.panel.draw(panel_box, self.view.live, self.error, rate, recent)
+            for request in list(self.panel.requests):
+                self.actions.run(request)
+        self._draw_view(view_box, now)
+        if profile_box is not None:
+            self.profiles.draw(profile_box, self.view.live)
+            for request in self.profiles.requests:
+                self.actions.run(request)
+        self.actions.dialog.draw()
+        self._messages.take(self.session.messages, now)
+        self._messages.draw(view_box)
+        if self.actions.help_shown:
+            draw_help(self._gui, view_box)
+        data = self._gui.end()
+        if self._gui.has_events:
+            self._frames_due = FRAMES_AN_EVENT
+        target.use()
+        target.clear(*GREY)
+        self._painter.draw(data, target, self._gui.pixels)
+        free_dropped(self._context)
+        self._count(now)
+        if self.actions.capture is not None:
+            self.actions.write_capture(read_pixels(target, self._gui.pixels))
+            self._frames_due = FRAMES_AN_EVENT
+        if self.session.messages:
+            self._frames_due = FRAMES_AN_EVENT
+
+    def settle(self, target: moderngl.Framebuffer, limit: float = 60.0) -> None:
+        """Draw frames until nothing more changes; for tests and replays."""
+        end = time.monotonic() + limit
+        while time.monotonic() < end:
+            self.frame(target)
+            for live in self.view.lives():
+                live.wait(limit)
+            self.error.wait(limit)
+            self.profiles.wait(limit)
+            due = self.next_frame()
+            if self.at_rest() and self._frames_due == 0:
+                return
+            if due is None or due > 0.0:
+                time.sleep(min(0.02, due or 0.02))
+
+    def at_rest(self) -> bool:
+        """Whether nothing more is to come by itself."""
+        return self.view.at_rest() and self.error.progress is None and not self.profiles.busy
+
+    def close(self) -> None:
+        """Stop the workers and free what ImGui holds."""
+        self.error.close()
+        self.profiles.close()
+        self.view.close()
+        self._painter.release()
+        self._gui.close()
+        free_dropped(self._context)
+        self._context.gc_mode = "auto"
+
+    def mouse_cursor(self) -> str:
+        """Return which pointer fits, by its name in `imgui.MouseCursor_`."""
+        return str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
+
+    def _boxes(self) -> tuple[Box, Box]:
+        width, height = self._gui.size
+        panel = 0.0
+        if self.actions.panel_shown:
+            panel = min(0.6 * width, WIDTH * imgui.get_font_size())
+        split = width - panel
+        return (0.0, 0.0, split, float(height)), (split, 0.0, float(width), float(height))
+
+    def _keys(self) -> None:
+        if imgui.get_io().want_text_input or self.actions.dialog.is_open:
+            return
+        for action in pressed_actions():
+            self.actions.run(action)
+
+    def _draw_view(self, box: Box, now: float) -> None:
+        flags = imgui.WindowFlags_
+        bare = flags.no_decoration.value | flags.no_move.value | flags.no_background.value
+        bare |= flags.no_bring_to_front_on_focus.value | flags.no_nav.value | flags.no_scroll_with_mouse.value
+        imgui.set_next_window_pos((box[0], box[1]))
+        imgui.set_next_window_size((box[2] - box[0], box[3] - box[1]))
+        imgui.push_style_var(imgui.StyleVar_.window_padding.value, (0.0, 0.0))
+        imgui.begin("view", None, bare)
+        imgui.pop_style_var()
+        self.view.steer(box, now)
+        points = self.session.view.error_points if self.session.view.measure else None
+        self.error.follow(self.view.shown, points)
+        self.view.draw()
+        self._measure()
+        left, right = self._status()
+        draw_status(box, left, right)
+        imgui.end()
+
+    def _measure(self) -> None:
+        """Measure the error of what is on screen, if that is wanted, and show where it sits."""
+        view = self.session.view
+        at_rest = self.view.at_rest() and not any(imgui.get_io().mouse_down[:3])
+        if self.error.update(self.view.shown, self.view.live, at_rest=at_rest):
+            self._frames_due = max(self._frames_due, 1)
+        result, picture = self.error.result, self.view.drawn_at
+        hides = view.show in ("layer in", "layer out") or not (view.measure and view.error_map)
+        if result is None or hides or result.is_dark or not result.lies_in(self.view.shown):
+            return
+        right = picture[2] if view.split is None else picture[0] + view.split * (picture[2] - picture[0])
+        hovered = imgui.is_window_hovered()
+        self._error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
+
+    def _status(self) -> tuple[str, str]:
+        live = self.view.live
+        left = ""
+        if live.finished is not None:
+            mesh = live.finished.lit.model.mesh
+            size = self.session.scene.model.size_mm
+            left = f"{self.session.model_name}   {len(mesh.faces):,} triangles   {size:g} mm"
+        if live.loading:
+            return left, f"loading {self.session.model_name} ..."
+        if live.finished is None:
+            return left, "light spreads ..." if live.working else ""
+        rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
+        baked = live.visibility.progress
+        casting = "" if baked is None else f"environment's shadows: {100.0 * baked:.0f} %"
+        return left, "   ".join(filter(None, (casting, self._error_status(), rate)))
+
+    def _error_status(self) -> str:
+        if self.error.progress is not None:
+            return f"measuring the error: {100.0 * self.error.progress:.0f} %"
+        result = self.error.result
+        if not self.session.view.measure or result is None or self.error.outdated or result.is_dark:
+            return ""
+        return f"error {percent(max(result.error.deviation.rms))}"
+
+    def _count(self, now: float) -> None:
+        """Keep the rate of pictures while they come one after another."""
+        if self.view.changed and self._last_frame is not None and 0.0 < now - self._last_frame < 1.0:
+            rate = 1.0 / (now - self._last_frame)
+            old = self.frames_per_second or rate
+            self.frames_per_second = old + RATE_WEIGHT * (rate - old)
+        elif self.view.at_rest():
+            self.frames_per_second = 0.0
+        self._last_frame = now if self.view.changed else None
+
+
+def read_pixels(target: moderngl.Framebuffer, size: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Read a framebuffer of (width, height) pixels back: (height, width, 3) uint8, top row first."""
+    width, height = size
+    data = target.read(viewport=(0, 0, width, height), components=3, alignment=1)
+    pixels = np.frombuffer(data, np.uint8).reshape(height, width, 3)
+    return np.ascontiguousarray(pixels[::-1])

@@ -1,0 +1,1 @@
+"""Diffusion profiles, plotted."""

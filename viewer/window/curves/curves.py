@@ -1,0 +1,109 @@
+"""Profiles as curves to look at, made in a thread of their own: tables of a photon beam take longer than a frame."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from milkglass.core.arrays import Array
+from milkglass.core.errors import InputError
+from milkglass.core.profiles.base import Profiles
+from milkglass.core.profiles.curves import curve_radii, reach, sampled
+from milkglass.viewer.scene.material_settings import MaterialSettings
+from milkglass.viewer.scene.tables import ProfileTable
+
+KEPT = 16  # curves: profiles between which a person goes back and forth
+REST = 1e-2  # share of the flux beyond `Curves.reach`
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Whose curves are wanted, by value; `table` is the state of a table's file."""
+
+    material: MaterialSettings
+    table: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """The red, green and blue curve of one profile.
+
+    Attributes
+    ----------
+    profiles : R, G and B; empty where there is a problem
+    radii : (n,) mm
+    values : (3, n) mm^-2, R_d at the radii
+    totals : (3,) diffuse reflectance
+    reach : mm, radius that 99 % of every channel's flux stays within
+    detail : mm, the shortest length over which a channel bends
+    problem : sentence on why there are none, else empty
+    """
+
+    profiles: Profiles
+    radii: Array
+    values: Array
+    totals: Array
+    reach: float
+    detail: float
+    problem: str = ""
+
+
+def curves_of(material: MaterialSettings, read: Callable[[Path], ProfileTable]) -> Curves:
+    """Sample the profiles of a material; `read` as of `MaterialSettings.profiles`."""
+    try:
+        profiles = material.profiles(read)
+    except InputError as error:
+        return Curves((), np.zeros(0), np.zeros((3, 0)), np.zeros(3), 0.0, 0.0, str(error))
+    bright = [profile for profile in profiles if not profile.is_black]
+    radii = curve_radii(profiles)
+    totals = np.array([0.0 if profile.is_black else float(profile.total(0.0)) for profile in profiles])
+    detail = min((profile.mean_free_path for profile in bright), default=0.0)
+    return Curves(profiles, radii, sampled(profiles, radii), totals, reach(bright, REST), detail)
+
+
+class CurvesJob:
+    """Keeps the newest curves wanted on their way; for one thread, the one that draws.
+
+    Parameters
+    ----------
+    wake : callable
+        Called from the worker when there is something to see.
+    """
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        self._wake = wake
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="profiles")
+        self._future: Future[list[Curves]] | None = None
+        self._made: OrderedDict[Wish, Curves] = OrderedDict()
+        self._asked: tuple[Wish, ...] = ()
+
+    @property
+    def busy(self) -> bool:
+        """Whether curves are on the way."""
+        return self._future is not None
+
+    def follow(self, wishes: tuple[Wish, ...], read: Callable[[Path], ProfileTable]) -> list[Curves | None]:
+        """Return the curves of each wish, None while they are on the way."""
+        if self._future is not None and self._future.done():
+            made, self._future = self._future.result(), None
+            self._made |= zip(self._asked, made, strict=True)
+            while len(self._made) > KEPT:
+                self._made.popitem(last=False)
+        missing = tuple(wish for wish in dict.fromkeys(wishes) if wish not in self._made)
+        if missing and self._future is None:
+            self._asked = missing
+            self._future = self._worker.submit(lambda: [curves_of(wish.material, read) for wish in missing])
+            self._future.add_done_callback(lambda _: self._wake())
+        return [self._made.get(wish) for wish in wishes]
+
+    def wait(self, timeout: float) -> None:
+        """Wait for what is on the way; for tests and replays."""
+        if self._future is not None:
+            self._future.exception(timeout)
+
+    def close(self) -> None:
+        """Free the thread."""
+        self._worker.shutdown(wait=True, cancel_futures=True)

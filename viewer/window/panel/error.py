@@ -1,0 +1,164 @@
+"""The panel's section on the error of the picture: measure it, and set it against what was promised."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT, Controls
+from milkglass.viewer.gui.sliders import percent
+from milkglass.viewer.gui.toolkit import GOOD, WARNING, icons, imgui
+from milkglass.viewer.live.error import NOT_EQUATION_1, LiveError, Measured
+from milkglass.viewer.live.live import Live, solves
+from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS, Session
+
+FEWEST, MOST = 50, 2000  # points
+MEASURE_TIP = (
+    "Compare the light that leaves the surface on screen, M, with equation (1) summed directly in float64 at random "
+    "visible points. It starts by itself whenever the picture has come to rest (E)."
+)
+MAP_TIP = "Show where the error sits: a dot at every point measured. Rest on a dot to read it."
+WAITING = "measures when the picture is at rest"
+POINTS_TIP = "Random visible points that are measured: more take longer and make the numbers surer."
+
+
+class ErrorPanel:
+    """Draws the rows of a measurement."""
+
+    def __init__(self, session: Session, controls: Controls) -> None:
+        self._session, self._controls = session, controls
+
+    def draw(self, error: LiveError, live: Live) -> None:
+        """Draw them."""
+        is_off = solves(live)
+        imgui.begin_disabled(is_off)
+        self._wishes(is_off)
+        imgui.end_disabled()
+        if is_off:
+            self._controls.note(NOT_EQUATION_1)
+            return
+        view, controls = self._session.view, self._controls
+        if not view.measure:
+            controls.note("off: nothing is measured")
+            return
+        self._state(error)
+        if error.trouble is None or error.outdated:
+            self._numbers(error.result, error.outdated, live)
+
+    def _wishes(self, is_off: bool) -> None:
+        """Draw what can be asked for; `is_off` where it would be in vain."""
+        view, controls = self._session.view, self._controls
+        controls.begin_row("Measure")
+        clicked, _ = imgui.checkbox("##error.measure", view.measure)
+        controls.end_row("error.measure", "Measure", NOT_EQUATION_1 if is_off else MEASURE_TIP)
+        if clicked:
+            view.measure = not view.measure
+        self._points(is_off)
+        controls.begin_row("Show map")
+        clicked, _ = imgui.checkbox("##error.map", view.error_map)
+        controls.end_row("error.map", "Show map", NOT_EQUATION_1 if is_off else MAP_TIP)
+        if clicked:
+            view.error_map = not view.error_map
+
+    def _state(self, error: LiveError) -> None:
+        """Say how far it is, what went wrong, or whether the promise holds."""
+        controls = self._controls
+        if error.progress is not None:
+            imgui.progress_bar(error.progress, (-1.0, 0.0), f"summing the reference: {100.0 * error.progress:.0f} %")
+        elif error.outdated or error.result is None:
+            imgui.align_text_to_frame_padding()
+            failed = error.trouble is not None and not error.outdated
+            controls.note((error.trouble or "") if failed else WAITING, warning=failed)
+        else:
+            kept, sentence = verdict(error.result)
+            imgui.align_text_to_frame_padding()
+            if kept is not None:
+                icon = icons.ICON_FA_CIRCLE_CHECK if kept else icons.ICON_FA_TRIANGLE_EXCLAMATION
+                imgui.text_colored((*(GOOD if kept else WARNING), 1.0), icon)
+                imgui.same_line()
+            controls.note(sentence)
+
+    def _points(self, is_off: bool) -> None:
+        view, controls = self._session.view, self._controls
+        tip = f"{POINTS_TIP}\n{FEWEST} to {MOST}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
+        controls.begin_row("Points", True)
+        points = controls.sliders.integer("error.points", view.error_points, FEWEST, MOST, f"{view.error_points}")
+        if points is not None:
+            view.error_points = min(max(points, FEWEST), MOST)
+        controls.end_row(
+            "error.points", "Points", NOT_EQUATION_1 if is_off else tip,
+            lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS), view.error_points != DEFAULT_ERROR_POINTS,
+            is_off,
+        )  # fmt: skip
+
+    def _numbers(self, measured: Measured | None, outdated: bool, live: Live) -> None:
+        """Write the numbers, grey if they are of an earlier picture; dashes before there are any."""
+        imgui.begin_disabled(outdated)
+        if imgui.begin_table("##error", 4, imgui.TableFlags_.sizing_stretch_prop.value):
+            for i in range(4):
+                imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch.value, 1.6 if i == 0 else 1.0)
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted("outdated" if outdated and measured is not None else "")
+            for letter, colour in CHANNELS:
+                imgui.table_next_column()
+                imgui.text_colored((*colour, 1.0), letter)
+            for label, values in rows(measured):
+                self._row(label, values)
+            quality = live.finished.lit.quality if measured is None and live.finished is not None else None
+            quality = measured.quality if measured is not None else quality
+            if quality is not None and quality.predicted_error is not None and quality.predicted_lit is not None:
+                self._row("expected, lit", [percent(quality.predicted_lit)])
+                self._row("expected, up to", [percent(quality.predicted_error)])
+            if quality is not None and quality.error_target is not None:
+                self._row("error target", [percent(quality.error_target)])
+            imgui.end_table()
+        self._controls.note("" if measured is None else how(measured))
+        imgui.end_disabled()
+
+    def _row(self, label: str, values: Sequence[str]) -> None:
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text_disabled(label)
+        for value in values:
+            imgui.table_next_column()
+            imgui.text_unformatted(value)
+
+
+def rows(measured: Measured | None) -> list[tuple[str, list[str]]]:
+    """Return what is told of each channel and of all: a label and texts; dashes where nothing is known yet."""
+    if measured is None:
+        return [("rms", ["-"] * 3), ("99th percentile", ["-"] * 3), ("rms together", ["-"])]
+    deviation = measured.error.deviation
+    light = np.abs(measured.error.reference) + measured.error.seen.exitance
+    black = [not channel.any() for channel in light.T]
+    each = [
+        ["black" if b else percent(share) for share, b in zip(shares, black, strict=True)]
+        for shares in (deviation.rms, deviation.p99)
+    ]
+    return [("rms", each[0]), ("99th percentile", each[1]), ("rms together", [percent(deviation.rms_together)])]
+
+
+def how(measured: Measured) -> str:
+    """Say what was measured."""
+    points, (width, height) = len(measured.error.reference), measured.size
+    return (
+        f"{points} points of the picture at {width} x {height} px, {measured.error.n_sources:,} sources each, "
+        f"{measured.seconds:.1f} s"
+    )
+
+
+def verdict(measured: Measured) -> tuple[bool | None, str]:
+    """Whether the promise holds for the worst channel, None where there is none, and a sentence on it."""
+    if measured.is_dark:
+        return None, "no light leaves the surface, so there is no error"
+    worst, quality = max(measured.error.deviation.rms), measured.quality
+    target, predicted = quality.error_target, quality.predicted_error
+    if predicted is None:
+        return None, f"{quality.method} transport promises no error"
+    if target is not None and worst <= target:
+        return True, "within the error target"
+    if worst <= predicted:
+        return target is None, "as expected" if target is None else "above the error target, as was expected"
+    if target is None:
+        return False, "above what was expected"
+    return False, "above the error target, and above what was expected"

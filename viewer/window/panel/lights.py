@@ -1,0 +1,283 @@
+"""The panel's part for the lights: a list, and for each its direction on a small sphere, colour and brightness."""
+
+from dataclasses import fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Controls, Reach, explained
+from milkglass.viewer.gui.toolkit import icons, imgui
+from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.declaration import Setting, plain, settings_of
+from milkglass.viewer.scene.light_conversion import as_fixed, as_kind
+from milkglass.viewer.scene.lights import brightened, brightness
+from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light
+from milkglass.viewer.session.navigation import direction_angles, direction_of, turn_matrix
+from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.panel.light_ball import draw_ball
+
+SPHERE = 4.0  # diameter, in rows
+NEW_LIGHT = DirectionalLight((0.5, 0.7, 0.5))
+BRIGHT = {"irradiance": Reach(0.01, 100.0, True, "%.2f"), "intensity": Reach(100.0, 1e7, True, "%.0f")}
+_KIND = Setting(
+    "text", "directional is the sun, the others are near and weaker with distance: a point, a ball or a panel with a "
+    "size, a spot light with a cone", choices=tuple(LIGHT_KINDS),
+)  # fmt: skip
+# What is left after direction or place, colour and brightness: label and reach of each.
+MORE = {
+    "angle_deg": ("Size", Reach(0.0, 40.0, False, "%.1f")),
+    "radius_mm": ("Radius", Reach(1.0, 500.0, True, "%.1f")),
+    "cone_deg": ("Cone", Reach(1.0, 120.0, False, "%.1f")),
+    "softness": ("Soft edge", Reach(0.0, 1.0, False, "%.2f")),
+    "roll_deg": ("Roll", Reach(-180.0, 180.0, False, "%.1f")),
+    "fixed_to": ("Fixed to", None),
+}
+SIZE = Reach(1.0, 1000.0, True, "%.1f")
+
+
+class LightsPanel:
+    """Draws the lights."""
+
+    def __init__(self, session: Session, controls: Controls) -> None:
+        self._session = session
+        self._controls = controls
+
+    def draw(self) -> None:
+        """Draw it in the current ImGui window."""
+        lights = list(self._session.scene.all_lights())
+        for i, light in enumerate(lights):
+            imgui.push_id(i)
+            edited = self._light(i, light)
+            imgui.pop_id()
+            if edited is not None:
+                lights[i : i + 1] = edited
+                self._session.edit_lights(lights)
+                return
+        if imgui.button(f"{icons.ICON_FA_PLUS}  Add light"):
+            self._session.edit_lights([*lights, NEW_LIGHT])
+        self._controls.mark("lights.add")
+        if self._session.scene.lights is not None:
+            imgui.same_line()
+            if imgui.button("Default lights"):
+                self._session.put(replace(self._session.scene, lights=None))
+            self._controls.mark("lights.default")
+            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
+                self._controls.tooltip("", "Back to the pair that lights a new scene: from behind, and a fill.")
+
+    def _light(self, i: int, light: Light) -> list[Light] | None:
+        """Draw one light; returns what takes its place, None if nothing changed."""
+        name = f"lights.{i}"
+        flags = imgui.TreeNodeFlags_.framed.value | imgui.TreeNodeFlags_.allow_overlap.value
+        flags |= imgui.TreeNodeFlags_.default_open.value if i == 0 else 0
+        right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+        shown = imgui.tree_node_ex(f"{light.KIND.capitalize()} {i + 1}###light", flags)
+        self._controls.mark(name)
+        action = self._buttons(name, light, right)
+        new = light if not shown else self._rows(name, light)
+        if shown:
+            imgui.tree_pop()
+        if action == "remove":
+            return []
+        if action == "duplicate":
+            return [light, light]
+        if action == "toggle":
+            return [replace(light, on=not light.on)]
+        return None if new == light else [new]
+
+    def _buttons(self, name: str, light: Light, right: float) -> str:
+        """Draw the buttons at the right end of a light's heading."""
+        controls, side = self._controls, imgui.get_frame_height()
+        buttons = (
+            ("toggle", icons.ICON_FA_LIGHTBULB if light.on else icons.ICON_FA_POWER_OFF, "On or off"),
+            ("duplicate", icons.ICON_FA_CLONE, "Duplicate"),
+            ("remove", icons.ICON_FA_TRASH, "Remove"),
+        )
+        imgui.same_line(right - len(buttons) * side)
+        chosen = ""
+        for action, icon, tip in buttons:
+            lit = action == "toggle" and light.on
+            if lit:
+                imgui.push_style_color(imgui.Col_.text_disabled.value, (1.0, 0.85, 0.5, 1.0))
+            if controls.icon(f"{name}.{action}", icon, tip, quiet=not lit, on=False):
+                chosen = action
+            if lit:
+                imgui.pop_style_color()
+            imgui.same_line(0.0, 0.0)
+        imgui.new_line()
+        return chosen
+
+    def _rows(self, name: str, light: Light) -> Light:
+        controls = self._controls
+        chosen: list[str] = []
+        kind = controls.value(
+            f"{name}.kind", "Kind", _KIND, light.KIND, default=DirectionalLight.KIND,
+            on_reset=lambda: chosen.append(DirectionalLight.KIND),
+        )  # fmt: skip
+        chosen += [] if kind is None else [kind]
+        if chosen:
+            light = as_kind(light, chosen[-1])
+        new = self._direction(name, light) if isinstance(light, DirectionalLight) else light
+        if not isinstance(new, DirectionalLight):
+            new = self._point(name, new, "position_mm", ("X", "Y", "Z"))
+        if hasattr(new, "target_mm"):
+            new = self._point(name, new, "target_mm", ("Target X", "Target Y", "Target Z"))
+        return self._more(name, self._colour(name, new))
+
+    def _more(self, name: str, light: Light) -> Light:
+        """Size, cone and what it turns with."""
+        chosen: dict[str, Any] = {}
+        defaults = {each.name: each.default for each in fields(light)}
+        for key, declared in settings_of(light).items():
+            if key == "size_mm":
+                chosen |= self._sides(name, declared, getattr(light, key), defaults[key])
+            if key not in MORE:
+                continue
+            label, reach = MORE[key]
+            reset = partial(chosen.__setitem__, key, defaults[key])
+            new = self._controls.value(
+                f"{name}.{key}",
+                label,
+                declared,
+                getattr(light, key),
+                default=defaults[key],
+                on_reset=reset,
+                reach=reach,
+            )
+            if new is not None:
+                chosen[key] = new if isinstance(new, str) else plain(new)
+        fixed_to = chosen.pop("fixed_to", light.fixed_to)
+        if fixed_to != light.fixed_to:
+            return as_fixed(light, fixed_to, place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation)
+        return replace(light, **chosen) if chosen else light
+
+    def _sides(self, name: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
+        sides, side = list(value), replace(declared, length=None)
+        for i, label in enumerate(("Width", "Height")):
+            reset = partial(sides.__setitem__, i, default[i])
+            new = self._controls.value(
+                f"{name}.{label}", label, side, value[i], default=default[i], on_reset=reset, reach=SIZE
+            )
+            if new is not None:
+                sides[i] = plain(new)
+        return {"size_mm": tuple(sides)} if tuple(sides) != value else {}
+
+    def _direction(self, name: str, light: DirectionalLight) -> DirectionalLight:
+        default = _default(name, DirectionalLight, "direction", NEW_LIGHT.direction)
+        self._controls.begin_row("Direction", True)
+        dragged = self._sphere(f"{name}.sphere", light)
+
+        new = light if dragged is None else replace(light, direction=dragged)
+        was_reset: list[bool] = []
+        tip = explained(settings_of(light)["direction"], None)
+        tip += "\nDrag the sphere: it shows the light as the camera sees it; hollow is behind.\n" + RESET_HINT
+        self._controls.end_row(
+            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), new.direction != default
+        )
+        if was_reset:
+            new = replace(light, direction=default)
+        azimuth, elevation = direction_angles(new.direction)
+        for key, label, value, default_angle in (
+            ("azimuth", "Azimuth", azimuth, direction_angles(default)[0]),
+            ("elevation", "Elevation", elevation, direction_angles(default)[1]),
+        ):
+            turned = self._angle(f"{name}.{key}", label, value, default_angle)
+            if turned is not None:
+                angles = (turned, elevation) if key == "azimuth" else (azimuth, turned)
+                # straight up has no azimuth: stay a hair off, so that it is kept
+                new = replace(light, direction=direction_of(angles[0], min(89.99, max(-89.99, angles[1]))))
+        return new
+
+    def _angle(self, name: str, label: str, value: float, default: float) -> float | None:
+        result: list[float] = []
+        span = 180.0 if label == "Azimuth" else 90.0
+        self._controls.begin_row(label, True)
+        new = self._controls.sliders.number(name, value, -span, span, f"{value:.1f}°")
+        if new is not None:
+            result.append(new)
+        tip = f"{'Around the up axis, 0 is +z' if span > 90 else 'Above the horizon'}; unit deg.\n{TYPE_HINT}"
+        differs = abs(value - default) > 0.05
+        self._controls.end_row(name, label, tip, lambda: result.append(default), differs)
+        return result[-1] if result else None
+
+    def _point(self, name: str, light: Any, key: str, labels: tuple[str, str, str]) -> Any:
+        """Draw the rows of a point, one an axis."""
+        declared, position = settings_of(light)[key], list(getattr(light, key))
+        defaults = getattr(as_kind(NEW_LIGHT, light.KIND), key)
+        for axis, label in enumerate(labels):
+            reset: list[float] = []
+            self._controls.begin_row(label, True)
+            flags = imgui.SliderFlags_.none.value
+            changed, new = imgui.drag_float(f"##{name}.{label}", position[axis], 1.0, 0.0, 0.0, "%.1f mm", flags)
+            if changed:
+                position[axis] = plain(new)
+            tip = f"{explained(declared, None)}\nDrag, or {TYPE_HINT[0].lower()}{TYPE_HINT[1:]}"
+            differs = position[axis] != defaults[axis]
+            self._controls.end_row(f"{name}.{label}", label, tip, partial(reset.append, defaults[axis]), differs)
+            position[axis] = reset[-1] if reset else position[axis]
+        try:
+            return replace(light, **{key: tuple(position)})
+        except InputError as error:  # a light that would face itself
+            self._session.fail(error)
+            return light
+
+    def _colour(self, name: str, light: Light) -> Light:
+        """Colour and brightness, whose product is what the scene keeps."""
+        key = "irradiance" if isinstance(light, DirectionalLight) else "intensity"
+        declared, value = settings_of(light)[key], brightness(light)
+        default = _default(name, type(light), key, getattr(as_kind(NEW_LIGHT, light.KIND), key))
+        default_colour = tuple(plain(channel / max(default)) for channel in default)
+        brightest = max(value)
+        colour = tuple(channel / brightest for channel in value) if brightest > 0.0 else (1.0, 1.0, 1.0)
+        chosen: dict[str, Any] = {}
+        self._controls.begin_row("Colour", True)
+        flags = imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.no_inputs.value
+        changed, new = imgui.color_edit3(f"##{name}.colour", list(colour), flags)
+        if changed and max(new) > 0.0:
+            chosen["colour"] = tuple(plain(channel / max(new)) for channel in new)
+        tip = f"Linear RGB, the brightest channel is 1. Click to choose.\n{RESET_HINT}"
+        self._controls.end_row(
+            f"{name}.colour", "Colour", tip, lambda: chosen.update(colour=default_colour),
+            max(abs(a - b) for a, b in zip(colour, default_colour, strict=True)) > 1e-4,
+        )  # fmt: skip
+        label = key.capitalize()
+        new_brightness = self._controls.value(
+            f"{name}.{key}", label, replace(declared, length=None), brightest, default=max(default),
+            on_reset=lambda: chosen.update(brightness=max(default)), reach=BRIGHT[key],
+        )  # fmt: skip
+        if new_brightness is not None:
+            chosen["brightness"] = max(new_brightness, 0.0)
+        if not chosen:
+            return light
+        bright = chosen.get("brightness", brightest)
+        red, green, blue = (plain(bright * channel) for channel in chosen.get("colour", colour))
+        return brightened(light, (red, green, blue))
+
+    def _sphere(self, name: str, light: DirectionalLight) -> tuple[float, float, float] | None:
+        """Draw the light on a ball seen by the camera; a drag turns it, as a trackball."""
+        side = SPHERE * imgui.get_frame_height()
+        corner = imgui.get_cursor_screen_pos()
+        imgui.invisible_button(f"##{name}", (side, side))
+        rotation = place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation
+        if light.fixed_to == "camera":
+            rotation = np.eye(3)
+        direction = np.array(light.direction) / np.linalg.norm(light.direction)
+        draw_ball((corner.x, corner.y), side, direction @ rotation, light)
+        if not imgui.is_item_active():
+            return None
+        delta = imgui.get_io().mouse_delta
+        if delta.x == 0.0 and delta.y == 0.0:
+            return None
+        step = 180.0 / side
+        turn = turn_matrix(rotation[:, 1], step * delta.x) @ turn_matrix(rotation[:, 0], step * delta.y)
+        x, y, z = (direction @ turn).tolist()
+        return plain(x), plain(y), plain(z)
+
+
+def _default(name: str, kind: type, key: str, otherwise: Any) -> Any:
+    """Return what a light's value is reset to: the default light's of the same place in the list."""
+    i = int(name.split(".")[1])
+    if i < len(DEFAULT_LIGHTS) and isinstance(DEFAULT_LIGHTS[i], kind):
+        return getattr(DEFAULT_LIGHTS[i], key)
+    return otherwise

@@ -1,0 +1,165 @@
+"""The panel's part for the material: the library with swatches, coefficients, and what follows from them."""
+
+from collections.abc import Sequence
+
+from milkglass.core.material import library as materials
+from milkglass.core.material import single_scattering
+from milkglass.core.material.library import Material
+from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, explained
+from milkglass.viewer.gui.sliders import significant
+from milkglass.viewer.gui.toolkit import imgui
+from milkglass.viewer.render.remarks import beyond_object
+from milkglass.viewer.scene import own_materials
+from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.material_settings import ADDED
+from milkglass.viewer.scene.settings import MaterialSettings
+from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.panel.library import LibraryList, origin_of, reflectance, swatch
+from milkglass.viewer.window.panel.mixture import MixturePanel
+from milkglass.viewer.window.panel.profile import ProfilePanel, profile_reflectance
+
+ONCE_TIP = (
+    "Share of the light that leaves a half space lit along its normal which has scattered only once. Diffusion draws "
+    "it as if it had scattered often: too wide (but for the profile photon_beam), and without its direction."
+)
+SIGMA_HIGH = 100.0  # 1/mm, end of the sliders
+
+
+class MaterialPanel:
+    """Draws the rows of the material.
+
+    Attributes
+    ----------
+    no_profile : str, optional
+        Why the choice of a profile means nothing now.
+    """
+
+    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
+        self._session = session
+        self._controls = controls
+        self._profile = ProfilePanel(session, controls, requests)
+        self._list = LibraryList(session, controls, requests, "material")
+        self._mixture = MixturePanel(session, controls, requests)
+        self.no_profile: str | None = None
+
+    def draw(self) -> None:
+        """Draw it in the current ImGui window."""
+        self._library()
+        if self._profile.way():
+            self._profile.colour(CHANNELS)
+        else:
+            self._coefficients("sigma_s_prime", "σs′")
+            self._coefficients("sigma_a", "σa")
+        self._eta()
+        self._mixture.draw()
+        self._profile.chooser(self.no_profile)
+        self._controls.setting("model.size_mm", "Object size")
+        self._derived()
+
+    def _library(self) -> None:
+        controls, session = self._controls, self._session
+        settings = session.scene.material
+        current, name = settings.base(), settings.name
+        kept = None if name is not None else own_materials.named_like(current)
+        name = name if kept is None else kept.name
+        shown = name or ("custom" if session.origin is None else f"custom, from {session.origin}")
+        controls.begin_row("Material", resettable=True)
+        side = imgui.get_frame_height()
+        swatch(controls, "material.swatch", current, (side, side))
+        imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
+        imgui.set_next_item_width(-side - imgui.get_style().item_inner_spacing.x)
+        imgui.set_next_window_size_constraints((20.0 * imgui.get_font_size(), 0.0), (1e4, 1e4))
+        opened = imgui.begin_combo("##material.name", shown, imgui.ComboFlags_.height_large.value)
+        if opened:
+            chosen = self._list.choose(name, keeps=True)
+            if chosen is not None and session.edit("material", name=chosen.name):
+                session.origin = chosen.name
+            imgui.end_combo()
+        tip = f"A material of the library; type to search. The swatch is its colour under white light.\n{RESET_HINT}"
+        default = MaterialSettings(name="marble").name
+        controls.end_row(
+            "material.name", "Material", tip, lambda: session.edit("material", name=default), name != default
+        )
+
+    def _coefficients(self, key: str, symbol: str) -> None:
+        """Three logarithmic sliders; moving one makes the material one's own."""
+        session, controls = self._session, self._controls
+        material = session.scene.material.base()
+        values: Sequence[float] = getattr(material, key)
+        origin = origin_of(session)
+        default = getattr(origin, key) if origin else None
+        declared = settings_of(session.scene.material)[key]
+        for channel, (letter, colour) in enumerate(CHANNELS):
+            name, label = f"material.{key}.{letter}", f"{symbol} {letter}"
+            controls.begin_row(label, True)
+            text = f"{significant(values[channel])} /mm"
+            new = controls.sliders.number(name, values[channel], 0.0, SIGMA_HIGH, text, logarithmic=True, colour=colour)
+            if new is not None:
+                self._own(material, key, channel, new)
+
+            def reset(channel: int = channel) -> None:
+                if default is not None:
+                    self._own(material, key, channel, default[channel])
+
+            tip = f"{explained(declared, None)}\n{TYPE_HINT}"
+            differs = default is not None and default[channel] != values[channel]
+            controls.end_row(name, label, tip, reset, differs)
+
+    def _own(self, material: Material, key: str, channel: int, value: float) -> None:
+        """Change one coefficient; back at a library material's, become that material again."""
+        given = {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a}
+        changed = list(given[key])
+        changed[channel] = value
+        given[key] = (changed[0], changed[1], changed[2])
+        origin, settings = origin_of(self._session), self._session.scene.material
+        if origin is not None and (origin.sigma_s_prime, origin.sigma_a) == (given["sigma_s_prime"], given["sigma_a"]):
+            eta = None if material.eta == origin.eta else material.eta
+            added = {each: getattr(settings, each) for each in ADDED}
+            self._session.edit("material", name=origin.name, eta=eta, **added)
+        else:
+            self._session.edit("material", **given, eta=material.eta)
+
+    def _eta(self) -> None:
+        session = self._session
+        material = session.scene.material
+        declared = settings_of(material)["eta"]
+        found = origin_of(session)
+        origin = material.DEFAULT_ETA if found is None else found.eta
+        new = self._controls.value(
+            "material.eta", "η", declared, material.base().eta, default=origin,
+            on_reset=lambda: session.edit("material", eta=None if material.name else origin),
+        )  # fmt: skip
+        if new is not None:
+            session.edit("material", eta=new)
+
+    def _derived(self) -> None:
+        """Mean free path and reflectance, all added, which say more than the coefficients."""
+        settings = self._session.scene.material
+        material = settings.resolve()
+        leaving = reflectance(material) if self.no_profile else profile_reflectance(settings)
+        rows = (
+            ("mean free path", material.mean_free_path, "mm", "1 / σt′: how far light goes before it scatters."),
+            ("reflectance", leaving, "", "Share of white light that leaves again, R_d: the colour."),
+            ("scattered once", 100.0 * single_scattering.share(material), "%", ONCE_TIP),
+        )
+        flags = imgui.TableFlags_.sizing_stretch_prop.value
+        if not imgui.begin_table("##derived", 5, flags):
+            return
+        for label, values, unit, tip in rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled(label)
+            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
+                self._controls.tooltip(label, tip)
+            for value, (_, colour) in zip(values, CHANNELS, strict=True):
+                imgui.table_next_column()
+                imgui.text_colored((*colour, 1.0), f"{value:.3g}")
+            imgui.table_next_column()
+            imgui.text_disabled(unit)
+        imgui.end_table()
+        for note in materials.validity_notes(material):
+            self._controls.note(note)
+        if single_scattering.share(material).max() > single_scattering.MUCH:
+            self._controls.note(f"single scattering is missing: {single_scattering.statement(material)}", warning=True)
+        if (missed := beyond_object(self._session.scene)) is not None:
+            self._controls.note(missed, warning=True)

@@ -1,0 +1,126 @@
+"""The panel's part for a photograph: how deep its object is read, its light, its edges, its mask."""
+
+from milkglass.viewer.gui.controls import RESET_HINT, Controls, Reach, default_of, explained
+from milkglass.viewer.gui.toolkit import icons, imgui
+from milkglass.viewer.live.photograph_work import FIXED, LARGEST, SMALLEST, PhotoWork
+from milkglass.viewer.scene.declaration import Setting, settings_of
+from milkglass.viewer.scene.settings_photo import BEHIND
+from milkglass.viewer.session.session import Session
+
+OWN_DEPTH = "The depth map is taken as it is."
+BRUSH_TIP = (
+    "Paint the mask: drag; with Alt it takes away; [ ] or Ctrl+wheel: size. The wheel zooms, a middle drag pans, Enter "
+    "shows all."
+)
+BEHIND_TIPS = {
+    "filled": "the background, filled in where the object was",
+    "seen": "the photograph as it is",
+    "transparent": "nothing: the object alone",
+}
+CAMERA = (
+    ("azimuth_deg", "Azimuth"), ("elevation_deg", "Elevation"), ("roll_deg", "Roll"),
+    ("view_angle_deg", "View angle"), ("zoom", "Zoom"), ("orthographic", "Orthographic"),
+)  # fmt: skip
+
+
+class PhotoPanel:
+    """Draws what a photograph has beside material, lights and transport.
+
+    Parameters
+    ----------
+    session, controls, work
+    requests : list of str
+        Actions that clicks ask for.
+    """
+
+    def __init__(self, session: Session, controls: Controls, work: PhotoWork, requests: list[str]) -> None:
+        self._session, self._controls, self._work, self._requests = session, controls, work, requests
+        self._brush = work.brush
+
+    def draw(self) -> None:
+        """Draw it in the current ImGui window."""
+        controls, work = self._controls, self._work
+        self._depth()
+        if not self._session.scene.environment.given:
+            controls.setting("environment.intensity", "Its light")
+            controls.setting("environment.rotation_deg", "Light turned")
+        controls.setting("display.key", "Key (exposure)")
+        controls.setting("display.white", "White point")
+        self._behind()
+        self._mask()
+        if imgui.button(f"{icons.ICON_FA_IMAGE}  Save the picture"):
+            self._requests.append("save_picture")
+        controls.mark("photo.save")
+        if work.trouble:
+            controls.note(work.trouble, warning=True)
+        elif work.made is None and not work.busy:
+            controls.note("no mask yet: paint the object with the brush, or draw a box around it")
+
+    def camera(self) -> None:
+        """Draw the camera's rows, off."""
+        for key, label in CAMERA:
+            self._controls.setting(f"camera.{key}", label, off=f"{FIXED[:1].upper()}{FIXED[1:]}.")
+        self._controls.note(FIXED)
+
+    def _depth(self) -> None:
+        session, controls, depth = self._session, self._controls, self._session.scene.photo.depth
+        controls.begin_row("Depth", True)
+        spare = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
+        if imgui.button(f"{'estimated' if depth is None else depth.name}##photo.depth", (-spare, 0.0)):
+            self._requests.append("open_depth")
+        tip = explained(settings_of(session.scene.photo)["depth"], None)
+        reset = lambda: session.edit("photo", depth=None)  # noqa: E731
+        controls.end_row("photo.depth", "Depth", tip, reset, depth is not None)
+        controls.setting("photo.depth_strength", "Depth strength")
+        controls.setting("photo.depth_smoothing", "Depth smoothing", off=None if depth is None else OWN_DEPTH)
+
+    def _behind(self) -> None:
+        session, controls, behind = self._session, self._controls, self._session.scene.photo.behind
+        controls.begin_row("Behind edges", True)
+        new = controls.choice("photo.behind", behind, BEHIND, tips=BEHIND_TIPS)
+        if new is not None:
+            session.edit("photo", behind=new)
+        tip = f"{explained(settings_of(session.scene.photo)['behind'], None)}\n{RESET_HINT}"
+        default = default_of("photo", "behind")
+        controls.end_row(
+            "photo.behind", "Behind edges", tip, lambda: session.edit("photo", behind=default), behind != default
+        )
+
+    def _mask(self) -> None:
+        controls, work = self._controls, self._work
+        controls.begin_row("Mask")
+        buttons = (
+            (
+                "brush",
+                icons.ICON_FA_PAINTBRUSH,
+                BRUSH_TIP,
+            ),
+            ("box", icons.ICON_FA_VECTOR_SQUARE, "Make a mask: draw a box around the object (GrabCut)"),
+        )
+        for tool, icon, tip in buttons:
+            if controls.icon(f"photo.{tool}", icon, tip, on=work.tool == tool):
+                work.tool = None if work.tool == tool else tool
+            imgui.same_line()
+        if controls.icon("photo.erases", icons.ICON_FA_ERASER, "The brush takes away", on=work.erases):
+            work.erases = not work.erases
+        imgui.same_line()
+        imgui.begin_disabled(not work.mask.can_undo)
+        if controls.icon("photo.undo", icons.ICON_FA_ROTATE_LEFT, "Take the last stroke back (Ctrl+Z while painting)"):
+            work.mask.undo()
+        imgui.end_disabled()
+        imgui.same_line()
+        if controls.icon("photo.save_mask", icons.ICON_FA_FLOPPY_DISK, "Save the mask"):
+            self._requests.append("save_mask")
+        if work.tool == "brush":
+            declared = Setting("number", "radius of the brush", low=SMALLEST, high=LARGEST * max(work.photo.size))
+            most = max(SMALLEST + 1.0, LARGEST * max(work.photo.size))
+            self._number("brush", "Brush", declared, self._brush, Reach(SMALLEST, most, True, "%.0f px"))
+
+    def _number(self, name: str, label: str, declared: Setting, default: float, reach: Reach) -> None:
+        work = self._work
+        new = self._controls.value(
+            f"photo.{name}", label, declared, getattr(work, name), default=default,
+            on_reset=lambda: setattr(work, name, default), reach=reach,
+        )  # fmt: skip
+        if new is not None:  # what was typed may lie anywhere
+            setattr(work, name, min(max(new, declared.low or 0.0), declared.high or new))

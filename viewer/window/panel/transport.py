@@ -1,0 +1,66 @@
+"""The panel's part for transport: what was asked for, what was chosen for it, the error to expect and the cost."""
+
+from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.viewer.assets.quality import DEFAULT_ERROR_TARGET
+from milkglass.viewer.gui.controls import Controls
+from milkglass.viewer.live.finished import Finished
+from milkglass.viewer.live.live import Live, solves
+from milkglass.viewer.render.remarks import below_nodes
+
+NEW_LIGHT: tuple[str, ...] = ("deposit", "convolution")  # stages of transport
+NEW_MATERIAL: tuple[str, ...] = ("spectra", "convolution")
+SOLVED_FOR = (*(f"sources of {channel}" for channel in "RGB"), "solution")  # likewise, with `diffusion`
+ASSIGNMENT_OFF = "It means nothing to diffusion, which spreads light with quadratic B-splines always."
+
+
+def draw_transport(controls: Controls, live: Live) -> None:
+    """Draw the rows in the current ImGui window."""
+    controls.setting("transport.method", "Method")
+    if live.finished is None:
+        return
+    lit, solution = live.finished.lit, live.finished.solution
+    quality, expects = lit.quality, lit.quality.predicted_error is not None
+    controls.setting("transport.layers", "Layers", lit.grid.n_layers)
+    controls.setting("transport.resolution", "Resolution", quality.resolution)
+    if expects or solves(live):
+        off = ASSIGNMENT_OFF if solves(live) else None
+        controls.setting("transport.error_target", "Error target", quality.error_target or DEFAULT_ERROR_TARGET)
+        controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
+    if quality.fallback is not None:
+        controls.note(quality.fallback, warning=True)
+    if expects:
+        controls.note(quality.warning or quality.expected)
+    if solution is not None:
+        controls.note(solved(solution, live.finished.complete))
+    controls.note(chosen(live.finished, live.stage_times))
+    if (missed := below_nodes(controls.session.scene, lit)) is not None:
+        controls.note(missed)
+
+
+def solved(solution: AnySolution, complete: bool) -> str:
+    """Say how far a solution is, channel by channel."""
+    each = [
+        f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"
+        for channel, residual, products in zip("RGB", solution.residuals, solution.products, strict=True)
+        if products
+    ]
+    if not each:
+        return "no light to solve for"
+    each[0] += " products"
+    return f"{'solved' if complete else 'on the way'}: {', '.join(each)}"
+
+
+def chosen(finished: Finished, milliseconds: dict[str, float]) -> str:
+    """Return the grid and what it costs, as far as that is known."""
+    grid = finished.lit.grid
+    text = f"{grid.width} x {grid.height} x {grid.n_layers} nodes of {grid.texel:.3g} mm"
+    new_light, new_material = NEW_LIGHT, NEW_MATERIAL
+    if finished.solution is not None:
+        rest = tuple(stage for stage in SOLVED_FOR if stage in milliseconds)  # a dark channel has no sources
+        entries = [stage for stage in milliseconds if stage.startswith("entry of light ")]
+        slowest = max(entries, key=lambda stage: milliseconds[stage], default="entry of light 1")
+        new_light, new_material = (slowest, *rest), ("spectra", *rest)
+    if all(stage in milliseconds for stage in (*new_light, *new_material)):
+        light, material = (sum(milliseconds[stage] for stage in each) for each in (new_light, new_material))
+        text += f"; new light in {light:.0f} ms, a new material in {material:.0f} ms"
+    return text

@@ -1,0 +1,1 @@
+"""A photograph in the window: view, mouse, zoom and actions."""

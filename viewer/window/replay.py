@@ -1,0 +1,120 @@
+"""Replays a recorded interaction, in a window or without one: the same events, the same frames, the same clock."""
+
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import moderngl
+
+from milkglass.viewer.gl.context import headless_context, leave_framebuffer
+from milkglass.viewer.gui.events import Closed, Drawn, Event, Resized, read_recording
+from milkglass.viewer.live.photograph_work import PhotoWork
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.window.app import App
+
+
+def play(path: Path, *, in_window: bool) -> Scene:
+    """Replay a recording and return the scene that it ends with.
+
+    Raises
+    ------
+    InputError
+        The file is not a recording, or what it opens cannot be used.
+    """
+    text, events = read_recording(path)
+    scene = Scene.from_toml(text)
+    if in_window:
+        from milkglass.viewer.window.window import Window
+
+        window = Window(scene, None, None)
+        try:
+            feed(window.app, events, window.draw, at_its_pace=True)
+            return window.app.session.scene
+        finally:
+            window.close()
+    replay = Headless(scene)
+    try:
+        replay.feed(events)
+        return replay.app.session.scene
+    finally:
+        replay.close()
+
+
+class Headless:
+    """The window's contents in a framebuffer, driven by events: for replays and tests.
+
+    Attributes
+    ----------
+    app : App
+    now : float
+        The clock's time, seconds, set by recorded frames.
+    """
+
+    def __init__(self, scene: Scene, size: tuple[int, int] = (1280, 800), photo: PhotoWork | None = None) -> None:
+        self.now = 0.0
+        self._context = headless_context()
+        self.app = App(self._context, scene, clock=lambda: self.now, photo=photo)
+        self.target = self._target(size)
+        self.app.handle(Resized(size, size))
+
+    def feed(self, events: Iterable[Event]) -> None:
+        """Take recorded events, draw where frames were drawn, and let the picture come to rest."""
+        feed(self.app, events, self.frame, self._take)
+        self.settle()
+
+    def frame(self) -> None:
+        """Draw a frame."""
+        self.app.frame(self.target)
+
+    def settle(self) -> None:
+        """Draw until nothing changes any more; time passes."""
+        end = time.monotonic() + 60.0
+        while time.monotonic() < end:
+            self.frame()
+            for live in self.app.view.lives():
+                live.wait()
+            self.app.error.wait()
+            self.app.profiles.wait(60.0)
+            self.now += 0.1
+            if self.app.at_rest() and self.app.next_frame() != 0.0:
+                return
+
+    def close(self) -> None:
+        """Free everything."""
+        self.app.close()
+        leave_framebuffer(self._context)
+        self.target.release()
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, Drawn):
+            self.now = max(self.now, event.time)
+        if isinstance(event, Resized) and min(event.pixels) > 0 and event.pixels != self.target.size:
+            leave_framebuffer(self._context)
+            self.target.release()
+            self.target = self._target(event.pixels)
+
+    def _target(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        return self._context.simple_framebuffer(size)
+
+
+def feed(
+    app: App,
+    events: Iterable[Event],
+    draw: Callable[[], object],
+    before: Callable[[Event], object] = lambda _: None,
+    *,
+    at_its_pace: bool = False,
+) -> None:
+    """Pass events on to an app until it closes; each `Drawn` draws a frame."""
+    start: tuple[float, float] | None = None
+    for event in events:
+        before(event)
+        if isinstance(event, Closed) or app.actions.closing:
+            return
+        if isinstance(event, Drawn):
+            if at_its_pace:
+                start = start or (event.time, time.monotonic())
+                time.sleep(max(0.0, event.time - start[0] - (time.monotonic() - start[1])))
+            draw()
+        elif not (at_its_pace and isinstance(event, Resized)):  # a real window keeps its own size
+            app.handle(event)

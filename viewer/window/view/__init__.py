@@ -1,0 +1,1 @@
+"""The picture in the window: drawing, mouse, overlays and actions."""

@@ -1,0 +1,299 @@
+"""The part of the window that shows the object: pictures at the quality of the moment, and the mouse on them."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.gui.controls import Box
+from milkglass.viewer.gui.renderer import ImguiRenderer
+from milkglass.viewer.gui.toolkit import Gui, imgui
+from milkglass.viewer.live.draft import Detail
+from milkglass.viewer.live.live import Live
+from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.session.session import SHOWN, Session
+from milkglass.viewer.window.view.drawing import checkerboard, developed, fitted
+from milkglass.viewer.window.view.mouse import ViewMouse
+from milkglass.viewer.window.view.overlays import draw_label
+
+LOG = logging.getLogger("milkglass")
+SAMPLES = 4  # antialiasing of a picture at rest, as `milkglass render`
+DRAFT_UNTIL = 0.18  # seconds after the last change by a drag
+FINE_AFTER = 0.35  # seconds after the last change
+DRAFT_MS = 60.0  # what a frame of a drag may take; more, and it is drawn smaller
+SCALES = (1.0, 0.75, 0.5)
+DRAWING = ("gbuffer", "composite", "exposure", "tone map")
+SMALLEST = 16  # pixels, of display.image_size
+
+
+class ViewArea:
+    """Draws a session's scene and lets the mouse turn it.
+
+    Attributes
+    ----------
+    picture : Picture or None
+        The last one, of the session's own state.
+    changed : bool
+        Whether the last frame drew anything new.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, gui: Gui, painter: ImguiRenderer, session: Session, wake: Callable[[], object]
+    ) -> None:
+        self.live = self._live(context, wake, None)
+        self._mouse: ViewMouse = ViewMouse(session)
+        self.picture: Picture | None = None
+        self.size = (SMALLEST, SMALLEST)  # pixels, of the last frame's view
+        self.changed = False
+        self.detail = Detail()
+        self.refining = False
+        self._context, self._gui, self._painter, self._session, self._wake = context, gui, painter, session, wake
+        self._other: Live | None = None  # of the kept state
+        self._key: object = None
+        self._changed_at = -1e9
+        self._dragged = False
+        self._scale = 1.0
+        self._warned: tuple[str, ...] = ()
+        self._per_pixel = 0.0  # ms
+        self._map: tuple[object, moderngl.Texture] | None = None
+        self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
+
+    _live: Callable[..., Live] = staticmethod(Live)
+
+    def steer(self, box: Box, now: float) -> None:
+        """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
+        session = self._session
+        scale = self._gui.pixels[0] / max(1, self._gui.size[0])
+        width, height = box[2] - box[0], box[3] - box[1]
+        double_clicked = self._mouse.move(box, self.live)
+        if double_clicked is not None:
+            self._centre(double_clicked)
+        pixels = (max(SMALLEST, round(width * scale)), max(SMALLEST, round(height * scale)))
+        self.size = session.scene.display.image_size if session.view.fixed_size else pixels
+        self._drawn_at = fitted(box, self.size)
+        self._judge(now)
+
+    def draw(self) -> None:
+        """Draw the picture into the box."""
+        self.changed = False
+        if not (self.refining and self.detail.samples == 1):
+            self._draw_scene()
+        self._put_picture()
+
+    def next_change(self, now: float) -> float | None:
+        """Seconds until the picture gets better by itself, None if it does not."""
+        if self.live.working:
+            return None  # it wakes us
+        age = now - self._changed_at
+        if self.detail.draft:
+            return max(0.0, DRAFT_UNTIL - age)
+        if self.refining and self.detail.samples == 1:
+            return 0.0
+        if self.detail.samples < SAMPLES and self.picture is not None:
+            return max(0.0, FINE_AFTER - age)
+        return None
+
+    @property
+    def drawn_at(self) -> Box:
+        """Where the picture lies in the window."""
+        return self._drawn_at
+
+    @property
+    def shown(self) -> Scene:
+        """The session's scene with the size of the picture on screen, at full quality."""
+        scene = self._session.scene
+        return replace(scene, display=replace(scene.display, image_size=self.size))
+
+    def at_rest(self) -> bool:
+        """Whether the picture is at its best, with nothing more to come."""
+        if self.detail.samples < SAMPLES or not self.live.is_settled(self._sized(self._session.scene)):
+            return False
+        return self._session.view.split is None or self._other is None or not self._other.working
+
+    def lives(self) -> list[Live]:
+        """Return what has workers."""
+        return [self.live] + ([self._other] if self._other is not None else [])
+
+    def transparent(self) -> Picture | None:
+        """Draw the object alone, antialiased."""
+        scene = self._sized(self._session.scene)
+        scene = replace(scene, display=replace(scene.display, background="transparent"))
+        return self.live.draw(scene, Detail(False, SAMPLES, True), exposure_for=self._session.view.exposure_lock)
+
+    def close(self) -> None:
+        """Stop the workers."""
+        for live in self.lives():
+            live.close()
+
+    # pictures
+
+    def _judge(self, now: float) -> None:
+        """Decide how well to draw: less while a drag goes on, best at rest."""
+        scene = self._session.scene
+        key = (
+            scene.model, scene.camera, scene.material.resolve(), scene.detail, scene.specular, scene.effective_lights(),
+            scene.environment, scene.transport, self.size, self._session.view.show,
+        )  # fmt: skip
+        if key != self._key:
+            first = self._key is None
+            self._key, self._changed_at = key, now
+            self._dragged = not first and (any(imgui.get_io().mouse_down[:3]) or imgui.get_io().mouse_wheel != 0.0)
+        self.refining = False
+        age = now - self._changed_at
+        was_draft = self.detail.draft
+        # Still a draft while the worker is at it: the old volume in full quality would hold up the new one.
+        draft = self._dragged and (age < DRAFT_UNTIL or (was_draft and self.live.working))
+        if draft and not was_draft:
+            width, height = self._sized(scene).display.image_size
+            predicted = self._per_pixel * width * height
+            fitting = [scale for scale in SCALES if predicted * scale**2 <= DRAFT_MS]
+            self._scale = fitting[0] if fitting else SCALES[-1]
+        self.detail = Detail(draft, 1 if draft or age < FINE_AFTER else self.detail.samples)
+        if not draft and age >= FINE_AFTER and self.detail.samples == 1 and self._refined(scene):
+            self.detail = Detail(False, SAMPLES)
+
+    def _refined(self, scene: Scene) -> bool:
+        """Antialias a picture that has come to rest, sample by sample so that no frame waits long; True when done."""
+        self.refining = self.live.is_settled(self._sized(scene))
+        if not self.refining:
+            return False
+        show = SHOWN[self._session.view.show] or "radiance"
+        return self.live.refine(self._sized(scene), SAMPLES, show)
+
+    def _sized(self, scene: Scene) -> Scene:
+        size = self.size
+        if self.detail.draft:
+            size = (max(SMALLEST, round(size[0] * self._scale)), max(SMALLEST, round(size[1] * self._scale)))
+        return replace(scene, display=replace(scene.display, image_size=size))
+
+    def _draw_scene(self) -> None:
+        session = self._session
+        scene = self._sized(session.scene)
+        show = SHOWN[session.view.show] or "radiance"
+        try:
+            picture = self.live.draw(scene, self.detail, show, self._exposure() if show == "radiance" else None)
+        except Exception as error:  # whatever a file or a driver does, the window stays and says so
+            failed = session.scene
+            if not session.reject(error):
+                raise
+            if not isinstance(error, InputError):
+                LOG.exception("a picture could not be drawn")
+            if session.scene != failed:
+                self._wake()
+            return
+        if self.live.current:
+            session.works(session.scene)
+        if picture is not None:
+            self.picture = picture
+            self._warn()
+            self.changed = bool(self.live.renderer.stages.timings)
+            self._learn(scene)
+        if session.view.split is not None and session.kept is not None and picture is not None:
+            self._draw_kept(show)
+
+    def _warn(self) -> None:
+        """Say what is wrong with the model, and what it cannot have for that, once."""
+        assert self.live.finished is not None
+        lit = self.live.finished.lit
+        warnings = (*lit.model.warnings, *lit.troubles, *filter(None, (lit.quality.fallback,)))
+        for warning in warnings:
+            if warning not in self._warned:
+                path = self._session.scene.model.path
+                self._session.say(warning if path is None else warning.replace(str(path), path.name))
+        self._warned = warnings
+
+    def _draw_kept(self, show: str) -> None:
+        """Draw the kept state from the same camera, at the same exposure."""
+        session = self._session
+        assert session.kept is not None
+        if self._other is None:
+            self._other = self._live(self._context, self._wake, self.live.assets)
+        kept = self._sized(replace(session.kept, camera=session.scene.camera))
+        try:
+            self._other.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)
+        except Exception as error:
+            session.fail(error)
+            session.kept, session.view.split = None, None
+
+    def _exposure(self) -> float | None:
+        """Log-average luminance to expose for, None for the picture's own: locked, or shared by both halves."""
+        view = self._session.view
+        if view.exposure_lock is not None or view.split is None:
+            return view.exposure_lock
+        pictures = [live.picture for live in self.lives()]
+        averages = [picture.log_average for picture in pictures if picture is not None and picture.log_average > 0.0]
+        return float(np.exp(np.mean(np.log(averages)))) if averages else None
+
+    def _learn(self, scene: Scene) -> None:
+        """Remember what a pixel costs."""
+        if "composite" not in self.live.renderer.stages.timings or self.live.spreading:
+            return
+        pixels = scene.display.image_size[0] * scene.display.image_size[1] * self.detail.samples
+        self._per_pixel = sum(self.live.stage_times.get(stage, 0.0) for stage in DRAWING) / pixels
+
+    def _put_picture(self) -> None:
+        draw: Any = imgui.get_window_draw_list()
+        view = self._session.view
+        if view.show in ("layer in", "layer out"):
+            self._put_map(draw, view.show == "layer in", view.layer)
+            return
+        if self.picture is None:
+            return
+        left, top, right, bottom = self._drawn_at
+        if self.picture.transparent:
+            checkerboard(draw, self._drawn_at)
+        other = self._other.picture if self._other is not None and view.split is not None else None
+        split = view.split if view.split is not None and other is not None else 1.0
+        middle = left + split * (right - left)
+        own = self._painter.show(self.picture.image.color_attachments[0])
+        draw.add_image(own, (left, top), (middle, bottom), (0.0, 1.0), (split, 0.0))
+        if other is not None:
+            kept = self._painter.show(other.image.color_attachments[0])
+            draw.add_image(kept, (middle, top), (right, bottom), (split, 1.0), (1.0, 0.0))
+            draw.add_line((middle, top), (middle, bottom), imgui.get_color_u32((1.0, 1.0, 1.0, 0.7)), 1.5)
+            assert self._session.kept is not None
+            draw_label((middle, top), f"A  {_named(self._session.scene)}", from_right=True)
+            draw_label((middle, top), f"B  {_named(self._session.kept)}")
+
+    def _put_map(self, draw: Any, is_incoming: bool, layer: int) -> None:
+        """Show one layer, tone-mapped by itself, as the camera that it was made for sees it."""
+        finished = self.live.finished
+        if finished is None:
+            return
+        display = self._session.scene.display
+        key = (finished, is_incoming, layer, display.key, display.white)
+        if self._map is None or self._map[0] != key:
+            maps = finished.incoming() if is_incoming else finished.outgoing()
+            layer = min(layer, maps.shape[1] - 1)
+            pixels = developed(np.moveaxis(maps[:, layer], 0, -1), maps, display.key, display.white)
+            texture = self._context.texture((pixels.shape[1], pixels.shape[0]), 4, pixels.tobytes())
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._map = (key, texture)
+        texture = self._map[1]
+        box = fitted(self._drawn_at, texture.size, 0.9)
+        shown = self._painter.show(texture)
+        draw.add_image(shown, (box[0], box[1]), (box[2], box[3]), (0.0, 1.0), (1.0, 0.0))
+        grid = finished.lit.grid
+        text = f"layer {layer + 1} of {grid.n_layers}: {grid.width} x {grid.height} texels of {grid.texel:.3g} mm"
+        draw_label((self._drawn_at[0], self._drawn_at[1]), text)
+
+    def _centre(self, place: tuple[float, float]) -> None:
+        """Orbit about the point of the surface under the pointer."""
+        if self.picture is None:
+            return
+        left, top, right, bottom = self._drawn_at
+        width, height = self.picture.image.size
+        column = int((place[0] - left) / (right - left) * width)
+        row = int((place[1] - top) / (bottom - top) * height)
+        point = self.live.renderer.pick((column, row))
+        if point is not None:
+            self._session.look(replace(self._session.scene.camera, target_mm=point))
+
+
+def _named(scene: Scene) -> str:
+    return scene.material.resolve().name

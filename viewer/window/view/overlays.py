@@ -1,0 +1,138 @@
+"""What lies over the view: messages, the cheat sheet, what is going on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from milkglass.viewer.gui.controls import Box
+from milkglass.viewer.gui.shortcuts import MOUSE, SHORTCUTS
+from milkglass.viewer.gui.toolkit import ERROR, MUTED, Gui, icons, imgui
+from milkglass.viewer.session.session import Message
+
+SECONDS, ERROR_SECONDS = 4.0, 15.0
+SHOWN_AT_ONCE = 4
+
+
+@dataclass(frozen=True)
+class _Shown:
+    message: Message
+    until: float
+
+
+class Messages:
+    """Sentences at the foot of the view, each for a while."""
+
+    def __init__(self) -> None:
+        self._shown: list[_Shown] = []
+
+    def take(self, messages: list[Message], now: float) -> None:
+        """Show new messages, emptying the list; a repeated one starts anew."""
+        for message in messages:
+            self._shown = [shown for shown in self._shown if shown.message != message]
+            self._shown.append(_Shown(message, now + (ERROR_SECONDS if message.is_error else SECONDS)))
+        messages.clear()
+        self._shown = [shown for shown in self._shown if shown.until > now][-SHOWN_AT_ONCE:]
+
+    @property
+    def texts(self) -> list[str]:
+        """What is shown."""
+        return [shown.message.text for shown in self._shown]
+
+    def next_end(self) -> float | None:
+        """When the next one goes away."""
+        return min((shown.until for shown in self._shown), default=None)
+
+    def clear(self) -> None:
+        """Take all away."""
+        self._shown.clear()
+
+    def draw(self, view: Box) -> None:
+        """Draw them at the foot of the view, the newest lowest."""
+        bottom = view[3] - 3.0 * imgui.get_font_size()
+        for i, shown in enumerate(reversed(self._shown)):
+            width = min(46.0 * imgui.get_font_size(), view[2] - view[0] - 24.0)
+            imgui.set_next_window_pos((0.5 * (view[0] + view[2]), bottom), imgui.Cond_.always.value, (0.5, 1.0))
+            imgui.set_next_window_size_constraints((60.0, 0.0), (width, 400.0))
+            imgui.set_next_window_bg_alpha(0.93)
+            if imgui.begin(f"##message{i}", None, _float_flags())[0]:
+                is_error = shown.message.is_error
+                icon = icons.ICON_FA_TRIANGLE_EXCLAMATION if is_error else icons.ICON_FA_CIRCLE_INFO
+                imgui.text_colored((*(ERROR if is_error else MUTED), 1.0), icon)
+                imgui.same_line()
+                imgui.push_text_wrap_pos(width - 20.0)
+                imgui.text_unformatted(shown.message.text)
+                imgui.pop_text_wrap_pos()
+                clicked = imgui.is_window_hovered() and imgui.is_mouse_clicked(imgui.MouseButton_.left.value)
+                bottom -= imgui.get_window_height() + 6.0
+                if clicked:
+                    self._shown.remove(shown)
+            imgui.end()
+
+
+def draw_status(view: Box, left: str, right: str) -> None:
+    """Write a line at the foot of the view: on the left what is seen, on the right what is going on."""
+    draw: Any = imgui.get_window_draw_list()
+    style = imgui.get_style()
+    height = imgui.get_font_size()
+    y = view[3] - height - style.window_padding.y
+    for text, x in (
+        (left, view[0] + style.window_padding.x),
+        (right, view[2] - style.window_padding.x - imgui.calc_text_size(right).x),
+    ):
+        if text:
+            draw.add_text((x + 1.0, y + 1.0), imgui.get_color_u32((0.0, 0.0, 0.0, 0.8)), text)
+            draw.add_text((x, y), imgui.get_color_u32((0.72, 0.73, 0.75, 1.0)), text)
+
+
+def draw_label(corner: tuple[float, float], text: str, *, from_right: bool = False) -> None:
+    """Write a word on a dark plate, such as the A and B of a comparison."""
+    draw: Any = imgui.get_window_draw_list()
+    size = imgui.calc_text_size(text)
+    x, y = (corner[0] - size.x - 20.0 if from_right else corner[0] + 8.0), corner[1] + 8.0
+    draw.add_rect_filled((x, y), (x + size.x + 12.0, y + size.y + 6.0), imgui.get_color_u32((0.0, 0.0, 0.0, 0.6)), 4.0)
+    draw.add_text((x + 6.0, y + 3.0), imgui.get_color_u32((0.9, 0.9, 0.9, 1.0)), text)
+
+
+def draw_help(gui: Gui, view: Box) -> None:
+    """Draw the cheat sheet in the middle of the view."""
+    imgui.set_next_window_pos(
+        (0.5 * (view[0] + view[2]), 0.5 * (view[1] + view[3])), imgui.Cond_.always.value, (0.5, 0.5)
+    )
+    imgui.set_next_window_bg_alpha(0.95)
+    if imgui.begin("##help", None, _float_flags() | imgui.WindowFlags_.no_inputs.value)[0]:
+        groups = [(title, tuple((s.keys, s.what) for s in group)) for title, group in SHORTCUTS.items()]
+        imgui.begin_group()
+        for title, rows in (("Mouse", MOUSE), *groups[:1]):
+            _help_group(gui, title, rows)
+        imgui.end_group()
+        imgui.same_line(0.0, 2.0 * imgui.get_font_size())
+        imgui.begin_group()
+        for title, rows in groups[1:]:
+            _help_group(gui, title, rows)
+        imgui.end_group()
+    imgui.end()
+
+
+def _help_group(gui: Gui, title: str, rows: tuple[tuple[str, str], ...]) -> None:
+    imgui.push_font(gui.bold, 0.0)
+    imgui.text_unformatted(title)
+    imgui.pop_font()
+    start, em = imgui.get_cursor_pos_x(), imgui.get_font_size()
+    keys_width = max(imgui.calc_text_size(keys).x for keys, _ in rows) + em
+    for keys, what in rows:
+        imgui.text_unformatted(keys)
+        imgui.same_line()
+        imgui.set_cursor_pos_x(start + keys_width)
+        imgui.text_disabled(what)
+    imgui.spacing()
+
+
+def _float_flags() -> int:
+    flags = imgui.WindowFlags_
+    return int(
+        flags.no_decoration.value
+        | flags.always_auto_resize.value
+        | flags.no_saved_settings.value
+        | flags.no_focus_on_appearing.value
+        | flags.no_nav.value
+        | flags.no_move.value
+    )
