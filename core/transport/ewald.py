@@ -26,8 +26,7 @@ from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 from milkglass.core.profiles.base import Profile, Profiles
 from milkglass.core.transport import ewald
-from milkglass.core.transport.base import LocalTerm
-from milkglass.core.transport.steps import FftTransport
+from milkglass.core.transport.base import FftTransport, LocalTerm
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
 

@@ -23,8 +23,7 @@ from milkglass.core.grid.layers import LayerGrid, fit_layers, tent_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum, layer_kernels
 from milkglass.core.profiles.base import Profile, Profiles
-from milkglass.core.transport.base import LocalTerm
-from milkglass.core.transport.steps import FftTransport
+from milkglass.core.transport.base import FftTransport, LocalTerm
 
 
 @dataclass

@@ -5,8 +5,9 @@ Irradiance is cast by rays for the fast path and the reference alike, so the err
 the pixels of an orthographic picture.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -28,11 +29,36 @@ from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.bench.lights import LIGHTS, BenchLight
-from milkglass.viewer.bench.memory import megabytes
 from milkglass.viewer.bench.reference import graded_exitance
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.settings import CameraSettings
+
+
+def megabytes(stages: Stages, leave_out: Iterable[object] = ()) -> float:
+    """MB (10^6 bytes) of all arrays that the stages' results, and what these depend on, hold; each counted once."""
+    seen = {id(thing) for thing in leave_out}
+    total = 0
+    waiting: list[Any] = [vars(stages)]
+    while waiting:
+        thing = waiting.pop()
+        while isinstance(thing, np.ndarray) and isinstance(thing.base, np.ndarray):
+            thing = thing.base  # views share what they show
+        if id(thing) in seen:
+            continue
+        seen.add(id(thing))
+        if isinstance(thing, np.ndarray):
+            total += thing.nbytes
+        elif isinstance(thing, csc_array):
+            waiting += [thing.data, thing.indices, thing.indptr]
+        elif isinstance(thing, dict):
+            waiting += thing.values()
+        elif isinstance(thing, list | tuple):
+            waiting += thing
+        elif hasattr(thing, "__dict__"):
+            waiting.append(vars(thing))
+    return total / 1e6
+
 
 POINT_PIECES = 133  # pieces along the longest side that points are chosen from: not the samples of any scheme
 CAMERA = CameraSettings(azimuth_deg=20.0, elevation_deg=10.0, orthographic=True)
@@ -174,7 +200,7 @@ class ErrorRow:
     n_layers : int
         Really used.
     megabytes : float
-        That transport keeps, see `viewer.bench.memory`.
+        That transport keeps, see `viewer.bench.error`.
     """
 
     scheme: Scheme

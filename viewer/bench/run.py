@@ -29,10 +29,7 @@ from milkglass.viewer.bench import (
     error_report as bench_error_report,
 )
 from milkglass.viewer.bench import (
-    occlusion as bench_occlusion_error,
-)
-from milkglass.viewer.bench import (
-    occlusion_speed as bench_occlusion,
+    occlusion as bench_occlusion,
 )
 from milkglass.viewer.bench import (
     photo as bench_photo,
@@ -171,7 +168,7 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     _yardsticks(plan, scene, given, report)
     _errors(plan, given, report)
     if plan.occluded_points:
-        bench_occlusion_error.report_occlusion(report, scene, plan.occluded_points)
+        bench_occlusion.report_occlusion(report, scene, plan.occluded_points)
     _against_transport(plan, report)
     report.finish()
 

@@ -13,7 +13,6 @@ import typer
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
-from milkglass.viewer.commands.usage import usage_sentence
 from milkglass.viewer.scene.scene import Scene, default_scene
 
 if TYPE_CHECKING:
@@ -150,9 +149,9 @@ def render(
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
     if verbose:
-        from milkglass.viewer.commands import frame_table
+        from milkglass.viewer.commands import terminal
 
-        frame_table.show(frame)
+        terminal.show_frame(frame)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
 
@@ -294,6 +293,18 @@ def _fail(sentence: str) -> int:
 def _say(sentence: str) -> None:
     sentence = " ".join(sentence.split())
     typer.echo(f"milkglass: {sentence}" + ("" if sentence.endswith((".", "?", "!")) else "."), err=True)
+
+
+def usage_sentence(error: typer.TyperException) -> str:
+    """Return what typer found wrong as one sentence, with the nearest option where it knows one."""
+    near = getattr(error, "possibilities", None)
+    text = error.message if near else error.format_message()
+    text = text[:1].lower() + text[1:].rstrip(". ")
+    if near:
+        return f"{text}; did you mean {' or '.join(sorted(near))}?"
+    if text.startswith("no such command") and "Did you mean" not in text:
+        return f"{text}; to show a model, write `milkglass view MODEL`"
+    return text
 
 
 if __name__ == "__main__":

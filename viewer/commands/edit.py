@@ -10,7 +10,7 @@ import typer
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
 from milkglass.viewer.scene.scene import START, Change, Scene, changed
-from milkglass.viewer.scene.settings_photo import BEHIND
+from milkglass.viewer.scene.settings import BEHIND
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,8 +11,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.scene.declaration import Setting, nearest, settings_of
 from milkglass.viewer.scene.material_settings import ADDED
 from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed, parse_set
-from milkglass.viewer.scene.settings import LIGHT_KINDS, TABLES, Light
-from milkglass.viewer.scene.settings_surround import BUILTIN_PROBES
+from milkglass.viewer.scene.settings import BUILTIN_PROBES, LIGHT_KINDS, TABLES, Light
 
 
 class Flag(NamedTuple):

@@ -1,4 +1,4 @@
-"""Progress on a terminal: the step that is under way, and a bar where its share is known."""
+"""What a terminal shows of a command: progress while it works, and the stages of a picture afterwards."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
+
+    from milkglass.viewer.render.picture import Frame, Still
 
 SHARE = re.compile(r"(.*): (\d+) %")
 
@@ -36,3 +38,18 @@ def progress_bar(console: "Console") -> Iterator[Callable[[str], None]]:
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         yield teller(progress, progress.add_task("starting", total=None))
+
+
+def show_frame(frame: "Frame | Still") -> None:
+    """Print what each stage of a picture took, ms, and how fine its transport was."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("stage", box=None, pad_edge=False)
+    table.add_column("ms", justify="right")
+    for stage, milliseconds in frame.timings.items():
+        table.add_row(stage, f"{milliseconds:.1f}")
+    console = Console()
+    console.print(table)
+    for sentence in (frame.quality.summary, *frame.remarks):
+        console.print(sentence, markup=False, highlight=False, soft_wrap=True)

@@ -8,25 +8,139 @@ import json
 import os
 import secrets
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from milkglass.core.errors import InputError
+from milkglass.core.geometry.mesh import face_cross
+from milkglass.core.geometry.refine import interpolated
+from milkglass.core.light.probe import irradiance_table, lookup
 from milkglass.core.reference.deviation import Deviation
+from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
+from milkglass.core.reference.transport_error import Beam, find_truth, transport_error
+from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.viewer.assets.keeper import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
 from milkglass.viewer.error.map import error_map
-from milkglass.viewer.error.report_environment import environment_content
-from milkglass.viewer.error.report_transport import transport_content
+from milkglass.viewer.error.point_exitance import scene_exitance
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 from milkglass.viewer.files.images import Pixels8, check_output, write_png
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import read_frame
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import DirectionalLight
+
+REGIONS = 150  # of the surface, over which photons and the picture are compared
+
+
+def transport_content(
+    scene: Scene,
+    lit: LitScene,
+    scattered: npt.NDArray[np.float32] | AnySolution,
+    illumination: Illumination,
+    photons: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Let photons walk and compare, as JSON: the fields of `TransportError`, or why there are none.
+
+    Parameters
+    ----------
+    scene, lit, scattered, illumination
+        What the picture shows, and what its transport has scattered.
+    photons : int
+        Of each light and mean free path, >= 1.
+    seed : int
+    progress : callable, optional
+        Called with the finished share, in [0, 1].
+    """
+    start = time.perf_counter()
+    reason = obstacle(scene, lit)
+    if reason is None:
+        beams = [Beam(a.direction, a.irradiance) for a in illumination.lights if isinstance(a, DirectionalLight)]
+        try:
+            truth = find_truth(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
+        except InputError as problem:
+            reason = str(problem).rstrip(".")
+    if reason is not None:
+        return {"not_measured": reason}
+    error = transport_error(truth, scene_exitance(lit, scattered, illumination))
+    return {
+        "of": "exitance over the whole surface, against photons",
+        **{name: _finite(values) for name, values in asdict(error).items()},
+        "photons": photons,
+        "regions": len(truth.regions.areas),
+        "lost": truth.lost,
+        "seconds": round(time.perf_counter() - start, 3),
+    }
+
+
+def obstacle(scene: Scene, lit: LitScene) -> str | None:
+    """Why photons cannot tell of a scene, in a few words; None if they can."""
+    if scene.environment.given:
+        return "photons come from directional lights only, and the scene has an environment"
+    for light in scene.effective_lights():
+        if not isinstance(light, DirectionalLight):
+            return f"photons come from directional lights only, and the scene has a {light.KIND} light"
+        if light.angle_deg > 0.0:
+            return "photons come from sharp lights only, and the scene has one with an angle_deg"
+    if not scene.effective_lights():
+        return "the scene has no light"
+    if not any(scene.material.resolve().sigma_s_prime):
+        return "the material does not scatter"
+    if lit.detail is not None:
+        return "photons do not know the colours and the relief of the model's surface"
+    if lit.separated is not None and lit.quality.method != "diffusion":
+        return "bodies that are separate are compared with transport diffusion only"
+    return None
+
+
+def _finite(values: Sequence[float]) -> list[float | None]:
+    """JSON knows no NaN."""
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+POINTS = 300
+
+
+def environment_content(scene: Scene, lit: LitScene, around: PartedProbe, seed: int) -> dict[str, Any]:
+    """Compare E of the surface samples, at POINTS of them, with a ray for each texel of the probe in float64.
+
+    Its strong sources, which shine as lamps, are left out on both sides. Without occlusion there is nothing to compare.
+    """
+    strong, rest = around
+    content: dict[str, Any] = {"lamps": len(strong), "occluded": lit.occlusion is not None}
+    if lit.occlusion is None:
+        return content
+    samples, rotation = lit.samples, scene.environment.rotation_deg
+    some = np.random.default_rng(seed).choice(len(samples), min(POINTS, len(samples)), replace=False)
+    points, normals, faces = samples.points[some], samples.normals[some].astype(np.float64), samples.faces[some]
+    planes = face_cross(lit.model.mesh.vertices, lit.model.mesh.faces)[faces]
+    planes /= np.linalg.norm(planes, axis=1, keepdims=True)
+    places = lit.occlusion.baked.refined.locate(points, faces)
+    unoccluded = lookup(irradiance_table(rest.sh, lit.eta), normals @ world_to_probe(rotation))
+    actual = unoccluded * interpolated(*places, lit.occlusion.shares)
+    # Turned by texels of its own, which are finer than those that rays go through.
+    turned = np.roll(rest.latlong, -round(rotation / 360.0 * rest.latlong.shape[1]), axis=1)
+    expected = occluded_irradiance(lit.model.mesh, points, normals, planes, turned, lit.eta, seed=seed)[0]
+    size = np.where(expected.any(axis=0), np.sqrt(np.square(expected).mean(axis=0)), 1.0)
+    return content | {
+        "points": len(some),
+        "rays": len(some) * HEIGHT**2,
+        "rms": (np.sqrt(np.square(actual - expected).mean(axis=0)) / size).tolist(),
+        "rms_not_occluded": (np.sqrt(np.square(unoccluded - expected).mean(axis=0)) / size).tolist(),
+        "flux_ratio": [
+            float(a / e) if e > 0.0 else 1.0 for a, e in zip(actual.sum(axis=0), expected.sum(axis=0), strict=True)
+        ],
+    }
+
 
 SUFFIX = ".json"
 
@@ -100,7 +214,7 @@ def error_report(
     points : int
         Wanted number, >= 1; a picture with fewer pixels of the object gives those.
     photons : int
-        That walk for each light and mean free path, see `viewer.error.report_transport`; 0 leaves transport out.
+        That walk for each light and mean free path, see `viewer.error.report`; 0 leaves transport out.
     seed : int
         Of the choice of points, and of the photons.
     timings : mapping, optional

@@ -16,7 +16,6 @@ import numpy.typing as npt
 import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.files.complete_file import is_complete
 
 Pixels8 = npt.NDArray[np.uint8]
 PixelsInt = npt.NDArray[np.unsignedinteger]  # uint8 or uint16
@@ -289,3 +288,24 @@ def _count(mask: npt.NDArray[np.bool_]) -> str:
     """'3 pixels', from a mask (h, w, 3)."""
     count = int(mask.any(axis=-1).sum())
     return f"{count:,} pixel{'' if count == 1 else 's'}"
+
+
+_PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksum
+
+
+def is_complete(path: Path, height: int) -> bool:
+    """Whether a file just written has its end: on a full disk OpenImageIO reports success for PNG, and for EXR too
+    where only the last few kilobytes are missing.
+    """
+    if path.suffix == ".png":
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - 12))
+            return file.read() == _PNG_END
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()
+        return False
+    last_row = source.read_scanline(height - 1, 0, "float")
+    source.geterror()
+    source.close()
+    return last_row is not None

@@ -24,7 +24,7 @@ from milkglass.viewer.assets.keeper import PartedProbe
 from milkglass.viewer.assets.quality import Quality
 from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.live.dependence import lighting_key
-from milkglass.viewer.live.finished import Finished
+from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading

@@ -17,8 +17,7 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.quality import sample_spacing
 from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, turned
 from milkglass.viewer.live.draft import Detail, allowance, draft_resolution
-from milkglass.viewer.live.finished import Finished
-from milkglass.viewer.live.job import TransportJob
+from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.visibility import VisibilityJob
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lighting import quality_of

@@ -12,7 +12,7 @@ from milkglass.viewer.gl.context import Program, leave_framebuffer
 from milkglass.viewer.photograph.composite import trusted
 from milkglass.viewer.photograph.geometry import Geometry
 from milkglass.viewer.photograph.made import Made, shown_block
-from milkglass.viewer.scene.settings_photo import BEHIND
+from milkglass.viewer.scene.settings import BEHIND
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,10 +26,9 @@ from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
 from milkglass.viewer.render.detail import DetailStages
-from milkglass.viewer.render.lamps import Lamps
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.sources import Surround, casts_shadows
+from milkglass.viewer.render.sources import Lamps, Surround, casts_shadows
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings

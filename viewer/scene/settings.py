@@ -18,10 +18,135 @@ from milkglass.viewer.scene.lights import RectangleLight as RectangleLight
 from milkglass.viewer.scene.lights import SphereLight as SphereLight
 from milkglass.viewer.scene.lights import SpotLight as SpotLight
 from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
-from milkglass.viewer.scene.settings_detail import DetailSettings as DetailSettings
-from milkglass.viewer.scene.settings_photo import PhotoSettings as PhotoSettings
-from milkglass.viewer.scene.settings_surround import EnvironmentSettings as EnvironmentSettings
-from milkglass.viewer.scene.settings_surround import SpecularSettings as SpecularSettings
+
+# fmt: off
+# ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
+
+BUILTIN_PROBES = ("studio", "backlight", "window", "overcast")  # of core.light.presets
+
+
+@dataclass(frozen=True)
+class SpecularSettings:
+    """Phong highlights, added after the subsurface light."""
+
+    TABLE: ClassVar[str] = "specular"
+
+    strength: float = setting(
+        "number", 0.3, low=0, high=100, why="brightness of highlights; 0 turns them off"
+    )
+    shininess: float = setting(
+        "number", 80.0, low=1, high=1e5, why="Phong exponent: higher is a smaller highlight"
+    )
+    model: str = setting(
+        "text", "phong", choices=("phong", "normalized"),
+        why="phong: the paper's, strength times irradiance times cos^n; normalized: a lobe of integral 1, (n + 1) / (2 "
+            "pi) cos^n, times Fresnel's reflectance, where strength 1 is the material's own gloss"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+@dataclass(frozen=True)
+class EnvironmentSettings:
+    """Light from all around; neither a path nor a builtin means none."""
+
+    TABLE: ClassVar[str] = "environment"
+
+    path: Path | None = setting(
+        "path", None, optional=True, why="light probe, .hdr or .exr; instead of builtin"
+    )
+    rotation_deg: float = setting(
+        "number", 0.0, unit="deg", low=-360, high=360, why="turn of the probe about the up axis"
+    )
+    intensity: float = setting(
+        "number", 1.0, low=0, high=1e6, why="factor on the probe's radiance"
+    )
+    builtin: str | None = setting(
+        "text", None, optional=True, choices=BUILTIN_PROBES,
+        why="light that needs no file, made for the default camera; instead of path"
+    )
+    extract: bool = setting(
+        "boolean", True, why="whether small strong sources of the probe shine as lamps do, with shadows"
+    )
+    occluded: bool = setting("boolean", True, why="whether the object is in the way of the light that reaches it")
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+        if self.path is not None and self.builtin is not None:
+            raise InputError("environment.path and environment.builtin are both given; keep one of them")
+
+    @property
+    def source(self) -> Path | str | None:
+        """The file, else the name of the builtin probe; None without an environment."""
+        return self.path or self.builtin
+
+    @property
+    def given(self) -> bool:
+        """Whether there is an environment."""
+        return self.source is not None
+
+
+# fmt: off
+# ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
+
+BEHIND = ("filled", "seen", "transparent")
+
+
+@dataclass(frozen=True)
+class PhotoSettings:
+    """What a photograph's object has beside material and light; of no meaning to a model."""
+
+    TABLE: ClassVar[str] = "photo"
+
+    depth: Path | None = setting(
+        "path", None, optional=True,
+        why="depth map of a photograph in place of an estimate, larger is nearer: .png, or .exr, .npy in mm"
+    )
+    depth_strength: float = setting(
+        "number", 1.0, low=0.05, high=5, why="factor on the depth of a photograph; 1 makes a disc a hemisphere"
+    )
+    depth_smoothing: float = setting(
+        "number", 0.3, low=0.01, high=1, why="scale of light and dark that shapes it, in object radii"
+    )
+    behind: str = setting(
+        "text", "filled", choices=BEHIND,
+        why="behind soft edges of the mask: the background filled in, or as seen; or no photograph at all"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+
+# fmt: off
+
+# Powers of the colours on irradiance and on exitance.
+POWERS = {"before": (1.0, 0.0), "half": (0.5, 0.5), "after": (0.0, 1.0), "off": (0.0, 0.0)}
+
+
+@dataclass(frozen=True)
+class DetailSettings:
+    """Colours and relief of the model's surface, where it has them."""
+
+    TABLE: ClassVar[str] = "detail"
+
+    albedo: str = setting(
+        "text", "half", choices=tuple(POWERS),
+        why="where the model's colours act, white being the material as it is: before scattering, on light that "
+            "enters, which blurs them; after, on light that leaves, sharp; half: their square roots on both"
+    )
+    normal_strength: float = setting(
+        "number", 1.0, low=0, high=10, why="factor on the slopes of the normal map; 0 turns it off"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+    @property
+    def powers(self) -> tuple[float, float]:
+        """Powers of the colours on irradiance and on exitance; they sum to 1, or to 0 where colours are off."""
+        return POWERS[self.albedo]
+
 
 # A setting reads as a paragraph: its value and range, then its reason.
 # fmt: off

@@ -23,12 +23,33 @@ from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
-from milkglass.viewer.window.contents import make_contents
 from milkglass.viewer.window.curves.view import ProfileView
-from milkglass.viewer.window.panel.panel import WIDTH
-from milkglass.viewer.window.view.actions import Clipboard
+from milkglass.viewer.window.panel.panel import WIDTH, Panel
+from milkglass.viewer.window.photograph.actions import PhotoActions
+from milkglass.viewer.window.photograph.view import PhotoView
+from milkglass.viewer.window.view.actions import Actions, Clipboard
+from milkglass.viewer.window.view.area import ViewArea
 from milkglass.viewer.window.view.error_overlay import ErrorOverlay
 from milkglass.viewer.window.view.overlays import Messages, draw_help, draw_status
+
+
+def make_contents(
+    graphics: tuple[moderngl.Context, Gui, ImguiRenderer],
+    session: Session,
+    preferences: Preferences,
+    clipboard: Clipboard,
+    wake: Callable[[], object],
+    photo: PhotoWork | None,
+) -> tuple[ViewArea, Panel, Actions]:
+    """Make the parts of the window that show and change a session; parameters as of `viewer.window.app.App`."""
+    panel = Panel(session, graphics[1], photo)
+    if photo is None:
+        view = ViewArea(*graphics, session, wake)
+        return view, panel, Actions(session, view, preferences, clipboard)
+    session.view.photograph = photo.photo.path.name
+    photo_view = PhotoView(*graphics, session, wake, photo)
+    return photo_view, panel, PhotoActions(session, photo_view, preferences, clipboard, photo)
+
 
 FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
 PATIENCE = 0.06  # seconds that all but the first leave the processor to the worker that a drag waits for

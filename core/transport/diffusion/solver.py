@@ -33,11 +33,10 @@ from milkglass.core.transport.diffusion.boundary import Boundary, Depths, depths
 from milkglass.core.transport.diffusion.channel import Channel, lit
 from milkglass.core.transport.diffusion.entry import EnteringLight, Entry, enter
 from milkglass.core.transport.diffusion.green import green_spectrum
-from milkglass.core.transport.diffusion.iteration import Iteration, Reached
+from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.solution import Solution as Solution
 from milkglass.core.transport.diffusion.solution import reached, same_flux
-from milkglass.core.transport.diffusion.start import End, begin
 
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours

@@ -8,8 +8,7 @@ import pytest
 from milkglass.core.light.presets import CAMERA_AZIMUTH_DEG, PRESETS, preset
 from milkglass.core.light.probe import Probe, irradiance_table
 from milkglass.core.light.sources import extract
-from milkglass.viewer.scene.settings import CameraSettings
-from milkglass.viewer.scene.settings_surround import BUILTIN_PROBES
+from milkglass.viewer.scene.settings import BUILTIN_PROBES, CameraSettings
 
 LAMPS = {"studio": 2, "backlight": 2, "window": 2, "overcast": 0}
 

@@ -7,7 +7,7 @@ import pytest
 
 from milkglass.core.geometry.refine import refined
 from milkglass.core.light.bake import bake
-from milkglass.viewer.assets import visibility, visibility_cache
+from milkglass.viewer.assets import visibility
 from milkglass.viewer.assets.visibility import bake_visibility
 from tests.support.shapes import ball, cube
 from tests.support.solids import ball as part
@@ -17,7 +17,7 @@ from tests.support.solids import mesh_of
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(visibility, "LONGEST_EDGE", 1.0)
-    monkeypatch.setattr(visibility_cache, "folder", lambda: tmp_path / "visibility")
+    monkeypatch.setattr(visibility, "cache_folder", lambda: tmp_path / "visibility")
     return tmp_path / "visibility"
 
 
@@ -72,11 +72,11 @@ def test_what_was_not_used_for_longest_goes(folder, monkeypatch):
     meshes = [mesh_of(part(radius, subdivisions=1)) for radius in (1.0, 2.0, 3.0)]
     baked = [(mesh, bake(mesh)) for mesh in meshes]
     for age, (mesh, sight) in zip((300, 200), baked[:2], strict=True):
-        visibility_cache.write(mesh, sight)
+        visibility.keep_sight(mesh, sight)
         newest = max(folder.iterdir(), key=lambda path: path.stat().st_mtime)
         os.utime(newest, (newest.stat().st_mtime - age,) * 2)
-    assert visibility_cache.read(meshes[0]) is not None  # used: now the second is the oldest
+    assert visibility.cached_sight(meshes[0]) is not None  # used: now the second is the oldest
     size = max(path.stat().st_size for path in folder.iterdir())
-    monkeypatch.setattr(visibility_cache, "MOST_BYTES", int(2.5 * size))
-    visibility_cache.write(*baked[2])
-    assert [visibility_cache.read(mesh) is not None for mesh in meshes] == [True, False, True]
+    monkeypatch.setattr(visibility, "MOST_BYTES", int(2.5 * size))
+    visibility.keep_sight(*baked[2])
+    assert [visibility.cached_sight(mesh) is not None for mesh in meshes] == [True, False, True]

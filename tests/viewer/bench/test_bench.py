@@ -22,10 +22,9 @@ from milkglass.core.stages import Stages
 from milkglass.viewer.bench import run as bench
 from milkglass.viewer.bench import solving as bench_solving
 from milkglass.viewer.bench import window as bench_window
-from milkglass.viewer.bench.error import Run, Target, error_rows
+from milkglass.viewer.bench.error import Run, Target, error_rows, megabytes
 from milkglass.viewer.bench.error_report import scheme_times
 from milkglass.viewer.bench.lights import LIGHTS, Directional, sky_pixels
-from milkglass.viewer.bench.memory import megabytes
 from milkglass.viewer.bench.plot import pareto
 from milkglass.viewer.bench.reference import graded_exitance
 from milkglass.viewer.bench.schemes import DEFAULT, LAYERED, PAPER, Scheme

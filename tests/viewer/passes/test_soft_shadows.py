@@ -11,16 +11,16 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sources import Sources
 from milkglass.core.stages import Stages
-from milkglass.viewer.error.report_transport import obstacle
+from milkglass.viewer.error.report import obstacle
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.gl.buffers import MeshBuffers, SampleBuffers
 from milkglass.viewer.live.draft import STEPS_A_FRAME, Detail
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.soft_shadows import SoftShadow
-from milkglass.viewer.render.lamps import Lamps
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.render.sources import Lamps
 from milkglass.viewer.scene.scene import (
     DirectionalLight,
     PointLight,

@@ -142,7 +142,7 @@ def held(monkeypatch):
         return bake(mesh, progress, cancelled)
 
     monkeypatch.setattr(visibility, "bake", wait)
-    monkeypatch.setattr("milkglass.viewer.assets.visibility_cache.read", lambda _: None)
+    monkeypatch.setattr("milkglass.viewer.assets.visibility.cached_sight", lambda _: None)
     return go, asked
 
 

@@ -8,8 +8,7 @@ import pytest
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands.options import parse_light
 from milkglass.viewer.scene.camera import place_camera
-from milkglass.viewer.scene.light_conversion import as_fixed, as_kind
-from milkglass.viewer.scene.lights import LIGHT_KINDS, axes, brightness, in_world, turned
+from milkglass.viewer.scene.lights import LIGHT_KINDS, as_fixed, as_kind, axes, brightness, in_world, turned
 from milkglass.viewer.scene.scene import (
     DirectionalLight,
     PointLight,

@@ -6,7 +6,7 @@ from milkglass.viewer.gui.controls import RESET_HINT, Controls, explained
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.scene import Change
-from milkglass.viewer.scene.settings_surround import BUILTIN_PROBES
+from milkglass.viewer.scene.settings import BUILTIN_PROBES
 from milkglass.viewer.session.session import Session
 
 

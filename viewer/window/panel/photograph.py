@@ -4,7 +4,7 @@ from milkglass.viewer.gui.controls import RESET_HINT, Controls, Reach, default_o
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.live.photograph_work import FIXED, LARGEST, SMALLEST, PhotoWork
 from milkglass.viewer.scene.declaration import Setting, settings_of
-from milkglass.viewer.scene.settings_photo import BEHIND
+from milkglass.viewer.scene.settings import BEHIND
 from milkglass.viewer.session.session import Session
 
 OWN_DEPTH = "The depth map is taken as it is."

@@ -3,7 +3,7 @@
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.viewer.assets.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.gui.controls import Controls
-from milkglass.viewer.live.finished import Finished
+from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.render.remarks import below_nodes
 

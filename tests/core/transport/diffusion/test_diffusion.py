@@ -14,9 +14,8 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine, refract
 from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.green import local_green
-from milkglass.core.transport.diffusion.iteration import Iteration
+from milkglass.core.transport.diffusion.iteration import Iteration, fitted
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
-from milkglass.core.transport.diffusion.start import fitted
 from tests.support.dense import Dense
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of, slab
 from tests.support.shapes import ball, cube
