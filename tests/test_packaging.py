@@ -61,12 +61,10 @@ def installed(wheel, tmp_path_factory):
     run(sys.executable, "-m", "venv", "--without-pip", folder)
     python = folder / "bin" / "python"
     pip = (sys.executable, "-m", "pip", "--python", str(python))
-    run(*pip, "install", "--no-deps", "--no-index", "--quiet", str(wheel))
+    run(*pip, "install", "--no-deps", "--no-index", "--quiet", str(wheel), env=environment())
     # A path in a .pth file finds packages, but runs no .pth files of its own: an editable install stays out.
     site = run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", env=environment()).strip()
-    Path(site, "behind.pth").write_text(
-        "\n".join({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}) + "\n"
-    )
+    Path(site, "behind.pth").write_text("\n".join(path for path in sys.path if path.endswith("-packages")) + "\n")
     return python
 
 

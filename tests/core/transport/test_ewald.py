@@ -91,16 +91,16 @@ def test_nothing_is_local_in_a_sheet_much_thicker_than_the_window():
     assert abs(float(table(assignment.SHEET_REACH * S))) < 0.01 * float(table(0.0))
 
 
-@pytest.mark.parametrize("assignment", ["tent", "tsc"])
-def test_influence_is_that_of_the_summed_aliases(assignment):
+@pytest.mark.parametrize("name", ["tent", "tsc"])
+def test_influence_is_that_of_the_summed_aliases(name):
     """sinc^2p / (sum over the aliases of sinc^2p)^2, summed by brute force; 1 where nothing is spread."""
-    power = 2 * assignment.ORDERS[assignment]
+    power = 2 * assignment.ORDERS[name]
     frequency = np.linspace(0.0, np.pi, 40)
     aliases = frequency[:, None] + 2.0 * np.pi * np.arange(-1000, 1001)
     B = (np.sinc(aliases / (2.0 * np.pi)) ** power).sum(axis=1)
     expected = np.sinc(frequency / (2.0 * np.pi)) ** power / B**2
-    np.testing.assert_allclose(assignment.influence(frequency, assignment), expected, rtol=1e-8)
-    assert assignment.influence(np.zeros(1), assignment)[0] == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_allclose(assignment.influence(frequency, name), expected, rtol=1e-8)
+    assert assignment.influence(np.zeros(1), name)[0] == pytest.approx(1.0, abs=1e-15)
 
 
 # Weights

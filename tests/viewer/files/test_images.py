@@ -212,7 +212,7 @@ def test_full_disk_leaves_nothing(tmp_path):
         from pathlib import Path
         import numpy as np
         from milkglass.core.errors import InputError
-        from viewer import images
+        from milkglass.viewer.files import images
         folder = Path(sys.argv[1])
         noise = np.random.default_rng(0).integers(0, 256, (200, 200, 3), np.uint8)
         planes = {name: noise[..., i].astype(np.float32) ** 0.37 for i, name in enumerate("RGB")}
@@ -248,7 +248,7 @@ def test_refused_files_print_nothing_even_at_exit(tmp_path):
         import sys
         from pathlib import Path
         from milkglass.core.errors import InputError
-        from viewer import images
+        from milkglass.viewer.files import images
         for path in [*Path(sys.argv[1]).iterdir(), Path(sys.argv[1]) / "none.hdr"]:
             try:
                 images.read_image(path)

@@ -79,7 +79,7 @@ def test_a_part_included_by_two_parts_appears_once(tmp_path, monkeypatch):
     (tmp_path / "b.glsl").write_text('#include "d.glsl"\nb\n')
     (tmp_path / "c.glsl").write_text('c\n#include "d.glsl"\n#include "a.frag"\n')
     (tmp_path / "d.glsl").write_text("d\n")
-    monkeypatch.setattr(gl.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(gl, "_shader_files", lambda: {path.name: path for path in tmp_path.iterdir()})
     assert gl.shader_source("a.frag").split() == ["first", "d", "b", "c", "last"]
 
 
@@ -88,7 +88,7 @@ def test_a_part_takes_the_place_of_another(tmp_path, monkeypatch):
     (tmp_path / "b.glsl").write_text("b\n")
     (tmp_path / "c.glsl").write_text("c\n")
     (tmp_path / "other.frag").write_text('#version 330\n#replace "b.glsl" "c.glsl"\n#include "a.frag"\n')
-    monkeypatch.setattr(gl.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(gl, "_shader_files", lambda: {path.name: path for path in tmp_path.iterdir()})
     assert gl.shader_source("other.frag").split() == ["#version", "330", "first", "c", "last"]
 
 

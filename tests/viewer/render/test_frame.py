@@ -270,7 +270,7 @@ def test_a_png_is_the_image(renderer_of, tmp_path, background, components):
 
 
 def test_the_python_interface_of_the_readme(context, tmp_path, monkeypatch):
-    """`from viewer import Scene, render` and a scene of dataclasses."""
+    """`import milkglass as mg` and a scene of dataclasses."""
     from milkglass import Frame, Scene, render
     from milkglass.viewer.render import renderer as frame_module
 
