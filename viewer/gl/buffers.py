@@ -4,7 +4,8 @@ import moderngl
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.viewer.gl.context import Program, leave_framebuffer
+from milkglass.viewer.gl.context import leave_framebuffer
+from milkglass.viewer.gl.program import Program
 
 
 class MeshBuffers:

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.viewer.gl.context import Program
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.gui.toolkit import imgui
 
 VERTEX = np.dtype([("a_position", "2f4"), ("a_uv", "2f4"), ("a_colour", "4u1")])  # ImDrawVert

@@ -5,7 +5,8 @@ from functools import cached_property
 
 import moderngl
 
-from milkglass.viewer.gl.context import Program, draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer

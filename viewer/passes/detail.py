@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from milkglass.core.geometry.detail import Detail
 from milkglass.core.geometry.texture import COLOUR, Texture
-from milkglass.viewer.gl.context import Program, checked, driver_name, float_targets
+from milkglass.viewer.gl.context import checked, driver_name, float_targets
+from milkglass.viewer.gl.program import Program
 
 SRGB8 = 0x8C41
 ANISOTROPY = 8.0  # where a GPU does it

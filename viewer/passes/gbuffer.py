@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.viewer.gl.buffers import MeshBuffers
-from milkglass.viewer.gl.context import Program, checked, float_targets
+from milkglass.viewer.gl.context import checked, float_targets
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import Drawn
 from milkglass.viewer.passes.occlusion import Occlusion
 

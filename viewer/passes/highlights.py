@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from milkglass.core.light.harmonics import order_of_length
 from milkglass.core.light.visibility import LOBE_ORDER, Float16, Visibility, hemisphere_zonal, phong_zonal
-from milkglass.viewer.gl.context import Program, checked, leave_framebuffer
+from milkglass.viewer.gl.context import checked, leave_framebuffer
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.scene.camera import Camera
 

@@ -10,7 +10,8 @@ import numpy as np
 from milkglass.core.arrays import Float32
 from milkglass.core.stages import Steps, exhausted
 from milkglass.viewer.gl.buffers import SampleBuffers
-from milkglass.viewer.gl.context import Program, draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import entering_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer

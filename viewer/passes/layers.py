@@ -8,7 +8,8 @@ from milkglass.core.errors import InputError
 from milkglass.core.grid.atlas import Atlas
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.viewer.gl.buffers import SampleBuffers
-from milkglass.viewer.gl.context import Program, driver_name, float_texture, volume_texture
+from milkglass.viewer.gl.context import driver_name, float_texture, volume_texture
+from milkglass.viewer.gl.program import Program
 
 LLVMPIPE_TEXTURE_BYTES = 1 << 30  # Mesa's LP_MAX_TEXTURE_SIZE; OpenGL has no query for it
 BODIES_A_ROW = 256

@@ -8,7 +8,8 @@ import moderngl
 from milkglass.core.arrays import Array
 from milkglass.core.stages import Steps
 from milkglass.viewer.gl.buffers import MeshBuffers
-from milkglass.viewer.gl.context import Program, checked, float_texture, leave_framebuffer
+from milkglass.viewer.gl.context import checked, float_texture, leave_framebuffer
+from milkglass.viewer.gl.program import Program
 
 
 class DepthTiles:

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.display import LOG_FLOOR
-from milkglass.viewer.gl.context import Program, float_texture, leave_framebuffer
+from milkglass.viewer.gl.context import float_texture, leave_framebuffer
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
 from milkglass.viewer.scene.settings import DisplaySettings
 

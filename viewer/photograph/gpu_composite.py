@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from milkglass.core.display import srgb
 from milkglass.viewer.files.photograph import Photo, Region
-from milkglass.viewer.gl.context import Program, leave_framebuffer
+from milkglass.viewer.gl.context import leave_framebuffer
+from milkglass.viewer.gl.program import Program
 from milkglass.viewer.photograph.composite import trusted
 from milkglass.viewer.photograph.geometry import Geometry
 from milkglass.viewer.photograph.made import Made, shown_block
