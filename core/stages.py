@@ -4,10 +4,136 @@ import time
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from enum import StrEnum, unique
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 Steps = Generator[None, None, T]  # work that yields wherever it may be left for a while
+
+
+@unique
+class Stage(StrEnum):
+    """Every stage of the pipeline, by the words that tables of times and CSV files show, in the order that it runs."""
+
+    # The object
+    MODEL = "model"
+    FIND_BODIES = "find bodies"
+    ROUGHNESS = "roughness"
+    TRANSPORT = "transport"
+    SAMPLES = "samples"
+    # Colours and relief of its surface
+    DETAIL = "detail"
+    SAMPLE_DETAIL = "detail of samples"
+    SAMPLE_RELIEF = "relief of samples"
+    SAMPLE_TINTS = "tints of samples"
+    SAMPLE_WEIGHTS = "weights of samples"
+    NODE_TINTS = "tints at nodes"
+    SAMPLE_BUFFERS = "sample buffers"
+    # Its bodies
+    BODY_MARKS = "body marks"
+    BODY_LAYERS = "body layers"
+    SEPARATE_TRANSPORT = "separate transport"
+    # Light that enters
+    PROBE = "probe"
+    PROBE_SOURCES = "probe sources"
+    VISIBILITY = "visibility"
+    REFINED_MESH = "refined mesh"
+    OCCLUSION = "occlusion"
+    LIGHT = "light"
+    LIGHT_SHADOW = "shadow of light"
+    PROBE_SOURCE = "probe source"
+    PROBE_SOURCE_SHADOW = "shadow of probe source"
+    ENVIRONMENT_TABLE = "environment table"
+    ENVIRONMENT_LIGHT = "environment light"
+    HIGHLIGHT_LOBES = "highlight lobes"
+    OCCLUDED_SAMPLES = "occluded samples"
+    IRRADIANCE = "irradiance of light"
+    FLUX = "flux"
+    LIGHT_FLUX = "flux of light"
+    LAYER_DEPTH = "layer depth"
+    # Transport on layers
+    BODY_SAMPLES = "body samples"
+    BODY_FLUX = "body flux"
+    WEIGHTS = "weights"
+    DEPOSIT = "deposit"
+    SPECTRA = "spectra"
+    CONVOLUTION = "convolution"
+    BODIES = "bodies"
+    # Transport by diffusion
+    BODY_LIGHT_FLUX = "body flux of light"
+    COARSE_SOLUTION = "coarse solution"
+    RAYS = "rays"
+    BOUNDARY = "boundary"
+    ENTRY = "entry of light"
+    SOURCES_R = "sources of R"
+    SOURCES_G = "sources of G"
+    SOURCES_B = "sources of B"
+    SOLUTION = "solution"
+    # What pixels read of it
+    LAYER_VOLUME = "layer volume"
+    LOCAL = "local"
+    LOCAL_TABLE = "local table"
+    PIXEL_TERMS = "pixel terms"
+    MEAN_FLUENCE = "mean fluence"
+    BENDING = "bending"
+    PIXEL_TABLES = "pixel tables"
+    BODY_WINDOWS = "body windows"
+    GATHER = "gather"
+    # Pixels
+    DEPTH = "depth"
+    COMPOSITE_TARGETS = "composite targets"
+    OCCLUSION_BEHIND = "occlusion behind"
+    BLOCKED_HIGHLIGHTS = "blocked highlights"
+    OCCLUDED_HIGHLIGHTS = "occluded highlights"
+    GBUFFER_TARGETS = "gbuffer targets"
+    LIGHT_TARGETS = "light targets"
+    REFINED_MARKS = "refined marks"
+    GBUFFER = "gbuffer"
+    DETAIL_TARGETS = "detail targets"
+    PIXEL_DETAIL = "detail of pixels"
+    ENVIRONMENT_HIGHLIGHTS = "environment highlights"
+    COMPOSITE = "composite"
+    # The picture
+    EXPOSURE = "exposure"
+    BACKGROUND = "background"
+    IMAGE = "image"
+    TONE_MAP = "tone map"
+    # A photograph
+    DEPTH_AND_SURFACE = "depth and surface"
+    RENDERING = "rendering"
+    PHOTO_TEXTURES = "photograph's textures"
+    PYRAMID_TARGETS = "pyramid targets"
+    PYRAMID = "pyramid"
+    BACKDROP = "photograph's backdrop"
+    PHOTOGRAPH = "photograph"
+
+    def of(self, number: int) -> "NumberedStage":
+        """Return one of several stages alike, of the light with this number, from 1."""
+        return NumberedStage(self, number)
+
+
+class NumberedStage(str):
+    """One of several stages alike: "shadow of light 3".
+
+    Attributes
+    ----------
+    stage : Stage
+    number : int
+        From 1.
+    """
+
+    stage: Stage
+    number: int
+
+    def __new__(cls, stage: Stage, number: int) -> Self:
+        """Make the words of both."""
+        words = super().__new__(cls, f"{stage} {number}")
+        words.stage, words.number = stage, number
+        return words
+
+
+AnyStage = Stage | NumberedStage
+Timings = dict[AnyStage, float]  # ms
 
 
 class Unfinished(Exception):  # noqa: N818 (nothing went wrong)
@@ -59,16 +185,16 @@ class Stages:
 
     Attributes
     ----------
-    timings : dict
-        Stage -> ms, of the stages that ran since `begin`; a stage run inside another counts for itself alone.
+    timings : Timings
+        Of the stages that ran since `begin`; a stage run inside another counts for itself alone.
     """
 
     def __init__(self, finish: Callable[[], object] = lambda: None) -> None:
-        self._kept: dict[str, tuple[tuple[object, ...], Any]] = {}
+        self._kept: dict[AnyStage, tuple[tuple[object, ...], Any]] = {}
         self._finish = finish
         self._nested = 0.0  # ms spent in the stages that ran inside the current one
-        self.timings: dict[str, float] = {}
-        self._begun: dict[str, _Begun] = {}
+        self.timings: Timings = {}
+        self._begun: dict[AnyStage, _Begun] = {}
         self._allowance: Allowance | None = None
 
     def begin(self, allowance: Allowance | None = None) -> None:
@@ -81,16 +207,16 @@ class Stages:
         for begun in self._begun.values():
             begun.wanted = False
 
-    def has(self, name: str, depends_on: Iterable[object]) -> bool:
+    def has(self, name: AnyStage, depends_on: Iterable[object]) -> bool:
         """Whether `run` would return what it kept."""
         kept = self._kept.get(name)
         return kept is not None and _alike(kept[0], tuple(depends_on))
 
-    def kept(self, name: str) -> tuple[tuple[object, ...], Any] | None:
+    def kept(self, name: AnyStage) -> tuple[tuple[object, ...], Any] | None:
         """Return what a stage last depended on and gave, outdated or not: parts of it may serve again."""
         return self._kept.get(name)
 
-    def forget(self, name: str) -> None:
+    def forget(self, name: AnyStage) -> None:
         """Drop a stage's result, because what it holds is no longer what it says."""
         self._kept.pop(name, None)
 
@@ -99,7 +225,7 @@ class Stages:
         self._kept.clear()
         self._begun.clear()
 
-    def run(self, name: str, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
+    def run(self, name: AnyStage, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
         """Return the stage's result, computing it only if `depends_on` differs from the last time."""
         key = tuple(depends_on)
         if self.has(name, key):
@@ -117,7 +243,7 @@ class Stages:
         self._kept[name] = (key, result)
         return result
 
-    def spread(self, name: str, depends_on: Iterable[object], work: Callable[[], Steps[T]]) -> T:
+    def spread(self, name: AnyStage, depends_on: Iterable[object], work: Callable[[], Steps[T]]) -> T:
         """As `run`, for work in steps, of which a frame with an allowance takes one and then what that leaves.
 
         Raises
@@ -145,7 +271,7 @@ class Stages:
         finally:
             self._allowance = allowance
 
-    def _proceed(self, name: str, begun: _Begun) -> Any:
+    def _proceed(self, name: AnyStage, begun: _Begun) -> Any:
         start = time.perf_counter()
         del self._begun[name]  # work that fails is over
         while True:

@@ -14,7 +14,7 @@ from milkglass.core.grid.kernels import Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid, deposit
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.profiles.base import Profile, Profiles
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import thread_pool
 
 
@@ -83,8 +83,8 @@ class FftTransport(Kernels):
     ) -> Float32:
         """See `core.transport.base.Transport.exitance`."""
         convolvers = [self.convolver(self.shape(grid, profile, area), i) for i, profile in enumerate(profiles)]
-        weights = stages.run("weights", (grid, coordinates), lambda: self.weights(grid, coordinates))
-        layers = stages.run("deposit", (weights, flux), lambda: deposit(grid, weights, flux))
+        weights = stages.run(Stage.WEIGHTS, (grid, coordinates), lambda: self.weights(grid, coordinates))
+        layers = stages.run(Stage.DEPOSIT, (weights, flux), lambda: deposit(grid, weights, flux))
         kernels = tuple(
             None if p.is_black else (p, c.shape, grid.texel, grid.layer_distance)
             for p, c in zip(profiles, convolvers, strict=True)
@@ -93,8 +93,8 @@ class FftTransport(Kernels):
         def make(profile: Profile, shape: ConvolutionShape) -> Float32:
             return self._spectrum(profile, grid, shape)
 
-        spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, make))
-        before = stages.kept("convolution")
+        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.spectra(kernels, make))
+        before = stages.kept(Stage.CONVOLUTION)
 
         def convolve() -> Float32:
             lit = [i for i, spectrum in enumerate(spectra) if spectrum is not None and layers[i].any()]
@@ -112,7 +112,7 @@ class FftTransport(Kernels):
             dark = np.zeros_like(layers[0])
             return np.stack([found[twins[i]] if i in twins else dark for i in range(len(layers))])
 
-        return stages.run("convolution", (layers, spectra), convolve)
+        return stages.run(Stage.CONVOLUTION, (layers, spectra), convolve)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """See `core.transport.base.Transport.weights`."""

@@ -14,7 +14,7 @@ from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.atlas import Atlas
 from milkglass.core.profiles.base import Profiles
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import Transport
 
 # Areas are rounded up to this many steps each factor of two, so that alike bodies share padding and kernels.
@@ -58,12 +58,12 @@ class SeparateTransport:
         stages : Stages
             Keeps what the bodies have in common; their steps' times are added to its own.
         """
-        places = stages.run("body samples", (atlas, coordinates), lambda: self._placed(atlas, coordinates))
-        fluxes = stages.run("body flux", (flux,), lambda: [flux[own] for own in self._samples])
+        places = stages.run(Stage.BODY_SAMPLES, (atlas, coordinates), lambda: self._placed(atlas, coordinates))
+        fluxes = stages.run(Stage.BODY_FLUX, (flux,), lambda: [flux[own] for own in self._samples])
         key = places, fluxes, tuple(profiles)
         # Outside of the stage, so that the bodies' steps keep their own times.
-        parts = [] if stages.has("bodies", key) else self._parts(atlas, places, fluxes, profiles, stages)
-        return stages.run("bodies", key, lambda: atlas.filled(parts))
+        parts = [] if stages.has(Stage.BODIES, key) else self._parts(atlas, places, fluxes, profiles, stages)
+        return stages.run(Stage.BODIES, key, lambda: atlas.filled(parts))
 
     def release(self) -> None:
         """Let go of what the bodies have computed."""

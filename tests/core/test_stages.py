@@ -5,13 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from milkglass.core.stages import Allowance, Stages, Unfinished
+from milkglass.core.stages import Allowance, Stage, Stages, Unfinished
 
 
 def test_runs_again_only_for_other_dependencies() -> None:
     stages, calls = Stages(), []
     for value in (1, 1, 2, 2, 1):
-        assert stages.run("square", [value], lambda v=value: calls.append(v) or v * v) == value * value
+        assert stages.run(Stage.DEPOSIT, [value], lambda v=value: calls.append(v) or v * v) == value * value
     assert calls == [1, 2, 1]
 
 
@@ -19,31 +19,41 @@ def test_arrays_count_by_identity_and_other_values_by_equality() -> None:
     stages, calls = Stages(), []
     array = np.zeros(3)
     for dependency in (array, array, array.copy(), (1.0, 2.0), (1.0, 2.0)):
-        stages.run("stage", [dependency], lambda: calls.append(1))
+        stages.run(Stage.DEPOSIT, [dependency], lambda: calls.append(1))
     assert len(calls) == 3
+
+
+def test_numbered_stages_are_told_apart_and_print_their_words() -> None:
+    stages = Stages()
+    for i in (1, 2):
+        stages.run(Stage.FLUX.of(i), [], lambda i=i: i)
+    assert [f"{stage}" for stage in stages.timings] == ["flux 1", "flux 2"]
+    assert [(stage.stage, stage.number) for stage in stages.timings] == [(Stage.FLUX, 1), (Stage.FLUX, 2)]
+    assert stages.run(Stage.FLUX.of(2), [], lambda: 7) == 2
+    assert not stages.has(Stage.FLUX, [])
 
 
 def test_timings_are_those_of_the_stages_that_ran() -> None:
     stages = Stages()
-    stages.run("a", [0], lambda: time.sleep(0.01))
-    assert stages.timings["a"] >= 10.0
+    stages.run(Stage.DEPOSIT, [0], lambda: time.sleep(0.01))
+    assert stages.timings[Stage.DEPOSIT] >= 10.0
     stages.begin()
-    stages.run("a", [0], lambda: time.sleep(0.01))
+    stages.run(Stage.DEPOSIT, [0], lambda: time.sleep(0.01))
     assert stages.timings == {}
 
 
 def test_a_stage_inside_another_counts_for_itself() -> None:
     stages = Stages()
-    stages.run("outer", [0], lambda: stages.run("inner", [0], lambda: time.sleep(0.05)))
-    assert stages.timings["inner"] >= 50.0
-    assert stages.timings["outer"] < 25.0
+    stages.run(Stage.BODIES, [0], lambda: stages.run(Stage.CONVOLUTION, [0], lambda: time.sleep(0.05)))
+    assert stages.timings[Stage.CONVOLUTION] >= 50.0
+    assert stages.timings[Stage.BODIES] < 25.0
 
 
 def test_a_failed_stage_is_not_kept() -> None:
     stages = Stages()
     with pytest.raises(ZeroDivisionError):
-        stages.run("a", [0], lambda: 1 // 0)
-    assert stages.run("a", [0], lambda: 7) == 7
+        stages.run(Stage.DEPOSIT, [0], lambda: 1 // 0)
+    assert stages.run(Stage.DEPOSIT, [0], lambda: 7) == 7
 
 
 def counted(n, taken):
@@ -57,7 +67,7 @@ def counted(n, taken):
 
 def test_spread_work_is_done_at_once_without_an_allowance() -> None:
     stages, taken = Stages(), []
-    assert [stages.spread("a", [0], lambda: counted(5, taken)) for _ in range(2)] == [5, 5]
+    assert [stages.spread(Stage.DEPOSIT, [0], lambda: counted(5, taken)) for _ in range(2)] == [5, 5]
     assert taken == [0, 1, 2, 3, 4]
 
 
@@ -66,26 +76,26 @@ def test_spread_work_goes_on_from_frame_to_frame_and_is_kept() -> None:
     for after in (3, 6):
         stages.begin(Allowance(2, 60.0))
         with pytest.raises(Unfinished):
-            stages.spread("a", [0], lambda: counted(7, taken))
+            stages.spread(Stage.DEPOSIT, [0], lambda: counted(7, taken))
         assert taken == list(range(after))
     stages.begin(Allowance(2, 60.0))
-    assert stages.spread("a", [0], lambda: counted(7, taken)) == 7
+    assert stages.spread(Stage.DEPOSIT, [0], lambda: counted(7, taken)) == 7
     assert taken == list(range(7))
-    assert stages.has("a", [0])
+    assert stages.has(Stage.DEPOSIT, [0])
 
 
 def test_spread_work_is_abandoned_for_other_work_and_where_nobody_asks_for_it() -> None:
     stages, taken = Stages(), []
     stages.begin(Allowance(1, 60.0))
     with pytest.raises(Unfinished):
-        stages.spread("a", [0], lambda: counted(5, taken))
+        stages.spread(Stage.DEPOSIT, [0], lambda: counted(5, taken))
     with pytest.raises(Unfinished):
-        stages.spread("a", [1], lambda: counted(5, taken))
+        stages.spread(Stage.DEPOSIT, [1], lambda: counted(5, taken))
     assert taken == [0, 1, 0]
     for _ in range(2):
         stages.begin(Allowance(0, 60.0))
     with pytest.raises(Unfinished):
-        stages.spread("a", [1], lambda: counted(5, taken))
+        stages.spread(Stage.DEPOSIT, [1], lambda: counted(5, taken))
     assert taken == [0, 1, 0, 0]
 
 
@@ -98,5 +108,5 @@ def test_spread_work_that_failed_begins_anew() -> None:
 
     stages.begin(Allowance(5, 60.0))
     with pytest.raises(ZeroDivisionError):
-        stages.spread("a", [0], failing)
-    assert stages.spread("a", [0], lambda: counted(1, [])) == 1
+        stages.spread(Stage.DEPOSIT, [0], failing)
+    assert stages.spread(Stage.DEPOSIT, [0], lambda: counted(1, [])) == 1

@@ -23,7 +23,7 @@ from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sheet import SheetRays
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages, Timings
 from milkglass.core.transport.base import LocalTerm, Transport
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.viewer.assets.keeper import Assets
@@ -133,7 +133,7 @@ class Run:
 
     def __init__(self, scheme: Scheme, target: Target) -> None:
         self.scheme, self.target, self.stages = scheme, target, Stages()
-        self.timings: dict[str, float] = {}
+        self.timings: Timings = {}
         self._assets = Assets()
         self._placed: dict[Quality, Placed] = {}
 
@@ -163,7 +163,7 @@ class Run:
         self.stages.begin()
         transport, grid = placed.transport, placed.grid
         nodes = transport.exitance(grid, placed.coordinates, flux, profiles, target.mesh.area, self.stages)
-        term = self.stages.run("local", [transport, profiles], lambda: transport.local(grid, profiles))
+        term = self.stages.run(Stage.LOCAL, [transport, profiles], lambda: transport.local(grid, profiles))
         self.timings |= self.stages.timings
         return np.maximum(layers.gather(placed.gather, nodes) + self._local(term, light, material), 0.0)
 
@@ -208,7 +208,7 @@ class ErrorRow:
     material: str
     light: str
     deviation: Deviation
-    timings: dict[str, float]
+    timings: Timings
     quality: Quality
     n_layers: int
     megabytes: float

@@ -5,12 +5,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from milkglass.core.reference.deviation import Deviation
+from milkglass.core.stages import AnyStage, Stage
 from milkglass.viewer.bench.error import ErrorRow
 from milkglass.viewer.bench.plot import error_plot
 from milkglass.viewer.bench.report import Report
 from milkglass.viewer.bench.schemes import PAPER, Scheme
 
-LIGHT_STAGES = ("deposit", "convolution")  # what transport does anew when a light changes
+LIGHT_STAGES = (Stage.DEPOSIT, Stage.CONVOLUTION)  # what transport does anew when a light changes
 
 Over = Callable[[list[float]], float]
 
@@ -73,7 +74,7 @@ def report_predictions(report: Report, rows: Sequence[ErrorRow]) -> None:
         report.table("Predicted error against measured rms, worst channel", headings, lines)
 
 
-def csv_row(row: ErrorRow, stages: Sequence[str]) -> dict[str, object]:
+def csv_row(row: ErrorRow, stages: Sequence[AnyStage]) -> dict[str, object]:
     """One run; the README says what the columns are."""
     quality = row.quality
     return {

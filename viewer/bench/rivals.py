@@ -22,6 +22,7 @@ from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.hierarchical import build_tree, tree_exitance
+from milkglass.core.stages import Stage
 from milkglass.viewer.bench.error import Run, Target
 from milkglass.viewer.bench.lights import LIGHTS
 from milkglass.viewer.bench.reference import parallel_exitance
@@ -33,7 +34,7 @@ T = TypeVar("T")
 
 TOLERANCES = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02)
 SAMPLE_EDGE = 0.15  # mm; longest edge of a sample's piece: under half the mean free path of the materials measured
-STAGES = ("deposit", "convolution")  # of the transport, for a new light
+STAGES = (Stage.DEPOSIT, Stage.CONVOLUTION)  # of the transport, for a new light
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
 from milkglass.core.material import fresnel
 from milkglass.core.material import library as materials
 from milkglass.core.material.medium import Medium, media
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
 from milkglass.viewer.assets.quality import DIFFUSION_NODES
@@ -117,7 +117,7 @@ def _row(shape: str, mesh: Mesh, samples: SurfaceSamples, nodes: int, repeats: i
     for change, each in found.items():
         first, last, products = np.median(np.array(each), axis=0)
         times[change] = float(first), float(last), int(products)
-    return SolvingRow(shape, nodes, len(stages.kept("boundary")[1].patches), len(samples), times)  # type: ignore[index]
+    return SolvingRow(shape, nodes, len(stages.kept(Stage.BOUNDARY)[1].patches), len(samples), times)  # type: ignore[index]
 
 
 def _scaled(of: Sequence[Medium], factor: float) -> list[Medium]:

@@ -19,6 +19,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid import layers
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
+from milkglass.core.stages import Stage
 from milkglass.core.transport.ewald import EwaldTransport
 from milkglass.viewer.bench.error import Run, Target
 from milkglass.viewer.bench.lights import LIGHTS
@@ -96,8 +97,8 @@ class NewLight:
         stages.begin()
         area = self._target.mesh.area
         volume = placed.transport.exitance(placed.grid, placed.coordinates, flux, self._profiles, area, stages)
-        stages.run("gather", [volume], lambda: layers.gather(placed.gather, volume))
-        for stage in ("deposit", "convolution", "gather"):
+        stages.run(Stage.GATHER, [volume], lambda: layers.gather(placed.gather, volume))
+        for stage in (Stage.DEPOSIT, Stage.CONVOLUTION, Stage.GATHER):
             self.times.setdefault(stage, []).append(stages.timings[stage])
 
     def timings(self) -> dict[str, Timing]:
@@ -193,7 +194,10 @@ def report_yardsticks(report: Report, rows: Sequence[YardstickRow]) -> None:
         (
             [
                 r.shape,
-                *(f"{r.default[s].median:.1f} / {r.paper[s].median:.1f}" for s in ("deposit", "convolution", "gather")),
+                *(
+                    f"{r.default[s].median:.1f} / {r.paper[s].median:.1f}"
+                    for s in (Stage.DEPOSIT, Stage.CONVOLUTION, Stage.GATHER)
+                ),
                 f"{r.ratios['convolution']:.2f}",
                 f"{r.ratios['new light']:.2f}",
             ]

@@ -8,7 +8,7 @@ import json
 import os
 import secrets
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from milkglass.core.light.probe import irradiance_table, lookup
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
 from milkglass.core.reference.transport_error import Beam, find_truth, transport_error
+from milkglass.core.stages import Timings
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.viewer.assets.keeper import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
@@ -200,7 +201,7 @@ def error_report(
     points: int = DEFAULT_POINTS,
     photons: int = 0,
     seed: int = 0,
-    timings: Mapping[str, float] | None = None,
+    timings: Timings | None = None,
     progress: Callable[[float], None] | None = None,
     walked: Callable[[float], None] | None = None,
 ) -> Report:
@@ -217,8 +218,8 @@ def error_report(
         That walk for each light and mean free path, see `viewer.error.report`; 0 leaves transport out.
     seed : int
         Of the choice of points, and of the photons.
-    timings : mapping, optional
-        Stage -> ms to tell instead of the stages that ran here, where a picture was drawn before.
+    timings : Timings, optional
+        To tell instead of the stages that ran here, where a picture was drawn before.
     progress : callable, optional
         Called with the finished share of the reference, in [0, 1].
     walked : callable, optional
@@ -265,7 +266,7 @@ def _content(
     error: VisibleError,
     seed: int,
     seconds: float,
-    timings: Mapping[str, float],
+    timings: Timings,
     warnings: tuple[str, ...],
 ) -> dict[str, Any]:
     quality, grid, material = lit.quality, lit.grid, scene.material.resolve()

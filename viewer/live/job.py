@@ -13,6 +13,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.layers import deposit
+from milkglass.core.stages import Stage, Timings
 from milkglass.core.transport.diffusion.separate import AnySolution, SeparateSolution
 from milkglass.core.transport.diffusion.solver import Solution
 from milkglass.viewer.passes.gather import Gather
@@ -63,7 +64,7 @@ def _leaving(solution: Solution) -> Float32:
 # have coloured stains yet; what a start of other light gives is black and blue, worse than the volume before.
 PRESENTABLE = 2e-3
 PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
-SURFACE_STAGES = {"rays", "boundary"}  # run once a mesh and grid, which a drag keeps
+SURFACE_STAGES = {Stage.RAYS, Stage.BOUNDARY}  # run once a mesh and grid, which a drag keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,8 @@ class Scattered:
     lit : LitScene
         The light it is of.
     result : volume or Solution
-    timings : dict
-        Stage -> ms; empty on the way.
+    timings : Timings
+        Empty on the way.
     complete : bool
         Whether it is all that can be had, not on the way or given up for newer light.
     seen_after : float
@@ -85,7 +86,7 @@ class Scattered:
 
     lit: LitScene
     result: Float32 | AnySolution
-    timings: dict[str, float]
+    timings: Timings
     complete: bool
     seen_after: float = np.inf
 
@@ -100,11 +101,11 @@ class Scattered:
         if not self.complete:
             return None
         if isinstance(self.result, AnySolution):
-            known = "solution" in self.timings and not SURFACE_STAGES & self.timings.keys()
+            known = Stage.SOLUTION in self.timings and not SURFACE_STAGES & self.timings.keys()
             return self.seen_after if known else None
-        if "convolution" not in self.timings:
+        if Stage.CONVOLUTION not in self.timings:
             return None
-        return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage != "weights")
+        return 1e-3 * sum(ms for stage, ms in self.timings.items() if stage is not Stage.WEIGHTS)
 
 
 class TransportJob:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import moderngl
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.stages import Unfinished
+from milkglass.core.stages import Timings, Unfinished
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.quality import sample_spacing
 from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, turned
@@ -53,8 +53,8 @@ class Live:
         self.picture: Picture | None = None
         self.current = False  # whether the last picture is of the scene asked for, not of one before it
         self.spreading = False  # whether the last frame left something to do for the next one
-        self.stage_times: dict[str, float] = {}  # ms, of the last time that each ran
-        self.ran: dict[str, float] = {}  # ms, of the stages of the last frame that ran any
+        self.stage_times: Timings = {}  # ms, of the last time that each ran
+        self.ran: Timings = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
         self._job: TransportJob | None = None
@@ -291,7 +291,7 @@ class Live:
         self.spreading = True
         self._wake()
 
-    def _count(self, timings: dict[str, float]) -> None:
+    def _count(self, timings: Timings) -> None:
         if timings:
             self.ran = dict(timings)
             self.stage_times.update(timings)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import moderngl
 
 from milkglass.core.display import luminance
+from milkglass.core.stages import Stage
 from milkglass.viewer.live.draft import Detail
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.live.photograph_work import PhotoWork
@@ -55,17 +56,17 @@ class PhotoLive(Live):
             return picture  # there is none yet, or it is one of before
         assert self.shown is not None
         made, behind, run = self.shown[0], scene.photo.behind, self.renderer.stages.run
-        textures = run("photograph's textures", [made], lambda: self._pass.upload(made))
+        textures = run(Stage.PHOTO_TEXTURES, [made], lambda: self._pass.upload(made))
         exposure, radiance = self.exposure(), picture.composite.textures["radiance"]
-        pyramid = run("pyramid targets", [radiance.size], lambda: self._pass.pyramid(radiance.size))
+        pyramid = run(Stage.PYRAMID_TARGETS, [radiance.size], lambda: self._pass.pyramid(radiance.size))
         run(
-            "pyramid",
+            Stage.PYRAMID,
             [picture.composite, textures, exposure, pyramid],
             lambda: self._pass.fill(radiance, textures, exposure, pyramid),
         )
-        run("photograph's backdrop", [textures, behind], lambda: self._pass.backdrop(textures, behind, self._target))
+        run(Stage.BACKDROP, [textures, behind], lambda: self._pass.backdrop(textures, behind, self._target))
         run(
-            "photograph",
+            Stage.PHOTOGRAPH,
             [picture.composite, textures, exposure, behind],
             lambda: self._pass.render(pyramid, made, textures, behind, self._target),
         )

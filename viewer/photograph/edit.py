@@ -22,6 +22,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe, irradiance_table, lookup
 from milkglass.core.photograph.light import Shading, light_around
 from milkglass.core.photograph.surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
+from milkglass.core.stages import Stage, Timings
 from milkglass.core.threads import thread_pool
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.files.model import FileModel
@@ -60,8 +61,7 @@ class Edited:
         Of the tone map.
     behind : (h, w, 3) float32
         Linear RGB of the background, filled in where the object was; see `background`.
-    timings : dict
-        Stage -> ms.
+    timings : Timings
     warnings : tuple of str
     """
 
@@ -73,7 +73,7 @@ class Edited:
     exposure: float
     white: float
     behind: Float32
-    timings: dict[str, float]
+    timings: Timings
     warnings: tuple[str, ...]
 
 
@@ -132,10 +132,10 @@ def edit(
     InputError
         What cannot be rendered; one sentence.
     """
-    timings: dict[str, float] = {}
+    timings: Timings = {}
     clock = perf_counter()
 
-    def lap(stage: str) -> None:
+    def lap(stage: Stage) -> None:
         nonlocal clock
         timings[stage], clock = 1e3 * (perf_counter() - clock), perf_counter()
 
@@ -152,11 +152,11 @@ def edit(
         depth=read.depth,
         tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
     )
-    lap("depth and surface")
+    lap(Stage.DEPTH_AND_SURFACE)
     behind = thread_pool().submit(background, geometry)
     progress("looking at the surround")
     light = lit[0].result()
-    lap("light")
+    lap(Stage.LIGHT)
     placed = placed_scene(scene, photo, geometry)
     renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
     renderer.develops = parts
@@ -173,9 +173,9 @@ def edit(
         mean = float(luminance(irradiance).sum()) / max(float(covered.sum()), 1.0)
         exposure *= exposure_match(light, geometry, placed, mean)
     frame = read_frame(picture, renderer.timings, last=True) if parts else None
-    lap("rendering")
+    lap(Stage.RENDERING)
     kept = exposure, white, behind.result(), timings, picture.warnings
-    lap("background")
+    lap(Stage.BACKGROUND)
     return Edited(photo, geometry, radiance, covered, frame, *kept)
 
 

@@ -15,7 +15,7 @@ from milkglass.core.grid.kernels import CONVOLVERS
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.separate import SHAPES, SeparateDiffusion, SeparateSolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
@@ -93,9 +93,9 @@ class Separation:
             If the GPU cannot hold the layers.
         """
         run = self._run
-        marks = run("body marks", [mesh, bodies], lambda: BodyMarks(self._context, mesh, bodies))
+        marks = run(Stage.BODY_MARKS, [mesh, bodies], lambda: BodyMarks(self._context, mesh, bodies))
         cut = grid, transport.smooth
-        atlas = run("body layers", [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
+        atlas = run(Stage.BODY_LAYERS, [marks, *cut], lambda: fit_atlas(*cut, mesh.vertices, marks.of_vertex))
         self._layers.check_atlas(atlas)
 
         def wrap() -> SeparateTransport | SeparateDiffusion:
@@ -106,7 +106,7 @@ class Separation:
             self._solvers = {**dict(list(self._solvers.items())[-1:]), key: solver}  # a drag's and the picture's
             return solver
 
-        return Separated(marks, atlas, run("separate transport", [transport, bodies, samples], wrap))
+        return Separated(marks, atlas, run(Stage.SEPARATE_TRANSPORT, [transport, bodies, samples], wrap))
 
 
 def separate_by_default(bodies: Bodies, method: str) -> Bodies | None:

@@ -10,7 +10,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.geometry.detail import Detail, Places
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.gl.context import volume_texture
@@ -34,17 +34,17 @@ class DetailStages:
             return self._uploaded(samples, samples, None), None, troubles
         run, (before, after) = self._run, scene.detail.powers
         strength = scene.detail.normal_strength
-        buffers = run("detail", [detail], lambda: DetailBuffers(self._context, detail))
+        buffers = run(Stage.DETAIL, [detail], lambda: DetailBuffers(self._context, detail))
         places = run(
-            "detail of samples", [detail, samples], lambda: detail.places(samples.points, samples.faces, samples.areas)
+            Stage.SAMPLE_DETAIL, [detail, samples], lambda: detail.places(samples.points, samples.faces, samples.areas)
         )
         turned, factors = run(
-            "relief of samples", [places, strength], lambda: _relief(detail, samples, places, strength)
+            Stage.SAMPLE_RELIEF, [places, strength], lambda: _relief(detail, samples, places, strength)
         )
-        tints = run("tints of samples", [places, before], lambda: _tints(detail, places, before))
-        weights = run("weights of samples", [tints, factors], lambda: tints * factors[:, None])
+        tints = run(Stage.SAMPLE_TINTS, [places, before], lambda: _tints(detail, places, before))
+        weights = run(Stage.SAMPLE_WEIGHTS, [tints, factors], lambda: tints * factors[:, None])
         made = run(
-            "tints at nodes",
+            Stage.NODE_TINTS,
             [buffers, tints, before, after, strength],
             lambda: self._detail(buffers, samples, tints, (before, after), strength),
         )
@@ -54,7 +54,7 @@ class DetailStages:
         """Upload samples with the normals that light meets."""
         context = self._context
         return self._run(
-            "sample buffers", [lit, weights], lambda: Surface(samples, SampleBuffers(context, lit), weights)
+            Stage.SAMPLE_BUFFERS, [lit, weights], lambda: Surface(samples, SampleBuffers(context, lit), weights)
         )
 
     def _detail(
@@ -85,9 +85,9 @@ class DrawnDetail:
         if self._pass is None:
             self._pass = DetailPass(self._context)
         made, strength = self._pass, detail.strength
-        out = self._run("detail targets", [size], lambda: made.targets(size))
+        out = self._run(Stage.DETAIL_TARGETS, [size], lambda: made.targets(size))
         depends = [detail.buffers, strength, clip.tobytes(), out]
-        self._run("detail of pixels", depends, lambda: made.render(detail.buffers, clip, strength, out))
+        self._run(Stage.PIXEL_DETAIL, depends, lambda: made.render(detail.buffers, clip, strength, out))
         return detail, out
 
 

@@ -11,7 +11,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid.atlas import Atlas
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.medium import media
-from milkglass.core.stages import Stages, Steps
+from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
@@ -62,10 +62,10 @@ class Lighting:
         run, material = self._run, scene.material.resolve()
 
         say("loading the model")
-        model = run("model", [shape_of(scene.model)], lambda: self._load(scene.model))
+        model = run(Stage.MODEL, [shape_of(scene.model)], lambda: self._load(scene.model))
         bodies, separate = None, scene.separate
         if separate:
-            bodies = run("find bodies", [model], lambda: self._assets.bodies(model.mesh))
+            bodies = run(Stage.FIND_BODIES, [model], lambda: self._assets.bodies(model.mesh))
         settings = self._assets.possible(scene.transport, model.mesh, separate)
         if scene.model.bodies is None and bodies is not None:
             bodies = separate_by_default(bodies, settings.method)
@@ -73,11 +73,11 @@ class Lighting:
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = scene.material.profiles(self._assets.profile_table)
         if settings.method == "ewald":
-            run("roughness", [model], lambda: self._assets.roughness(model.mesh))
+            run(Stage.ROUGHNESS, [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = quality.grid_alone
         keep = convolvers(made_for, count)
-        transport = run("transport", [made_for, keep], lambda: self._transport(made_for, keep))
+        transport = run(Stage.TRANSPORT, [made_for, keep], lambda: self._transport(made_for, keep))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
             self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
@@ -86,7 +86,7 @@ class Lighting:
         spacing = sample_spacing(model.mesh, settings, quality.resolution)
         # What is at hand may serve for several spacings: everything after depends on the samples themselves.
         finer = self._assets.accept_finer
-        samples = run("samples", [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
+        samples = run(Stage.SAMPLES, [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface, detail, troubles = self._details.surface(scene, samples)
 
         separated = marks = None
@@ -104,13 +104,16 @@ class Lighting:
         occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
         around, lobes = self._surround.sources(environment, material.eta, *on_model, marks, occlusion, draft)
         lamps = enumerate(scene.effective_lights(), start=1)
-        sources = (*(self._lamps.source(light, f"light {i}", *on_model, marks, draft) for i, light in lamps), *around)
+        sources = (
+            *(self._lamps.source(light, Stage.LIGHT.of(i), *on_model, marks, draft) for i, light in lamps),
+            *around,
+        )
 
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
-        flux = run("flux", [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
+        flux = run(Stage.FLUX, [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
         lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
-        coordinates = run("layer depth", [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
+        coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(
             model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated, detail, troubles
@@ -122,9 +125,10 @@ class Lighting:
             return self._gather_solution(lit, scattered)
         transport = lit.transport
         assert not isinstance(transport, DiffusionTransport)
-        volume = self._run("layer volume", [scattered], lambda: self._layers.volume(scattered))
-        local = self._run("local", [transport, lit.grid, lit.profiles], lambda: transport.local(lit.grid, lit.profiles))
-        table = self._run("local table", [local], lambda: table_texture(self._context, local.factors))
+        volume = self._run(Stage.LAYER_VOLUME, [scattered], lambda: self._layers.volume(scattered))
+        key = transport, lit.grid, lit.profiles
+        local = self._run(Stage.LOCAL, key, lambda: transport.local(lit.grid, lit.profiles))
+        table = self._run(Stage.LOCAL_TABLE, [local], lambda: table_texture(self._context, local.factors))
         to_texture, windows = lit.grid.world_to_texture, None
         if lit.separated is not None:
             to_texture, windows = lit.separated.atlas.world_to_texture, self._windows(lit.separated.atlas)
@@ -134,20 +138,20 @@ class Lighting:
         run, transport = self._run, lit.transport
         assert isinstance(transport, DiffusionTransport)
         s = transport.window_width(solution.grid)
-        volume = run("layer volume", [solution], lambda: self._layers.volume(solution.volume))
-        terms = run("pixel terms", [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
-        mean = run("mean fluence", [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
+        volume = run(Stage.LAYER_VOLUME, [solution], lambda: self._layers.volume(solution.volume))
+        terms = run(Stage.PIXEL_TERMS, [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
+        mean = run(Stage.MEAN_FLUENCE, [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
         bent = terms.bending
-        bending = None if bent is None else run("bending", [terms], lambda: volume_texture(self._context, bent))
+        bending = None if bent is None else run(Stage.BENDING, [terms], lambda: volume_texture(self._context, bent))
         request = [terms, mean, bending]
-        tables = run("pixel tables", request, lambda: DiffuseTables.upload(self._context, terms, mean, bending))
+        tables = run(Stage.PIXEL_TABLES, request, lambda: DiffuseTables.upload(self._context, terms, mean, bending))
         sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
         reach = max(sheets, default=0.0)
         windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)
         return Gather(volume, solution.world_to_texture, True, self._lamps.no_probe, reach, lit.eta, windows, tables)
 
     def _windows(self, atlas: Atlas) -> moderngl.Texture:
-        return self._run("body windows", [atlas], lambda: self._layers.windows(atlas))
+        return self._run(Stage.BODY_WINDOWS, [atlas], lambda: self._layers.windows(atlas))
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -181,7 +185,7 @@ class Lighting:
         """E of each light at every sample, (n, 3) float32."""
         return [
             self._spread(
-                f"irradiance of light {i}",
+                Stage.IRRADIANCE.of(i),
                 [surface, source, eta],
                 lambda source=source: self._irradiance_of(surface, source, eta),  # type: ignore[misc]
             )
@@ -199,7 +203,7 @@ class Lighting:
         areas = surface.samples.areas[:, None]
         return tuple(
             self._run(
-                f"flux of light {i}",
+                Stage.LIGHT_FLUX.of(i),
                 [source, irradiance],
                 lambda source=source, irradiance=irradiance: source.entering(irradiance * areas),  # type: ignore[misc]
             )

@@ -14,7 +14,7 @@ from milkglass.core.geometry.refine import interpolated
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.harmonics import rotated
 from milkglass.core.light.probe import Probe
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.visibility import BakedVisibility, needs_visibility
 from milkglass.viewer.gl.buffers import MeshBuffers
@@ -50,7 +50,7 @@ class OcclusionStages:
         def report(share: float) -> None:
             say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
 
-        baked = self._run("visibility", [mesh], lambda: self._assets.visibility(mesh, report))
+        baked = self._run(Stage.VISIBILITY, [mesh], lambda: self._assets.visibility(mesh, report))
         return self._occlusion(baked, buffers, rest(environment), environment.rotation_deg)
 
     def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
@@ -59,14 +59,14 @@ class OcclusionStages:
             return irradiance
         fine = occlusion.baked.refined
         corners, weights = self._run(
-            "occluded samples", [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
+            Stage.OCCLUDED_SAMPLES, [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
         )
         return irradiance * interpolated(corners, weights, occlusion.shares)
 
     def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
         context, run, fine = self._context, self._run, baked.refined
         of_mesh = run(
-            "refined mesh",
+            Stage.REFINED_MESH,
             [baked, buffers],
             lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
         )
@@ -76,4 +76,4 @@ class OcclusionStages:
             # A buffer of its own each time: the last one is drawn from until the light inside has followed.
             return Occlusion(baked, shares, of_mesh, context.buffer(shares))
 
-        return run("occlusion", [baked, of_mesh, probe, rotation_deg], share)
+        return run(Stage.OCCLUSION, [baked, of_mesh, probe, rotation_deg], share)

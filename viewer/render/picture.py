@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
+from milkglass.core.stages import Timings
 from milkglass.viewer.assets.quality import Quality
 from milkglass.viewer.files.images import check_output, write_exr, write_png
 from milkglass.viewer.gl.context import read_rgba
@@ -34,7 +35,7 @@ class Still:
     """A tone-mapped picture alone, as an array; attributes as of `Frame`."""
 
     image: npt.NDArray[np.uint8]
-    timings: dict[str, float]
+    timings: Timings
     warnings: tuple[str, ...]
     quality: Quality
     remarks: tuple[str, ...] = ()
@@ -82,7 +83,7 @@ class Frame:
     exitance: Float32
     subsurface: Float32
     specular: Float32
-    timings: dict[str, float]
+    timings: Timings
     warnings: tuple[str, ...]
     quality: Quality
     remarks: tuple[str, ...] = ()
@@ -112,7 +113,7 @@ class Frame:
             write_exr(path, self.channels())
 
 
-def read_frame(picture: Picture, timings: dict[str, float], last: bool = False) -> Frame:
+def read_frame(picture: Picture, timings: Timings, last: bool = False) -> Frame:
     """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
     alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
     planes = {}

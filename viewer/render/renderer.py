@@ -15,7 +15,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels
 from milkglass.core.light.probe import Probe
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stages, Timings
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.viewer.assets.keeper import Assets, PartedProbe
@@ -62,9 +62,7 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
     return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
 
 
-def _drawn(
-    scene: Scene, samples: int, seed: int, progress: Progress | None, parts: bool
-) -> tuple[Picture, dict[str, float]]:
+def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, parts: bool) -> tuple[Picture, Timings]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
     renderer = Renderer(headless_context())
     picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
@@ -97,8 +95,8 @@ class Renderer:
         self.develops = True
 
     @property
-    def timings(self) -> dict[str, float]:
-        """Stage -> ms, of the stages that ran for the last picture."""
+    def timings(self) -> Timings:
+        """Times of the stages that ran for the last picture."""
         return {**self.stages.timings, **self.transport_stages.timings}
 
     def render(self, scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:

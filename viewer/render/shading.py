@@ -7,7 +7,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
-from milkglass.core.stages import Stages, Steps, Unfinished
+from milkglass.core.stages import Stage, Stages, Steps, Unfinished
 from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
@@ -85,12 +85,12 @@ class Shading:
         display = scene.display
         composite = self._pixels(scene, lit, gather, offsets, parts, quick)
         shown = composite.textures[show]
-        average = self._run("exposure", [composite, show], lambda: self._tonemap.log_average(shown))
+        average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(shown))
         exposed = average if exposure_for is None else exposure_for
         background = self._background(scene, lighting)
-        image = self._run("image", [display.image_size], lambda: self._image(display.image_size))
+        image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
         self._run(
-            "tone map",
+            Stage.TONE_MAP,
             [composite, show, exposed, display, scene.environment, scene.camera, image],
             lambda: self._tonemap.render(
                 shown, exposed, display, background, lit.camera, image, directions=show == "normal"
@@ -164,16 +164,16 @@ class Shading:
                 yield from self._sample(scene, lit, gather, offsets, i, sharing, targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        return self._stages.spread("composite", (*key, sharing), shade)
+        return self._stages.spread(Stage.COMPOSITE, (*key, sharing), shade)
 
     def _pixel_work(
         self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
     ) -> tuple[Composite, tuple[object, ...]]:
         """Where the pixels go, and everything that they depend on."""
         size = scene.display.image_size
-        depth = self._run("depth", [size], lambda: self._gbuffer.depth(size))
+        depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         made = [size, parts, depth]
-        targets = self._run("composite targets", made, lambda: self._composite.targets(size, parts, depth))
+        targets = self._run(Stage.COMPOSITE_TARGETS, made, lambda: self._composite.targets(size, parts, depth))
         volume = gather.volume, gather.local, gather.diffuse, gather.eta
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
@@ -185,17 +185,17 @@ class Shading:
         run, size, camera = self._run, scene.display.image_size, lit.camera
         occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
         parts = occlusion is not None, lobes is not None
-        depth = run("depth", [size], lambda: self._gbuffer.depth(size))
+        depth = run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         made = [size, parts, depth]
-        gbuffer = self._seen = run("gbuffer targets", made, lambda: self._gbuffer.targets(size, *parts, depth))
-        light = run("light targets", [size, depth], lambda: self._irradiance.targets(size, depth))
+        gbuffer = self._seen = run(Stage.GBUFFER_TARGETS, made, lambda: self._gbuffer.targets(size, *parts, depth))
+        light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.separated is None else lit.separated.marks.buffer
         if lit.separated is not None and occlusion is not None:
             of_vertex, refined = lit.separated.marks.of_vertex, occlusion.baked.refined
-            marks = run("refined marks", [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
+            marks = run(Stage.REFINED_MARKS, [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
         run(
-            "gbuffer",
+            Stage.GBUFFER,
             [lit.model, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
             lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion, behind, lobes),
         )
@@ -213,7 +213,7 @@ class Shading:
         if lobes is None or specular.strength == 0.0:
             return self._no_probe
         return self._run(
-            "environment highlights",
+            Stage.ENVIRONMENT_HIGHLIGHTS,
             [lobes, specular.shininess],
             lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
         )
@@ -224,9 +224,9 @@ class Shading:
         if occlusion is None or specular.strength == 0.0:
             return None
         baked = occlusion.baked
-        blocked = self._run("blocked highlights", [baked], lambda: self._lobes.upload(baked.visibility))
+        blocked = self._run(Stage.BLOCKED_HIGHLIGHTS, [baked], lambda: self._lobes.upload(baked.visibility))
         return self._run(
-            "occluded highlights",
+            Stage.OCCLUDED_HIGHLIGHTS,
             [occlusion.baked, occlusion.buffers, blocked, specular.shininess, lit.camera.eye.tobytes()],
             lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
         )
@@ -235,7 +235,7 @@ class Shading:
         """What is visible from the other side of thin parts, at each vertex, where there are any."""
         if (occlusion := lit.occlusion) is None or not gather.is_thin:
             return None
-        return self._run("occlusion behind", [occlusion], lambda: occlusion.behind(self._context))
+        return self._run(Stage.OCCLUSION_BEHIND, [occlusion], lambda: occlusion.behind(self._context))
 
     def _background(self, scene: Scene, lighting: Lighting) -> Background:
         environment = scene.environment
@@ -244,7 +244,7 @@ class Shading:
         probe = lighting.probe(environment)
         blur = scene.display.background_blur_deg
         texture = self._run(
-            "background", [probe, blur], lambda: latlong_texture(self._context, blurred(probe.latlong, blur))
+            Stage.BACKGROUND, [probe, blur], lambda: latlong_texture(self._context, blurred(probe.latlong, blur))
         )
         return Background(texture, environment.rotation_deg, environment.intensity)
 

@@ -7,7 +7,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.probe import Probe, irradiance_table
 from milkglass.core.light.sources import ProbeSource
-from milkglass.core.stages import Stages, Steps
+from milkglass.core.stages import NumberedStage, Stage, Stages, Steps
 from milkglass.viewer.assets.keeper import Assets, PartedProbe
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import latlong_texture
@@ -21,6 +21,7 @@ from milkglass.viewer.scene.settings import EnvironmentSettings
 from milkglass.viewer.scene.sub_lights import sub_light_count
 
 MAX_IRRADIANCE = 1e9  # that a light may have
+SHADOWS = {Stage.LIGHT: Stage.LIGHT_SHADOW, Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW}
 
 
 class Lamps:
@@ -37,7 +38,13 @@ class Lamps:
         return self._shadows.none
 
     def source(
-        self, light: Light, name: str, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None, draft: bool
+        self,
+        light: Light,
+        name: NumberedStage,
+        mesh: Mesh,
+        buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None,
+        draft: bool,
     ) -> LightSource:
         """Return the source of a light in world space; `bodies` as of `viewer.passes.shadows.ShadowsPass.render`.
 
@@ -46,7 +53,9 @@ class Lamps:
         count = 0 if is_sharp(light) else sub_light_count(light, mesh.radius, draft)
         unit = brightened(light, (1.0, 1.0, 1.0))
         shadow = self._spread(
-            f"shadow of {name}", [mesh, unit, bodies, count], lambda: self._cast(unit, count, mesh, buffers, bodies)
+            SHADOWS[name.stage].of(name.number),
+            [mesh, unit, bodies, count],
+            lambda: self._cast(unit, count, mesh, buffers, bodies),
         )
         return self._run(name, [shadow, light], lambda: self._lit(light, shadow))
 
@@ -76,14 +85,14 @@ class Surround:
         """Read the light probe of an environment that has one."""
         source = environment.source
         assert source is not None
-        return self._run("probe", [source], lambda: self._assets.probe(source))
+        return self._run(Stage.PROBE, [source], lambda: self._assets.probe(source))
 
     def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
         """Return the sources of its probe that shine as lamps, and the probe of the rest; None where no light is."""
         if not shines(environment):
             return None
         key = [self.probe(environment), environment.extract]
-        return self._run("probe sources", key, lambda: self._assets.surround(environment))
+        return self._run(Stage.PROBE_SOURCES, key, lambda: self._assets.surround(environment))
 
     def rest(self, environment: EnvironmentSettings) -> Probe:
         """Return the probe of an environment that shines, without what shines as lamps."""
@@ -105,20 +114,20 @@ class Surround:
         assert parts is not None
         strong, rest = parts
         found = [
-            self._lamps.source(light, f"probe source {i}", mesh, buffers, bodies, draft)
+            self._lamps.source(light, Stage.PROBE_SOURCE.of(i), mesh, buffers, bodies, draft)
             for i, light in enumerate(probe_lamps(environment, strong), start=1)
         ]
         table = run(
-            "environment table",
+            Stage.ENVIRONMENT_TABLE,
             [rest, eta],
             lambda: latlong_texture(self._context, irradiance_table(rest.sh, eta)),
         )
         around = run(
-            "environment light",
+            Stage.ENVIRONMENT_LIGHT,
             [table, environment, occlusion],
             lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
-        return [*found, around], run("highlight lobes", [rest], lambda: self._assets.lobes(rest))
+        return [*found, around], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.lobes(rest))
 
 
 def shines(environment: EnvironmentSettings) -> bool:

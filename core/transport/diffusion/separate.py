@@ -26,7 +26,7 @@ from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import Medium
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.pixels import (
@@ -207,12 +207,12 @@ class SeparateDiffusion:
             See `core.transport.diffusion.solver.DiffusionTransport.solve`; told all bodies together.
         """
         shares = [
-            stages.run(f"body flux of light {i}", (self, light), lambda light=light: self._shares(light))  # type: ignore[misc]
+            stages.run(Stage.BODY_LIGHT_FLUX.of(i), (self, light), lambda light=light: self._shares(light))  # type: ignore[misc]
             for i, light in enumerate(lights, start=1)
         ]
         key = self, *shares, *media
-        if stages.has("bodies", key):
-            return stages.run("bodies", key, lambda: self._dark(media))
+        if stages.has(Stage.BODIES, key):
+            return stages.run(Stage.BODIES, key, lambda: self._dark(media))
         for body in self._bodies:
             body.stages.begin()
         solution = self._solve(shares, media, go_on)
@@ -220,7 +220,7 @@ class SeparateDiffusion:
             for name, milliseconds in body.stages.timings.items():
                 stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
         if solution.atlas is self.atlas() and max(solution.residuals) <= self._transport.tolerance:
-            stages.run("bodies", key, lambda: solution)
+            stages.run(Stage.BODIES, key, lambda: solution)
         return solution
 
     def release(self) -> None:

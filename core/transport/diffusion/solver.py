@@ -27,7 +27,7 @@ from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import thread_pool
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, depths_of, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, lit
@@ -38,6 +38,7 @@ from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.solution import Solution as Solution
 from milkglass.core.transport.diffusion.solution import reached, same_flux
 
+SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
@@ -144,9 +145,9 @@ class DiffusionTransport(Kernels):
             ended = None if self._coarse is None or coarse is None else self._coarse._last
             return self._solve(boundary, media, channels, samples, ended, go_on)
 
-        solution = stages.run("solution", request, anew)
+        solution = stages.run(Stage.SOLUTION, request, anew)
         if max(solution.residuals) > self.tolerance or solution.boundary.grid != grid:
-            stages.forget("solution")  # to go on from there
+            stages.forget(Stage.SOLUTION)  # to go on from there
         return solution
 
     def _coarse_solution(
@@ -166,7 +167,7 @@ class DiffusionTransport(Kernels):
         coarse = self._coarse
         on = coarse.grid(mesh, np.eye(3))
         return stages.run(
-            "coarse solution",
+            Stage.COARSE_SOLUTION,
             (coarse, mesh, samples, *lights, *media),
             lambda: coarse.solve(mesh, samples, on, lights, media, self._coarse_stages, go_on),
         )
@@ -185,14 +186,14 @@ class DiffusionTransport(Kernels):
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
         entries = [
             stages.run(
-                f"entry of light {i}",
+                Stage.ENTRY.of(i),
                 (boundary, light, media[0].eta),
                 lambda light=light: enter(light, boundary, depths, media[0].eta),  # type: ignore[misc]
             )
             for i, light in enumerate(lights, start=1)
         ]
         kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
-        spectra = stages.run("spectra", kernels, lambda: self.spectra(kernels, self._maker(grid)))
+        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.spectra(kernels, self._maker(grid)))
         made: dict[int, Callable[[], Channel]] = {}
         twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
@@ -225,9 +226,9 @@ class DiffusionTransport(Kernels):
         """Put a surface on the grid, or take the last call's, between which another transport had its turn."""
         kept, key = self._placed, (mesh, samples, grid)
         at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
-        wanted = not at_hand and not stages.has("boundary", key)
+        wanted = not at_hand and not stages.has(Stage.BOUNDARY, key)
         merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if wanted else None
-        depths = stages.run("rays", (mesh,), lambda: depths_of(mesh))
+        depths = stages.run(Stage.RAYS, (mesh,), lambda: depths_of(mesh))
 
         def placed() -> Boundary:
             if merging is not None:
@@ -235,7 +236,7 @@ class DiffusionTransport(Kernels):
             assert self._placed is not None
             return self._placed[2]
 
-        return stages.run("boundary", key, placed), depths
+        return stages.run(Stage.BOUNDARY, key, placed), depths
 
     def _channel(
         self,
@@ -253,7 +254,7 @@ class DiffusionTransport(Kernels):
 
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
         make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
-        name, key = f"sources of {'RGB'[i]}", (boundary, medium, spectrum, *entries)
+        name, key = SOURCES[i], (boundary, medium, spectrum, *entries)
         begun = None if stages.has(name, key) else thread_pool().submit(make)
         return lambda: stages.run(name, key, make if begun is None else begun.result)
 

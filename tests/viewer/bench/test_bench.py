@@ -18,7 +18,7 @@ from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.bench import run as bench
 from milkglass.viewer.bench import solving as bench_solving
 from milkglass.viewer.bench import window as bench_window
@@ -233,8 +233,8 @@ def test_detail_is_a_closed_solid_of_fine_bumps():
 def test_memory_counts_each_array_once_and_views_by_what_they_show():
     stages = Stages()
     base = np.zeros(250_000, np.float32)
-    stages.run("a", [base], lambda: [base[10:20], base.reshape(500, 500)])
-    stages.run("b", [], lambda: {"own": np.zeros(500_000)})
+    stages.run(Stage.DEPOSIT, [base], lambda: [base[10:20], base.reshape(500, 500)])
+    stages.run(Stage.FLUX, [], lambda: {"own": np.zeros(500_000)})
     assert megabytes(stages) == pytest.approx(5.0)
     assert megabytes(stages, leave_out=[base]) == pytest.approx(4.0)
 

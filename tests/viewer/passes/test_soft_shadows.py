@@ -10,7 +10,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sources import Sources
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.error.report import obstacle
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.gl.buffers import MeshBuffers, SampleBuffers
@@ -53,7 +53,7 @@ def irradiance_of(context):
     lamps, run = Lamps(context, Stages()), SampleIrradiancePass(context)
 
     def irradiance(mesh, samples, light, draft=False):
-        source = lamps.source(light, "light", mesh, MeshBuffers(context, mesh), None, draft)
+        source = lamps.source(light, Stage.LIGHT.of(1), mesh, MeshBuffers(context, mesh), None, draft)
         return run.run(SampleBuffers(context, samples), source, ETA)
 
     return irradiance

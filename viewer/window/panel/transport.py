@@ -1,15 +1,17 @@
 """The panel's part for transport: what was asked for, what was chosen for it, the error to expect and the cost."""
 
+from milkglass.core.stages import AnyStage, Stage, Timings
 from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.core.transport.diffusion.solver import SOURCES
 from milkglass.viewer.assets.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.gui.controls import Controls
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.render.remarks import below_nodes
 
-NEW_LIGHT: tuple[str, ...] = ("deposit", "convolution")  # stages of transport
-NEW_MATERIAL: tuple[str, ...] = ("spectra", "convolution")
-SOLVED_FOR = (*(f"sources of {channel}" for channel in "RGB"), "solution")  # likewise, with `diffusion`
+NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
+NEW_MATERIAL: tuple[AnyStage, ...] = (Stage.SPECTRA, Stage.CONVOLUTION)
+SOLVED_FOR = (*SOURCES, Stage.SOLUTION)  # likewise, with `diffusion`
 ASSIGNMENT_OFF = "It means nothing to diffusion, which spreads light with quadratic B-splines always."
 
 
@@ -50,16 +52,16 @@ def solved(solution: AnySolution, complete: bool) -> str:
     return f"{'solved' if complete else 'on the way'}: {', '.join(each)}"
 
 
-def chosen(finished: Finished, milliseconds: dict[str, float]) -> str:
+def chosen(finished: Finished, milliseconds: Timings) -> str:
     """Return the grid and what it costs, as far as that is known."""
     grid = finished.lit.grid
     text = f"{grid.width} x {grid.height} x {grid.n_layers} nodes of {grid.texel:.3g} mm"
     new_light, new_material = NEW_LIGHT, NEW_MATERIAL
     if finished.solution is not None:
         rest = tuple(stage for stage in SOLVED_FOR if stage in milliseconds)  # a dark channel has no sources
-        entries = [stage for stage in milliseconds if stage.startswith("entry of light ")]
-        slowest = max(entries, key=lambda stage: milliseconds[stage], default="entry of light 1")
-        new_light, new_material = (slowest, *rest), ("spectra", *rest)
+        entries = [entry for i in range(len(finished.lit.lights)) if (entry := Stage.ENTRY.of(i + 1)) in milliseconds]
+        slowest = max(entries, key=lambda stage: milliseconds[stage], default=Stage.ENTRY.of(1))
+        new_light, new_material = (slowest, *rest), (Stage.SPECTRA, *rest)
     if all(stage in milliseconds for stage in (*new_light, *new_material)):
         light, material = (sum(milliseconds[stage] for stage in each) for each in (new_light, new_material))
         text += f"; new light in {light:.0f} ms, a new material in {material:.0f} ms"

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from milkglass.core.errors import InputError
+from milkglass.core.stages import Stage
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.gui.toolkit import Gui, imgui
@@ -27,7 +28,7 @@ DRAFT_UNTIL = 0.18  # seconds after the last change by a drag
 FINE_AFTER = 0.35  # seconds after the last change
 DRAFT_MS = 60.0  # what a frame of a drag may take; more, and it is drawn smaller
 SCALES = (1.0, 0.75, 0.5)
-DRAWING = ("gbuffer", "composite", "exposure", "tone map")
+DRAWING = (Stage.GBUFFER, Stage.COMPOSITE, Stage.EXPOSURE, Stage.TONE_MAP)
 SMALLEST = 16  # pixels, of display.image_size
 
 
@@ -231,7 +232,7 @@ class ViewArea:
 
     def _learn(self, scene: Scene) -> None:
         """Remember what a pixel costs."""
-        if "composite" not in self.live.renderer.stages.timings or self.live.spreading:
+        if Stage.COMPOSITE not in self.live.renderer.stages.timings or self.live.spreading:
             return
         pixels = scene.display.image_size[0] * scene.display.image_size[1] * self.detail.samples
         self._per_pixel = sum(self.live.stage_times.get(stage, 0.0) for stage in DRAWING) / pixels
