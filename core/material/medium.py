@@ -19,9 +19,9 @@ Photons from deep inside a shell or a ball tell z_b by where they leave: without
 around a cavity of radius 7, 0.577 in a ball of radius 4 and 0.710 on a plane, and gamma = 1/4 makes 0.071 and -0.125 of
 that. It holds where the surface is concave, as inside a bowl. On smooth convex ones lit from outside it is too much, as
 light that has just entered is held back there by total reflection, and what is left of it was fitted to balls. At an
-edge it is let out by the other face (`core.transport.diffusion.crossing`), and curvature counts up to where second
-order ends, which was fitted to boxes, cylinders and cones, as was how far from the edge it does
-(`core.transport.diffusion.edges`).
+edge it is let out by the other face (`core.transport.diffusion.edges.crossing`), and curvature counts up to where
+second order ends, which was fitted to boxes, cylinders and cones, as was how far from the edge it does
+(`core.transport.diffusion.edges.pairs`).
 """
 
 import functools
@@ -92,12 +92,12 @@ class Medium:
         return float(np.sqrt(self.sigma_a / self.diffusion))
 
     @property
-    def boundary(self) -> float:
+    def extrapolation_factor(self) -> float:
         """A, >= 1."""
-        return boundary_factor(self.eta) * float(1.0 + ANISOTROPY * np.sqrt(1.0 - self.albedo))
+        return extrapolation_factor(self.eta) * float(1.0 + ANISOTROPY * np.sqrt(1.0 - self.albedo))
 
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
-        """A on a curved surface over `boundary`, > 0.
+        """A on a curved surface over `extrapolation_factor`, > 0.
 
         `curvature` is 2 H, 1/mm, above 0 where convex, any shape, and `edges` what convex edges add to it, >= 0.
         """
@@ -106,7 +106,7 @@ class Medium:
         bent = np.clip(np.asarray(curvature, np.float64) * far, -DEEPEST, CLEAR)
         bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
         bent = bent + sharp / np.hypot(1.0, sharp / SHARPEST)
-        extrapolated = 2.0 * self.boundary * self.diffusion / self.mean_free_path
+        extrapolated = 2.0 * self.extrapolation_factor * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 
 
@@ -131,7 +131,7 @@ def _diffusion(absorbed: float) -> float:
     return absorbed / float(k) ** 2
 
 
-def boundary_factor(eta: float) -> float:
+def extrapolation_factor(eta: float) -> float:
     """A = (1 + R2) / (1 - R1), with the exact moments of `core.material.fresnel.internal_moments`."""
     r1, r2 = fresnel.internal_moments(eta)
     return (1.0 + r2) / (1.0 - r1)

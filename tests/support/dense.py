@@ -65,5 +65,5 @@ class Dense:
 
     def exitance(self, phi_0, bending=1.0):
         """M; `bending` of the faces as `core.material.medium.Medium.bending`."""
-        matrix = (0.5 * np.eye(len(phi_0)) + self.K) * bending + self.S / (2.0 * self._medium.boundary)
-        return np.linalg.solve(matrix, phi_0) / (2.0 * self._medium.boundary)
+        matrix = (0.5 * np.eye(len(phi_0)) + self.K) * bending + self.S / (2.0 * self._medium.extrapolation_factor)
+        return np.linalg.solve(matrix, phi_0) / (2.0 * self._medium.extrapolation_factor)

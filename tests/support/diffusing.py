@@ -57,7 +57,7 @@ class Solved:
 
     def exitance(self, channel: int) -> Array:
         """(n,) M of the patches."""
-        return self.solution.fluence[channel] / (2.0 * self.media[channel].boundary)
+        return self.solution.fluence[channel] / (2.0 * self.media[channel].extrapolation_factor)
 
     def leaving(self, channel: int) -> float:
         """Flux."""
@@ -106,7 +106,7 @@ def diffuse(mesh, media, resolution=48, light=None, tolerance=1e-4, phase=None, 
 
 def slab(medium: Medium, thickness: float, depths: Array, weights: Array) -> tuple[float, float]:
     """R and T, without what crosses unscattered, of a slab in mm with sources at `depths`; a' included."""
-    q, z_b = max(medium.attenuation, 1e-6), 2.0 * medium.diffusion * medium.boundary
+    q, z_b = max(medium.attenuation, 1e-6), 2.0 * medium.diffusion * medium.extrapolation_factor
 
     def u(z):
         return np.sinh(q * z) + q * z_b * np.cosh(q * z)

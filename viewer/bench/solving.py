@@ -98,7 +98,7 @@ def _row(shape: str, mesh: Mesh, samples: SurfaceSamples, nodes: int, repeats: i
 
         solution = transport.solve(mesh, samples, grid, [light], of, stages, go_on)
         end = time.perf_counter()
-        return 1e3 * ((shown or [end])[0] - start), 1e3 * (end - start), max(solution.products)
+        return 1e3 * ((shown or [end])[0] - start), 1e3 * (end - start), max(solution.convolutions)
 
     eta = materials.lookup(MATERIALS[0]).eta
     lights = [_light(samples, way, eta) for way in LIGHTS]

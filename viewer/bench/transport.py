@@ -198,7 +198,7 @@ def transport_rows(
                         surface, solution = truth.regions.samples, run.solution
                         row = replace(
                             row,
-                            products=max(solution.products),
+                            products=max(solution.convolutions),
                             residual=max(solution.residuals),
                             numerical=numerical_error(evaluate, fine.exitance(light, material), surface),
                         )

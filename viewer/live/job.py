@@ -56,7 +56,7 @@ def _leaving(solution: Solution) -> Float32:
     flux = np.zeros((len(boundary.patches), 3), np.float32)
     for i, (medium, fluence) in enumerate(zip(solution.media, solution.fluence, strict=True)):
         if not medium.is_black:
-            flux[:, i] = np.maximum(fluence, 0.0) / (2.0 * medium.boundary) * boundary.patches.areas
+            flux[:, i] = np.maximum(fluence, 0.0) / (2.0 * medium.extrapolation_factor) * boundary.patches.areas
     return deposit(boundary.grid, boundary.weights, flux)
 
 

@@ -21,8 +21,8 @@ from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.grid.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
-from milkglass.core.transport.diffusion.curvature import Curvature, curvature
-from milkglass.core.transport.diffusion.edges import Edges
+from milkglass.core.transport.diffusion.edges.curvature import Curvature, curvature
+from milkglass.core.transport.diffusion.edges.pairs import Edges
 from milkglass.core.transport.diffusion.patches import Patches
 
 Bools = npt.NDArray[np.bool_]
@@ -48,8 +48,8 @@ class Boundary:
         Of the entries of `weights`, along each patch's mean normal, 1/mm.
     constant : (n_layers, height, width) float32
         K_L 1 at the nodes, which pixels gather.
-    near : (n,) float64
-        k0.
+    double_layer_diagonal : (n,) float64
+        k0, what the diagonal of K gets for what the nodes miss of it.
     thickness : (n,) float64
         Way through the object along the normal, mm; 0 where there is none.
     sheet : Sheet
@@ -62,7 +62,7 @@ class Boundary:
     weights: csc_array
     slopes: Float32
     constant: Float32
-    near: Array
+    double_layer_diagonal: Array
     thickness: Array
     sheet: "Sheet"
     sheet_reach: float
@@ -112,11 +112,11 @@ class Boundary:
         sharp = np.where(self.is_sheet, 0.0, np.maximum(edges, self.edges.curvature(far)))
         return medium.bending(smooth, counts * sharp)
 
-    def double_layer(self, boundary_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
+    def double_layer(self, extrapolation_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0) -> csc_array:
         """Deposit of 2 A M dA: W / (2 A) + b D n . grad W, (nodes, n) sparse float32; b is 1 or (n,)."""
         each = np.broadcast_to(np.asarray(bending, np.float32) * np.float32(diffusion), len(self.patches))
         slopes = self.slopes.reshape(len(self.patches), -1) * each[:, None]
-        data = self.weights.data * np.float32(0.5 / boundary_factor) + slopes.ravel()
+        data = self.weights.data * np.float32(0.5 / extrapolation_factor) + slopes.ravel()
         return csc_array((data, self.weights.indices, self.weights.indptr), shape=self.weights.shape)
 
 
@@ -208,8 +208,8 @@ def put_on_grid(
     unplaced = Boundary(grid, patches, weights, slopes, *unknown, thickness, sheet, reach)
     deposited = unplaced.double_layer(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
     constant = convolve(deposited.reshape(grid.shape))
-    near = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
-    return replace(unplaced, constant=constant, near=near)
+    diagonal = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
+    return replace(unplaced, constant=constant, double_layer_diagonal=diagonal)
 
 
 @functools.lru_cache(maxsize=1)

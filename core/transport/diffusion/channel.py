@@ -8,10 +8,10 @@ import numpy as np
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
-from milkglass.core.transport.diffusion.crossing import Crossing, crossing
+from milkglass.core.transport.diffusion.edges.crossing import Crossing, crossing
+from milkglass.core.transport.diffusion.edges.last_flight import LastFlight, last_flight
 from milkglass.core.transport.diffusion.entry import Entry, sources
 from milkglass.core.transport.diffusion.green import local_green, local_slope
-from milkglass.core.transport.diffusion.last_flight import LastFlight, last_flight
 
 EVEN = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
 JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes carry of a phi that varies slowly
@@ -56,16 +56,16 @@ class Channel:
         self._convolve = convolve
         self._areas = boundary.patches.areas
         bending = boundary.bending(medium)
-        self._deposit = boundary.double_layer(medium.boundary, medium.diffusion, bending)
+        self._deposit = boundary.double_layer(medium.extrapolation_factor, medium.diffusion, bending)
         self._gather = boundary.weights.T
-        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.boundary)
+        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
         sheet = boundary.sheet
         # Of K the row sum's part belongs to the other side too, and there with the material's own absorption.
         self._across = sheet.share * (
-            local_green(medium, s, sheet.thickness) / (2.0 * medium.boundary)
+            local_green(medium, s, sheet.thickness) / (2.0 * medium.extrapolation_factor)
             + bending[sheet.others] * local_slope(medium, s, sheet.thickness)
         )
-        self._diagonal = 0.5 + boundary.near
+        self._diagonal = 0.5 + boundary.double_layer_diagonal
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
         self._diagonal = bending * self._diagonal + own
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
@@ -77,13 +77,13 @@ class Channel:
         return self._convolve(self._deposited)
 
     @functools.cached_property
-    def right(self) -> Array:
+    def right_hand_side(self) -> Array:
         """Right side, (n,)."""
         return self._gathered(self.sources) + self._local
 
     def allowed(self, fluence: Array) -> float:
         """Share of phi, at most 1, with which no more light leaves than scatters: the grid may add a thousandth."""
-        leaving = float(np.einsum("i,i->", self._areas, fluence)) / (2.0 * self.medium.boundary)
+        leaving = float(np.einsum("i,i->", self._areas, fluence)) / (2.0 * self.medium.extrapolation_factor)
         scattered = float(self._deposited.sum(dtype=np.float64))
         return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
 
@@ -97,32 +97,32 @@ class Channel:
             return fluence, volume
         more, lost = np.zeros(len(fluence)), np.zeros(len(fluence))
         if crossing is not None:
-            more += 2.0 * self.medium.boundary * crossing.exitance
+            more += 2.0 * self.medium.extrapolation_factor * crossing.exitance
             lost = self._local * (1.0 / crossing.kept - 1.0)
         if flight is not None:
-            more += flight.turned(fluence, volume, self.medium.boundary)
+            more += flight.turned(fluence, volume, self.medium.extrapolation_factor)
         (nodes,) = self.boundary.means((self._diagonal * more - lost)[:, None])
         return fluence + more, volume + nodes
 
     @property
-    def scale(self) -> Array:
+    def preconditioner(self) -> Array:
         """Of the unknowns of GMRES, phi over it: it evens rows out and saves a product in five."""
         return 1.0 / (self._diagonal + EVEN)
 
     @property
     def first_guess(self) -> Array:
         """A phi to start from where nothing better is known."""
-        return self.right / (self._diagonal + JACOBI)
+        return self.right_hand_side / (self._diagonal + JACOBI)
 
     def volume(self, fluence: Array) -> Float32:
         """What phi on the surface gives at the nodes: (n_layers, height, width)."""
         return self._convolve(self._spread(fluence))
 
-    def product(self, fluence: Array, volume: Float32) -> Array:
+    def matvec(self, fluence: Array, volume: Float32) -> Array:
         """Left side for phi whose `volume` is known."""
         return self._own(fluence) + self._gathered(volume)
 
-    def remainder(self, fluence: Array) -> tuple[Float32, Array]:
+    def residual(self, fluence: Array) -> tuple[Float32, Array]:
         """O that phi leaves at the nodes, and right less left side, (n,): both in one convolution."""
         volume = self._convolve(self._deposited - self._spread(fluence))
         return volume, self._local + self._gathered(volume) - self._own(fluence)

@@ -31,15 +31,15 @@ class Start:
         Right less left side.
     size : float
         Norm of the right side.
-    products : int
-        Convolutions that it took.
+    convolutions : int
+        That it took.
     """
 
     fluence: Array
     volume: Float32
     residual: Array
     size: float
-    products: int
+    convolutions: int
 
 
 class Reached:
@@ -50,19 +50,19 @@ class Reached:
     channel : Channel
     residual : float
         Relative to the right side.
-    products : int
-        Convolutions so far, with those of the start.
+    convolutions : int
+        So far, with those of the start.
     """
 
     def __init__(self, channel: Channel, start: Start, step: Step, basis: Array, volumes: Sequence[Float32]) -> None:
-        self.channel, self.residual, self.products = channel, step.residual, step.products + start.products
+        self.channel, self.residual, self.convolutions = channel, step.residual, step.matvecs + start.convolutions
         self._parts: tuple[Start, Array, Array, Sequence[Float32]] = start, step.coefficients, basis, volumes
 
     @functools.cached_property
     def iterate(self) -> Array:
         """Phi of the patches, (n,), as the steps have it."""
         start, coefficients, basis, _ = self._parts
-        return start.fluence + combined(coefficients, basis) * self.channel.scale
+        return start.fluence + combined(coefficients, basis) * self.channel.preconditioner
 
     @property
     def fluence(self) -> Array:
@@ -99,16 +99,16 @@ class Iteration:
     ----------
     channel : Channel
     start : Start
-    tolerance, most
+    tolerance, max_matvecs
         See `core.transport.diffusion.krylov.gmres`.
     """
 
-    def __init__(self, channel: Channel, start: Start, tolerance: float, most: int) -> None:
+    def __init__(self, channel: Channel, start: Start, tolerance: float, max_matvecs: int) -> None:
         self.channel, self._start, self._busy = channel, start, threading.Lock()
         self._volumes: list[Float32] = []
         scale = start.size or 1.0  # 0 where so little scatters that its square underflows
-        multiply = functools.partial(_multiply, channel, self._volumes)
-        self._steps = gmres(multiply, start.residual, scale, tolerance, most, WEAK)
+        matvec = functools.partial(_matvec, channel, self._volumes)
+        self._steps = gmres(matvec, start.residual, scale, tolerance, max_matvecs, WEAK)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:
@@ -122,14 +122,14 @@ class Iteration:
     @property
     def reached(self) -> Reached:
         """Where it is now."""
-        return Reached(self.channel, self._start, self._step, self._basis, self._volumes[: self._step.products])
+        return Reached(self.channel, self._start, self._step, self._basis, self._volumes[: self._step.matvecs])
 
 
-def _multiply(channel: Channel, volumes: list[Float32], vector: Array) -> Array:
+def _matvec(channel: Channel, volumes: list[Float32], vector: Array) -> Array:
     """Take a product and keep its volume; no method, which would tie an iteration to itself through its generator."""
-    fluence = vector * channel.scale
+    fluence = vector * channel.preconditioner
     volumes.append(channel.volume(fluence))
-    return channel.product(fluence, volumes[-1])
+    return channel.matvec(fluence, volumes[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,8 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     before = None if last is None else last.channels[i]
     kept, ratio = None, 1.0
     if last is not None and before is not None and last.boundary is boundary:
-        ratio = channel.medium.boundary / before.medium.boundary  # of fluence at the same exitance
+        # Of 2 A M at the same exitance.
+        ratio = channel.medium.extrapolation_factor / before.medium.extrapolation_factor
         kept = ratio * last.fluence[i]
     if coarse is None:
         return fitted(channel, [] if kept is None else [kept])
@@ -172,8 +173,8 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     on_coarse = coarse.channels[i]
     assert on_coarse is not None  # lit as the fine one is
     # What is left is told relative to the right side, which here is never made by itself: it has the coarse one's rms.
-    size = norm(on_coarse.right) * np.sqrt(len(guess) / len(on_coarse.right))
-    volume, residual = channel.remainder(guess)
+    size = norm(on_coarse.right_hand_side) * np.sqrt(len(guess) / len(on_coarse.right_hand_side))
+    volume, residual = channel.residual(guess)
     return Start(guess, volume, residual, size, 1)
 
 
@@ -181,15 +182,15 @@ def fitted(channel: Channel, guesses: Sequence[Array]) -> Start:
     """Scale guesses of phi, (n,) each, so that their sum fits best; a first guess where there is none."""
     guesses = guesses or [channel.first_guess]
     volumes = [channel.volume(guess) for guess in guesses]
-    products = [channel.product(guess, volume) for guess, volume in zip(guesses, volumes, strict=True)]
+    products = [channel.matvec(guess, volume) for guess, volume in zip(guesses, volumes, strict=True)]
     gram = np.array([[inner(a, b) for b in products] for a in products])
-    fits = np.array([inner(a, channel.right) for a in products])
+    fits = np.array([inner(a, channel.right_hand_side) for a in products])
     scales = np.linalg.lstsq(gram, fits, rcond=1e-12)[0]
-    fluence, residual, left = np.zeros(len(channel.right)), channel.right, channel.sources
+    fluence, residual, left = np.zeros(len(channel.right_hand_side)), channel.right_hand_side, channel.sources
     for scale, guess, volume, own in zip(scales, guesses, volumes, products, strict=True):
         fluence, residual = fluence + scale * guess, residual - scale * own
         left = left - np.float32(scale) * volume
-    return Start(fluence, left, residual, norm(channel.right), 1 + len(guesses))
+    return Start(fluence, left, residual, norm(channel.right_hand_side), 1 + len(guesses))
 
 
 def _prolonged(coarse: End, i: int, boundary: Boundary, samples: SurfaceSamples) -> Array:

@@ -14,45 +14,50 @@ BREAKDOWN = 1e-7  # of a product, when what is known is taken off: the space hol
 
 
 class Step(NamedTuple):
-    """What is known after `products` multiplications: the solution is start + sum of coefficients times basis."""
+    """What is known after `matvecs` products: the solution is start + sum of coefficients times basis."""
 
-    products: int
+    matvecs: int
     coefficients: Array
     residual: float  # relative to the right side
 
 
 def gmres(
-    multiply: Callable[[Array], Array], residual: Array, scale: float, tolerance: float, most: int, weak: float = 0.0
+    matvec: Callable[[Array], Array],
+    residual: Array,
+    rhs_norm: float,
+    tolerance: float,
+    max_matvecs: int,
+    weak: float = 0.0,
 ) -> Iterator[tuple[Step, Array]]:
     """Solve A x = b from a start whose residual b - A start is given.
 
-    Yields a step and the basis, (products, n), after each product. Vectors are made orthogonal to all before them at
+    Yields a step and the basis, (matvecs, n), after each product. Vectors are made orthogonal to all before them at
     once, twice, which is as stable as one by one (Giraud, Langou and Rozloznik 2005) and reads them half as often.
 
     Parameters
     ----------
-    multiply : callable
+    matvec : callable
         (n,) -> (n,) float64, A times a vector; called once a step.
     residual : (n,) float64
-    scale : float
+    rhs_norm : float
         Norm of b, > 0.
     tolerance : float
         Of |b - A x| / |b|; it ends the steps.
-    most : int
+    max_matvecs : int
         Products; they end the steps too.
     weak : float
         Directions in which A multiplies by less are noise, and get nothing; their share of the residual counts as
         solved. At 0 all get theirs.
     """
     beta = norm(residual)
-    basis = np.empty((most + 1, len(residual)))  # the system gives rows memory when they are written
-    yield Step(0, np.zeros(0), beta / scale), basis[:0]
-    if beta <= tolerance * scale:
+    basis = np.empty((max_matvecs + 1, len(residual)))  # the system gives rows memory when they are written
+    yield Step(0, np.zeros(0), beta / rhs_norm), basis[:0]
+    if beta <= tolerance * rhs_norm:
         return
     basis[0] = residual / beta
-    columns = np.zeros((most + 1, most))
-    for k in range(most):
-        vector, known = multiply(basis[k]), basis[: k + 1]
+    columns = np.zeros((max_matvecs + 1, max_matvecs))
+    for k in range(max_matvecs):
+        vector, known = matvec(basis[k]), basis[: k + 1]
         length = norm(vector)
         for _ in range(2):  # the second pass leaves no rounding of the first
             shares = np.einsum("kn,n->k", known, vector)
@@ -65,7 +70,7 @@ def gmres(
         u, strength, v = np.linalg.svd(square, full_matrices=False)
         parts = u.T @ target
         parts[strength <= np.finfo(np.float64).eps * (k + 1) * strength[0]] = 0.0
-        left = float(np.linalg.norm(target - u @ parts)) / scale
+        left = float(np.linalg.norm(target - u @ parts)) / rhs_norm
         least = np.maximum(strength, max(1e-2 * weak, np.finfo(np.float64).tiny))  # no power overflows
         yield Step(k + 1, v.T @ (parts / (least * (1.0 + (weak / least) ** 8))), left), known
         if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * length:

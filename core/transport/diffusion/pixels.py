@@ -104,11 +104,11 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
     if thin:
         for i, medium in enumerate(media):
             if not medium.is_black:
-                coupling[:, i] = local_green(medium, s, thickness) / (2.0 * medium.boundary)
+                coupling[:, i] = local_green(medium, s, thickness) / (2.0 * medium.extrapolation_factor)
                 coupling[:, i] += local_slope(medium, s, thickness)
         coupling[:, 3] = local_slope(NO_ABSORPTION, s, thickness)
-    doubled = np.array([2.0 * medium.boundary for medium in media])
-    own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.boundary) for m in media]
+    doubled = np.array([2.0 * medium.extrapolation_factor for medium in media])
+    own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.extrapolation_factor) for m in media]
     return PixelTerms(
         reach=reach,
         least_cosine=least,

@@ -83,9 +83,9 @@ class SeparateSolution:
         return tuple(max(each) for each in zip((0.0, 0.0, 0.0), *(part.residuals for part in self.solved), strict=True))
 
     @property
-    def products(self) -> tuple[int, ...]:
+    def convolutions(self) -> tuple[int, ...]:
         """Of each channel the most that a body took."""
-        return tuple(max(each) for each in zip((0, 0, 0), *(part.products for part in self.solved), strict=True))
+        return tuple(max(each) for each in zip((0, 0, 0), *(part.convolutions for part in self.solved), strict=True))
 
     @functools.cached_property
     def volume(self) -> Float32:

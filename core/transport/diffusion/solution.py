@@ -51,9 +51,9 @@ class Solution:
         return tuple(0.0 if channel is None else channel.residual for channel in self.channels)
 
     @property
-    def products(self) -> tuple[int, ...]:
+    def convolutions(self) -> tuple[int, ...]:
         """Convolutions that each channel took."""
-        return tuple(0 if channel is None else channel.products for channel in self.channels)
+        return tuple(0 if channel is None else channel.convolutions for channel in self.channels)
 
     @property
     def boundaries(self) -> tuple[Boundary, ...]:

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from milkglass.core.material import library as materials
 from milkglass.core.material import medium
-from milkglass.core.material.medium import Medium, boundary_factor, curvature_factor, media
+from milkglass.core.material.medium import Medium, curvature_factor, extrapolation_factor, media
 
 
 def reflectance_from_inside(eta: float, mu: float) -> float:
@@ -22,12 +22,12 @@ def reflectance_from_inside(eta: float, mu: float) -> float:
 
 
 @pytest.mark.parametrize(("eta", "published"), [(1.3, 2.340532), (1.4, 2.948493), (1.5, 3.627933)])
-def test_boundary_factor_as_published(eta, published):
-    assert boundary_factor(eta) == pytest.approx(published, abs=6e-7)
+def test_extrapolation_factor_as_published(eta, published):
+    assert extrapolation_factor(eta) == pytest.approx(published, abs=6e-7)
 
 
 @pytest.mark.parametrize("eta", [1.0001, 1.1, 1.33, 1.7, 2.5, 3.0])
-def test_boundary_factor_is_that_of_the_integrals(eta):
+def test_extrapolation_factor_is_that_of_the_integrals(eta):
     critical = np.sqrt(1.0 - 1.0 / eta**2)
 
     def moment(power):
@@ -35,11 +35,11 @@ def test_boundary_factor_is_that_of_the_integrals(eta):
         return quad(lambda mu: reflectance_from_inside(eta, mu) * mu**power, 0.0, 1.0, points=points, limit=500)[0]
 
     expected = (1.0 + 3.0 * moment(2)) / (1.0 - 2.0 * moment(1))
-    assert boundary_factor(eta) == pytest.approx(expected, rel=2e-6)
+    assert extrapolation_factor(eta) == pytest.approx(expected, rel=2e-6)
 
 
 def test_without_an_interface_nothing_is_reflected():
-    assert boundary_factor(1.0) == pytest.approx(1.0, abs=1e-12)
+    assert extrapolation_factor(1.0) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("albedo", [0.2, 0.3, 0.5, 0.8, 0.9, 0.97, 0.99, 0.999, 0.99999])
@@ -84,10 +84,10 @@ def test_finite_for_every_albedo_and_index(eta):
     for absorbed in (0.0, 1e-300, 1e-16, 1e-6, 1e-5, 0.1, 0.5, 0.94, 0.999, 1.0):
         for scale in (1e-6, 1.0, 1e6):
             of = Medium(scale * (1.0 - absorbed), scale * absorbed, eta)
-            values = np.array([of.diffusion, of.attenuation, of.boundary, of.mean_free_path])
+            values = np.array([of.diffusion, of.attenuation, of.extrapolation_factor, of.mean_free_path])
             assert np.isfinite(values).all()
             assert of.diffusion > 0.0
-            assert of.boundary >= 1.0 - 1e-12
+            assert of.extrapolation_factor >= 1.0 - 1e-12
             # In mean free paths nothing knows the scale.
             assert of.diffusion * scale == pytest.approx(Medium(1.0 - absorbed, absorbed, eta).diffusion, rel=1e-9)
 
@@ -124,12 +124,12 @@ def test_curvature_factor_is_that_of_the_integral(eta):
 def test_extrapolation_around_cavities_and_in_balls():
     """Of photons from deep inside, in mean free paths, less a plane's: cavity of radius 7, without an interface."""
     of = Medium(1.0, 0.0, 1.0)
-    flat = 2.0 * of.boundary * of.diffusion
+    flat = 2.0 * of.extrapolation_factor * of.diffusion
     assert flat * (of.bending(-2.0 / 7.0) - 1.0) == pytest.approx(0.779 - 0.710, abs=0.005)
     assert curvature_factor(1.0) == pytest.approx(0.25, abs=1e-12)
 
 
-def test_a_curved_surface_has_a_boundary_factor_too():
+def test_a_curved_surface_has_an_extrapolation_factor_too():
     curvatures = np.array([-1e9, -1.0, -0.1, 0.0, 0.1, 1.0, 1e9])
     for of in (Medium(1.0, 0.0, 1.0), Medium(2.0, 0.1, 1.3), Medium(1e-300, 0.0, 3.0), Medium(1e300, 1.0, 1.5)):
         found = of.bending(curvatures)

@@ -116,7 +116,7 @@ def test_diffusion_in_separate_bodies(driver):
     outgoing = finished.outgoing()
     assert outgoing.shape == (3, *finished.lit.grid.shape)
     leaving = sum(
-        part.fluence[0] @ part.boundary.patches.areas / (2.0 * part.media[0].boundary)
+        part.fluence[0] @ part.boundary.patches.areas / (2.0 * part.media[0].extrapolation_factor)
         for part in finished.solution.parts
     )
     assert outgoing[0].sum() == pytest.approx(leaving, rel=1e-3)

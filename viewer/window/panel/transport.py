@@ -43,7 +43,7 @@ def solved(solution: AnySolution, complete: bool) -> str:
     """Say how far a solution is, channel by channel."""
     each = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"
-        for channel, residual, products in zip("RGB", solution.residuals, solution.products, strict=True)
+        for channel, residual, products in zip("RGB", solution.residuals, solution.convolutions, strict=True)
         if products
     ]
     if not each:

@@ -98,8 +98,8 @@ def test_near_part_of_a_ball_is_its_curvature(radius):
     """K 1 = -1/2, most of it smooth: what is left is that of the curvature within a window, below s / R."""
     boundary = on_grid(smooth_ball(2.0 * radius))
     s = WINDOW * boundary.grid.texel
-    mean = np.average(boundary.near, weights=boundary.patches.areas)
-    assert np.abs(boundary.near).max() < s / radius
+    mean = np.average(boundary.double_layer_diagonal, weights=boundary.patches.areas)
+    assert np.abs(boundary.double_layer_diagonal).max() < s / radius
     # int D G'(r) r / (2 R) 2 pi r dr of the local part, by parts: -D rho(0) / R.
     expected = -float(local_green(NO_ABSORPTION, s, 0.0)) * NO_ABSORPTION.diffusion / radius
     assert mean == pytest.approx(expected, abs=0.05 * abs(expected))
@@ -111,18 +111,18 @@ def test_near_part_of_a_flat_side_is_small():
     flat = np.sort(np.abs(patches.points), axis=1)[:, 1] < 7.0
     assert flat.sum() > 1000
     # What is there is the grid's: it depends on where between two nodes the side lies.
-    assert np.abs(boundary.near[flat]).max() < 0.05
+    assert np.abs(boundary.double_layer_diagonal[flat]).max() < 0.05
     # At an edge the other side subtends a quarter of space: K itself is there, not in the nodes alone.
     out = np.sort(np.abs(patches.points), axis=1)[:, 1]
     edge = out > out.max() - 0.1
-    assert np.abs(boundary.near[edge]).mean() > 0.07
+    assert np.abs(boundary.double_layer_diagonal[edge]).mean() > 0.07
 
 
 def test_a_constant_gives_a_half_everywhere():
     for mesh in (torus_knot(), plate(thickness=0.4)):
         boundary = on_grid(mesh)
         volume = boundary.constant.ravel().astype(float)
-        np.testing.assert_allclose(boundary.weights.T @ volume + boundary.near, -0.5, atol=1e-5)
+        np.testing.assert_allclose(boundary.weights.T @ volume + boundary.double_layer_diagonal, -0.5, atol=1e-5)
 
 
 @pytest.mark.parametrize("thickness", [0.1, 0.3, 0.6])

@@ -138,13 +138,15 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     way = Iteration(channel, fitted(channel, []), 1e-4, 40)
     while way.reached.residual > 1e-4 and way.advance():
         pass
-    sigma, z_b = MARBLE.attenuation, 2.0 * MARBLE.diffusion * MARBLE.boundary
+    sigma, z_b = MARBLE.attenuation, 2.0 * MARBLE.diffusion * MARBLE.extrapolation_factor
     slope = sigma * np.cosh(sigma * R) / R - np.sinh(sigma * R) / R**2
     flat, expected = (
         np.sinh(sigma * r0) / r0 / (np.sinh(sigma * R) / R + b * z_b * slope) for b in (1.0, MARBLE.bending(2.0 / R))
     )
     assert flat == pytest.approx(0.93641, abs=2e-3)
-    assert patches.areas @ way.reached.fluence / (2.0 * MARBLE.boundary) == pytest.approx(expected, rel=4e-3)
+    assert patches.areas @ way.reached.fluence / (2.0 * MARBLE.extrapolation_factor) == pytest.approx(
+        expected, rel=4e-3
+    )
 
 
 # Slabs
@@ -256,7 +258,7 @@ def test_volume_gives_the_surface_back():
     s = found.transport.window_width(boundary.grid)
     gathered = boundary.weights.T @ found.solution.volume.reshape(4, -1).T.astype(float)
     for channel, medium in enumerate(THREE):
-        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.boundary)
+        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
         phi = gathered[:, channel] / (own - boundary.bending(medium) * gathered[:, 3])
         expected = found.solution.fluence[channel]
         np.testing.assert_allclose(phi[dark], expected[dark], atol=1e-4 * expected.max())

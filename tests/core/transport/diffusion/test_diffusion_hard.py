@@ -109,7 +109,7 @@ def test_bowl_lit_inside():
         share = clear.exitance(channel)[outside] @ clear.patches.areas[outside] / clear.leaving(channel)
         medium = CLEAR[channel]
         # A slab of the wall without absorption passes (z + z_b) / (L + 2 z_b); curvature gives the outside more.
-        z, z_b = medium.mean_free_path, 2.0 * medium.diffusion * medium.boundary
+        z, z_b = medium.mean_free_path, 2.0 * medium.diffusion * medium.extrapolation_factor
         assert share == pytest.approx((z + z_b) / (1.5 + 2.0 * z_b), rel=0.25)
 
 
@@ -152,7 +152,9 @@ def test_product_in_float32_is_that_in_float64():
     spectrum = quadrant[np.ix_(*(np.minimum(np.arange(n), n - np.arange(n)) for n in padded))]
     phi = np.random.default_rng(0).normal(size=len(patches))
     weights = smooth_matrix(grid, grid.coordinates(patches.points)).astype(float)
-    deposit = boundary.double_layer(MARBLE.boundary, MARBLE.diffusion, boundary.bending(MARBLE)).astype(float)
+    deposit = boundary.double_layer(MARBLE.extrapolation_factor, MARBLE.diffusion, boundary.bending(MARBLE)).astype(
+        float
+    )
     nodes = (deposit @ (patches.areas * phi)).reshape(grid.shape)
     volume = scipy.fft.ifftn(scipy.fft.fftn(nodes, padded) * spectrum).real
     volume = volume[: grid.n_layers, : grid.height, : grid.width]
@@ -234,16 +236,16 @@ def test_any_material(shape):
         for channel, medium in enumerate(media):
             phi = found.fluence[channel]
             assert np.isfinite(phi).all()
-            leaving = areas @ phi / (2.0 * medium.boundary)
+            leaving = areas @ phi / (2.0 * medium.extrapolation_factor)
             negative = -(areas @ np.minimum(phi, 0.0)) / max(areas @ np.abs(phi), 1e-300)
             ok = (
                 found.residuals[channel] <= transport.tolerance
-                and found.products[channel] < MOST_PRODUCTS
+                and found.convolutions[channel] < MOST_PRODUCTS
                 and negative < 0.02
                 and leaving <= 1.03 * float(light.flux[:, 0].sum())
             )
             if not ok:
-                failed.append((i, medium, found.residuals[channel], found.products[channel], negative, leaving))
+                failed.append((i, medium, found.residuals[channel], found.convolutions[channel], negative, leaving))
     assert not failed, "\n".join(map(str, failed))
 
 

@@ -50,7 +50,7 @@ def test_a_warm_start_needs_fewer_products(solver):
     warm = solver(near)
     fresh = solver(near, transport=DiffusionTransport(resolution=32, tolerance=3e-3), stages=Stages())
     exact = solver(near, transport=DiffusionTransport(resolution=32, tolerance=1e-5), stages=Stages())
-    assert sum(warm.products) < sum(fresh.products) <= sum(cold.products) + 3
+    assert sum(warm.convolutions) < sum(fresh.convolutions) <= sum(cold.convolutions) + 3
     for channel in range(3):
         scale = np.abs(exact.fluence[channel]).max()
         assert max(warm.residuals) <= 3e-3
@@ -60,14 +60,14 @@ def test_a_warm_start_needs_fewer_products(solver):
 
 def test_nothing_new_costs_nothing(solver, products):
     first = solver(THREE)
-    assert products[0] == sum(first.products) + 1  # one for K_L 1
+    assert products[0] == sum(first.convolutions) + 1  # one for K_L 1
     assert solver(THREE) is first
     assert products[0] == 0
 
 
 def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, products):
     one = solver((MARBLE,) * 3)
-    assert products[0] == one.products[0] + 1
+    assert products[0] == one.convolutions[0] + 1
     for channel in (1, 2):
         np.testing.assert_array_equal(one.fluence[channel], one.fluence[0])
         np.testing.assert_array_equal(one.volume[channel], one.volume[0])
@@ -75,7 +75,7 @@ def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, produc
     flux[:, 1] = 0.0
     black = (MARBLE, SKIM_MILK, Medium(0.0, 1.0, 1.5))
     found = solver(black, EnteringLight(flux, direction=DOWN))
-    assert found.products[1:] == (0, 0)
+    assert found.convolutions[1:] == (0, 0)
     assert found.residuals[1:] == (0.0, 0.0)
     assert not found.volume[1:3].any()
     assert not np.any(found.fluence[1:])
@@ -85,7 +85,7 @@ def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, produc
 def test_no_light_at_all(solver):
     found = solver(THREE, EnteringLight(np.zeros((len(solver.samples), 3), np.float32), direction=DOWN))
     assert not found.volume[:3].any()
-    assert found.products == (0, 0, 0)
+    assert found.convolutions == (0, 0, 0)
 
 
 def test_goes_on_where_it_was_interrupted(solver):
@@ -129,7 +129,7 @@ def test_the_detail_of_the_last_solution_serves_the_next(products):
     cold = solve(transport, stages, THREE, DOWN)
     near = tuple(Medium(1.03 * m.sigma_s_prime, m.sigma_a, m.eta) for m in THREE)
     warm = solve(transport, stages, near, DOWN)
-    assert sum(warm.products) < 0.7 * sum(cold.products)
+    assert sum(warm.convolutions) < 0.7 * sum(cold.convolutions)
     aside = (0.6, 0.0, -0.8)
     turned = solve(transport, stages, near, aside)
     told = []

@@ -37,7 +37,7 @@ def test_solves(seed):
 def test_every_product_gives_an_honest_step():
     matrix, b = system()
     found = solved(matrix, b)
-    assert [step.products for step, _ in found] == list(range(len(found)))
+    assert [step.matvecs for step, _ in found] == list(range(len(found)))
     residuals = []
     for step, x in found:
         true = np.linalg.norm(b - matrix @ x) / np.linalg.norm(b)
@@ -69,7 +69,7 @@ def test_one_product_a_step():
         return matrix @ v
 
     for step, _ in gmres(multiply, b, norm(b), 1e-6, 80):
-        assert products == step.products
+        assert products == step.matvecs
 
 
 def test_starts_where_it_is_told():
@@ -84,7 +84,7 @@ def test_starts_where_it_is_told():
 def test_an_exact_start_costs_nothing():
     matrix, b = system()
     (only,) = solved(matrix, b, np.linalg.solve(matrix, b), 1e-9)
-    assert only[0].products == 0
+    assert only[0].matvecs == 0
     assert only[0].residual < 1e-9
 
 
@@ -128,7 +128,7 @@ def test_weak_directions_get_nothing():
 
 def test_ends_after_the_most_products():
     matrix, b = system()
-    assert solved(matrix, b, tolerance=0.0, most=4)[-1][0].products == 4
+    assert solved(matrix, b, tolerance=0.0, most=4)[-1][0].matvecs == 4
 
 
 def test_norms():

@@ -150,7 +150,7 @@ def test_without_light_nothing_is_solved():
     case = Case(MODELS["tubes"])
     for lights in ((), (case.light_on(()),)):
         solution = case.separate.solve(lights, case.media, Stages())
-        assert (solution.residuals, solution.products) == ((0.0, 0.0, 0.0), (0, 0, 0))
+        assert (solution.residuals, solution.convolutions) == ((0.0, 0.0, 0.0), (0, 0, 0))
         assert not solution.volume.any()
         assert solution.pixel_terms(1.0).depths is None
 

@@ -6,7 +6,7 @@ import pytest
 from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.diffusion.boundary import Depths
-from milkglass.core.transport.diffusion.last_flight import last_flight, once
+from milkglass.core.transport.diffusion.edges.last_flight import last_flight, once
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import dish, turned
 from milkglass.viewer.bench.transport import transport_rows
@@ -33,7 +33,7 @@ def flight_of(solved, medium=MEDIUM, entries=None):
 def diffused(solved):
     """2 A M and O of diffusion alone."""
     reached = solved.solution.channels[0]
-    return reached.iterate, reached.channel.remainder(reached.iterate)[0]
+    return reached.iterate, reached.channel.residual(reached.iterate)[0]
 
 
 def away(solved):
@@ -70,7 +70,7 @@ def test_over_a_flat_floor_it_is_what_diffusion_says(step):
     flight = flight_of(step)
     fluence, volume = diffused(step)
     found = flight.exitance(fluence, volume)
-    expected = fluence[flight.patches] / (2.0 * MEDIUM.boundary)
+    expected = fluence[flight.patches] / (2.0 * MEDIUM.extrapolation_factor)
     floor = (away(step)[flight.patches] > 2.5) & (step.patches.face_normals[flight.patches, 2] > 0.9)
     assert floor.sum() > 30
     assert found[floor].sum() == pytest.approx(expected[floor].sum(), rel=0.07)
@@ -80,7 +80,7 @@ def test_over_a_flat_floor_it_is_what_diffusion_says(step):
 def test_no_more_leaves_in_all(step):
     flight = flight_of(step)
     fluence, volume = diffused(step)
-    added = flight.turned(fluence, volume, MEDIUM.boundary)
+    added = flight.turned(fluence, volume, MEDIUM.extrapolation_factor)
     size = float(step.patches.areas @ np.abs(added))
     assert size > 0.0
     assert float(step.patches.areas @ added) == pytest.approx(0.0, abs=1e-9 * size)
@@ -90,7 +90,7 @@ def test_no_more_leaves_in_all(step):
 def test_darkness_stays_dark(step):
     flight = flight_of(step, entries=[])
     dark = np.zeros(len(step.patches))
-    assert not flight.turned(dark, np.zeros(step.boundary.grid.shape, np.float32), MEDIUM.boundary).any()
+    assert not flight.turned(dark, np.zeros(step.boundary.grid.shape, np.float32), MEDIUM.extrapolation_factor).any()
 
 
 def test_light_leaves_a_floor_and_passes_along_its_wall():

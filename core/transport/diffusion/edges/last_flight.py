@@ -74,9 +74,9 @@ class LastFlight:
         flown = np.einsum("ij,ij->i", self.shares, seen.reshape(self.shares.shape))
         return np.asarray(np.maximum(flown + self.own * fluence[self.patches] + self.given, 0.0))
 
-    def turned(self, fluence: Array, volume: Float32, boundary_factor: float) -> Array:
+    def turned(self, fluence: Array, volume: Float32, extrapolation_factor: float) -> Array:
         """What is to be added to 2 A M of all patches, (n,): in all, none."""
-        before, flown = fluence[self.patches], 2.0 * boundary_factor * self.exitance(fluence, volume)
+        before, flown = fluence[self.patches], 2.0 * extrapolation_factor * self.exitance(fluence, volume)
         counts = self.share * self.areas
         total, leaving = float(counts @ flown), max(float(counts @ before), 0.0)
         added = np.zeros(len(fluence))
@@ -100,7 +100,7 @@ def last_flight(
     places, shares, below = _places(boundary, depths, medium, chosen)
     e = LOCAL * s * np.linspace(0.0, 1.0, TABLE)
     green, slope = local_green(medium, s, e), local_slope(medium, s, e)
-    coarse = np.interp(below, e, green, right=0.0) / (2.0 * medium.boundary)
+    coarse = np.interp(below, e, green, right=0.0) / (2.0 * medium.extrapolation_factor)
     coarse += boundary.bending(medium)[chosen, None] * np.interp(below, e, slope, right=0.0)
     areas, given = boundary.patches.areas[chosen], np.zeros(len(chosen))
     for entry in entries:

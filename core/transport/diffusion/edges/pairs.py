@@ -15,7 +15,7 @@ from scipy.special import erfc
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.normals import unit
-from milkglass.core.transport.diffusion.curvature import FACE
+from milkglass.core.transport.diffusion.edges.curvature import FACE
 from milkglass.core.transport.diffusion.patches import Patches, cells, octants
 
 Ints = npt.NDArray[np.intp]

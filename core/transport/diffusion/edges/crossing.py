@@ -3,9 +3,10 @@
 Diffusion takes what has just entered for isotropic, and spreads all that leaves over z_b, a few mean free paths. On a
 smooth surface that evens out. Beside an edge it does not: light that scatters once below one face crosses the other
 within half a mean free path, and diffusion has that strip 10 % too dark and what is around it too bright. So this light
-is taken out of what diffuses, and added where it leaves, as in a wedge of two faces (`core.transport.diffusion.wedge`).
-Nothing here is fitted. It matters where the mean free path is not small against the object, so where patches are
-smaller than it; larger ones could not show that strip.
+is taken out of what diffuses, and added where it leaves, as in a wedge of two faces
+(`core.transport.diffusion.edges.wedge`). The tables of the wedge are exact; which patches are beside which edge, and
+how far, is decided by thresholds chosen by hand (`core.transport.diffusion.edges.pairs`). It matters where the mean
+free path is not small against the object, so where patches are smaller than it; larger ones could not show that strip.
 """
 
 from collections.abc import Sequence
@@ -16,9 +17,9 @@ import numpy as np
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.normals import unit
 from milkglass.core.material.medium import Medium
-from milkglass.core.transport.diffusion.edges import Edges, Pairs
+from milkglass.core.transport.diffusion.edges.pairs import Edges, Pairs
+from milkglass.core.transport.diffusion.edges.wedge import look_up, wedge
 from milkglass.core.transport.diffusion.entry import Entry
-from milkglass.core.transport.diffusion.wedge import look_up, wedge
 
 MOST = 0.5  # of what a patch lets in
 

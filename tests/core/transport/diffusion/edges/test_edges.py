@@ -6,10 +6,10 @@ import trimesh
 
 from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
-from milkglass.core.transport.diffusion.crossing import crossing
-from milkglass.core.transport.diffusion.edges import Edges
+from milkglass.core.transport.diffusion.edges.crossing import crossing
+from milkglass.core.transport.diffusion.edges.pairs import Edges
+from milkglass.core.transport.diffusion.edges.wedge import look_up, wedge
 from milkglass.core.transport.diffusion.entry import enter
-from milkglass.core.transport.diffusion.wedge import look_up, wedge
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import box, faceted, washer
 from milkglass.viewer.bench.transport import transport_rows
