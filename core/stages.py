@@ -12,100 +12,162 @@ Steps = Generator[None, None, T]  # work that yields wherever it may be left for
 
 
 @unique
-class Stage(StrEnum):
-    """Every stage of the pipeline, by the words that tables of times and CSV files show, in the order that it runs."""
+class Part(StrEnum):
+    """A part of the pipeline: what a setting moves is declared by it, and every stage belongs to one."""
 
-    # The object
-    MODEL = "model"
-    FIND_BODIES = "find bodies"
-    ROUGHNESS = "roughness"
-    TRANSPORT = "transport"
-    SAMPLES = "samples"
-    # Colours and relief of its surface
-    DETAIL = "detail"
-    SAMPLE_DETAIL = "detail of samples"
-    SAMPLE_RELIEF = "relief of samples"
-    SAMPLE_TINTS = "tints of samples"
-    SAMPLE_WEIGHTS = "weights of samples"
-    NODE_TINTS = "tints at nodes"
-    SAMPLE_BUFFERS = "sample buffers"
-    # Its bodies
-    BODY_MARKS = "body marks"
-    BODY_LAYERS = "body layers"
-    SEPARATE_TRANSPORT = "separate transport"
-    # Light that enters
-    PROBE = "probe"
-    PROBE_SOURCES = "probe sources"
-    VISIBILITY = "visibility"
-    REFINED_MESH = "refined mesh"
-    OCCLUSION = "occlusion"
-    LIGHT = "light"
-    LIGHT_SHADOW = "shadow of light"
-    PROBE_SOURCE = "probe source"
-    PROBE_SOURCE_SHADOW = "shadow of probe source"
-    ENVIRONMENT_TABLE = "environment table"
-    ENVIRONMENT_LIGHT = "environment light"
-    HIGHLIGHT_LOBES = "highlight lobes"
-    OCCLUDED_SAMPLES = "occluded samples"
-    IRRADIANCE = "irradiance of light"
-    FLUX = "flux"
-    LIGHT_FLUX = "flux of light"
-    LAYER_DEPTH = "layer depth"
-    # Transport on layers
-    BODY_SAMPLES = "body samples"
-    BODY_FLUX = "body flux"
-    WEIGHTS = "weights"
-    DEPOSIT = "deposit"
-    SPECTRA = "spectra"
-    CONVOLUTION = "convolution"
-    BODIES = "bodies"
-    # Transport by diffusion
-    BODY_LIGHT_FLUX = "body flux of light"
-    COARSE_SOLUTION = "coarse solution"
-    RAYS = "rays"
-    BOUNDARY = "boundary"
-    ENTRY = "entry of light"
-    SOURCES_R = "sources of R"
-    SOURCES_G = "sources of G"
-    SOURCES_B = "sources of B"
-    SOLUTION = "solution"
-    # What pixels read of it
-    LAYER_VOLUME = "layer volume"
-    LOCAL = "local"
-    LOCAL_TABLE = "local table"
-    PIXEL_TERMS = "pixel terms"
-    MEAN_FLUENCE = "mean fluence"
-    BENDING = "bending"
-    PIXEL_TABLES = "pixel tables"
-    BODY_WINDOWS = "body windows"
-    GATHER = "gather"
-    # Pixels
-    DEPTH = "depth"
-    COMPOSITE_TARGETS = "composite targets"
-    OCCLUSION_BEHIND = "occlusion behind"
-    BLOCKED_HIGHLIGHTS = "blocked highlights"
-    OCCLUDED_HIGHLIGHTS = "occluded highlights"
-    GBUFFER_TARGETS = "gbuffer targets"
-    LIGHT_TARGETS = "light targets"
-    REFINED_MARKS = "refined marks"
-    GBUFFER = "gbuffer"
-    DETAIL_TARGETS = "detail targets"
-    PIXEL_DETAIL = "detail of pixels"
-    ENVIRONMENT_HIGHLIGHTS = "environment highlights"
-    COMPOSITE = "composite"
-    # The picture
-    EXPOSURE = "exposure"
-    BACKGROUND = "background"
-    IMAGE = "image"
-    TONE_MAP = "tone map"
-    # A photograph
-    DEPTH_AND_SURFACE = "depth and surface"
-    RENDERING = "rendering"
-    PHOTO_TEXTURES = "photograph's textures"
-    PYRAMID_TARGETS = "pyramid targets"
-    PYRAMID = "pyramid"
-    BACKDROP = "photograph's backdrop"
-    PHOTOGRAPH = "photograph"
+    OBJECT = "object"  # of a photograph: made, it has a path of its own, which is how the shape follows
+    SHAPE = "shape"  # the mesh
+    BODIES = "bodies"  # which of it scatters light together
+    SAMPLES = "samples"  # of its surface, as dense as transport's nodes ask for
+    SURFACE = "surface"  # colours and relief
+    LIGHT = "light"  # lamps, probe, and their shadows
+    OCCLUSION = "occlusion"  # of the light from all around by the object itself
+    IRRADIANCE = "irradiance"  # what enters the surface
+    TRANSPORT = "transport"  # through the object, up to the volume that pixels read
+    VIEW = "view"  # where the picture is taken from, and its size
+    LOOK = "look"  # radiance of the pixels
+    DISPLAY = "display"  # exposure to sRGB
+    PHOTOGRAPH = "photograph"  # that the object is put into
+
+    @property
+    def upstream(self) -> frozenset["Part"]:
+        """The part, and all whose results reach it."""
+        return frozenset({self}).union(*(part.upstream for part in _READ[self]))
+
+    @property
+    def downstream(self) -> frozenset["Part"]:
+        """The part, and all that its result reaches."""
+        return frozenset(part for part in Part if self in part.upstream)
+
+
+# Part -> those whose results it reads.
+_READ = {
+    Part.OBJECT: (),
+    Part.SHAPE: (),
+    Part.BODIES: (Part.SHAPE,),
+    Part.SAMPLES: (Part.SHAPE,),
+    Part.SURFACE: (Part.SAMPLES,),
+    Part.LIGHT: (Part.SHAPE, Part.BODIES),
+    Part.OCCLUSION: (Part.SHAPE,),
+    Part.IRRADIANCE: (Part.SURFACE, Part.LIGHT, Part.OCCLUSION),
+    Part.TRANSPORT: (Part.IRRADIANCE, Part.BODIES),
+    Part.VIEW: (Part.SHAPE, Part.BODIES, Part.OCCLUSION),
+    Part.LOOK: (Part.TRANSPORT, Part.VIEW),
+    Part.DISPLAY: (Part.LOOK,),
+    Part.PHOTOGRAPH: (Part.OBJECT, Part.LOOK),
+}
+
+
+@unique
+class Stage(StrEnum):
+    """Every stage, by the words that tables of times and CSV files show; part by part.
+
+    Attributes
+    ----------
+    part : Part
+    """
+
+    part: Part
+
+    def __new__(cls, words: str, part: Part) -> Self:
+        """Make a member of its words and the part that it belongs to."""
+        stage = str.__new__(cls, words)
+        stage._value_, stage.part = words, part
+        return stage
+
+    DEPTH_AND_SURFACE = "depth and surface", Part.OBJECT
+
+    MODEL = "model", Part.SHAPE
+
+    FIND_BODIES = "find bodies", Part.BODIES
+    BODY_MARKS = "body marks", Part.BODIES
+
+    ROUGHNESS = "roughness", Part.SAMPLES
+    SAMPLES = "samples", Part.SAMPLES
+
+    DETAIL = "detail", Part.SURFACE
+    SAMPLE_DETAIL = "detail of samples", Part.SURFACE
+    SAMPLE_RELIEF = "relief of samples", Part.SURFACE
+    SAMPLE_TINTS = "tints of samples", Part.SURFACE
+    SAMPLE_WEIGHTS = "weights of samples", Part.SURFACE
+    NODE_TINTS = "tints at nodes", Part.SURFACE
+    SAMPLE_BUFFERS = "sample buffers", Part.SURFACE
+
+    PROBE = "probe", Part.LIGHT
+    PROBE_SOURCES = "probe sources", Part.LIGHT
+    LIGHT = "light", Part.LIGHT
+    LIGHT_SHADOW = "shadow of light", Part.LIGHT
+    PROBE_SOURCE = "probe source", Part.LIGHT
+    PROBE_SOURCE_SHADOW = "shadow of probe source", Part.LIGHT
+    HIGHLIGHT_LOBES = "highlight lobes", Part.LIGHT
+
+    VISIBILITY = "visibility", Part.OCCLUSION
+    REFINED_MESH = "refined mesh", Part.OCCLUSION
+    OCCLUSION = "occlusion", Part.OCCLUSION
+
+    ENVIRONMENT_TABLE = "environment table", Part.IRRADIANCE
+    ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
+    OCCLUDED_SAMPLES = "occluded samples", Part.IRRADIANCE
+    IRRADIANCE = "irradiance of light", Part.IRRADIANCE
+    FLUX = "flux", Part.IRRADIANCE
+    LIGHT_FLUX = "flux of light", Part.IRRADIANCE
+
+    TRANSPORT = "transport", Part.TRANSPORT
+    LAYER_DEPTH = "layer depth", Part.TRANSPORT
+    BODY_LAYERS = "body layers", Part.TRANSPORT
+    SEPARATE_TRANSPORT = "separate transport", Part.TRANSPORT
+    BODY_SAMPLES = "body samples", Part.TRANSPORT
+    BODY_FLUX = "body flux", Part.TRANSPORT
+    WEIGHTS = "weights", Part.TRANSPORT
+    DEPOSIT = "deposit", Part.TRANSPORT
+    SPECTRA = "spectra", Part.TRANSPORT
+    CONVOLUTION = "convolution", Part.TRANSPORT
+    BODIES = "bodies", Part.TRANSPORT
+    BODY_LIGHT_FLUX = "body flux of light", Part.TRANSPORT
+    COARSE_SOLUTION = "coarse solution", Part.TRANSPORT
+    RAYS = "rays", Part.TRANSPORT
+    BOUNDARY = "boundary", Part.TRANSPORT
+    ENTRY = "entry of light", Part.TRANSPORT
+    SOURCES_R = "sources of R", Part.TRANSPORT
+    SOURCES_G = "sources of G", Part.TRANSPORT
+    SOURCES_B = "sources of B", Part.TRANSPORT
+    SOLUTION = "solution", Part.TRANSPORT
+    LAYER_VOLUME = "layer volume", Part.TRANSPORT
+    LOCAL = "local", Part.TRANSPORT
+    LOCAL_TABLE = "local table", Part.TRANSPORT
+    PIXEL_TERMS = "pixel terms", Part.TRANSPORT
+    MEAN_FLUENCE = "mean fluence", Part.TRANSPORT
+    BENDING = "bending", Part.TRANSPORT
+    PIXEL_TABLES = "pixel tables", Part.TRANSPORT
+    BODY_WINDOWS = "body windows", Part.TRANSPORT
+    GATHER = "gather", Part.TRANSPORT
+
+    DEPTH = "depth", Part.VIEW
+    COMPOSITE_TARGETS = "composite targets", Part.VIEW
+    GBUFFER_TARGETS = "gbuffer targets", Part.VIEW
+    LIGHT_TARGETS = "light targets", Part.VIEW
+    REFINED_MARKS = "refined marks", Part.VIEW
+    GBUFFER = "gbuffer", Part.VIEW
+    DETAIL_TARGETS = "detail targets", Part.VIEW
+
+    OCCLUSION_BEHIND = "occlusion behind", Part.LOOK
+    BLOCKED_HIGHLIGHTS = "blocked highlights", Part.LOOK
+    OCCLUDED_HIGHLIGHTS = "occluded highlights", Part.LOOK
+    PIXEL_DETAIL = "detail of pixels", Part.LOOK
+    ENVIRONMENT_HIGHLIGHTS = "environment highlights", Part.LOOK
+    COMPOSITE = "composite", Part.LOOK
+    EXPOSURE = "exposure", Part.LOOK
+
+    BACKGROUND = "background", Part.DISPLAY
+    IMAGE = "image", Part.DISPLAY
+    TONE_MAP = "tone map", Part.DISPLAY
+
+    RENDERING = "rendering", Part.PHOTOGRAPH
+    PHOTO_TEXTURES = "photograph's textures", Part.PHOTOGRAPH
+    PYRAMID_TARGETS = "pyramid targets", Part.PHOTOGRAPH
+    PYRAMID = "pyramid", Part.PHOTOGRAPH
+    BACKDROP = "photograph's backdrop", Part.PHOTOGRAPH
+    PHOTOGRAPH = "photograph", Part.PHOTOGRAPH
 
     def of(self, number: int) -> "NumberedStage":
         """Return one of several stages alike, of the light with this number, from 1."""

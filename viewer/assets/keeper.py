@@ -30,8 +30,9 @@ from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility
 from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import FileModel, builtin_model, read_model
 from milkglass.viewer.files.model_look import Look, detail_of
+from milkglass.viewer.scene.keys import taken_anew
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
-from milkglass.viewer.scene.tables import ProfileTable, read_profile_table, taken_anew
+from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
 
 LoadedMesh = tuple[Mesh, tuple[str, ...]]
 LoadedDetail = tuple[Detail | None, tuple[str, ...]]

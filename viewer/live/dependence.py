@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.keys import version
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import CameraSettings
-from milkglass.viewer.scene.tables import version
 
 
 def files(scene: Scene) -> tuple[object, ...]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from milkglass.core.errors import InputError
+from milkglass.core.stages import Part
 
 
 def plain(value: float) -> float:
@@ -33,6 +34,7 @@ class Setting:
     ----------
     kind : type of the value, or of each element of a vector
     why : what it does and why the default is what it is, a phrase for help texts and docs
+    moves : the parts of the pipeline that a change runs again, first of all; none where it is no key of a scene
     unit : "mm", "1/mm", "deg", "px" or empty
     low, high : inclusive range of a number, None where open; non-finite numbers are never accepted
     length : number of elements of a vector, None for a single value
@@ -45,6 +47,7 @@ class Setting:
 
     kind: Kind
     why: str
+    moves: tuple[Part, ...] = ()
     unit: str = ""
     low: float | None = None
     high: float | None = None
@@ -124,9 +127,10 @@ class Setting:
         return f"{self.why} ({text})" if text else self.why
 
 
-def setting(kind: Kind, default: Any = MISSING, **declaration: Any) -> Any:
+def setting(kind: Kind, default: Any = MISSING, *, moves: Part | tuple[Part, ...], **declaration: Any) -> Any:
     """Return a dataclass field that carries its `Setting`; without a default it is required."""
-    metadata = {"setting": Setting(kind, **declaration)}
+    parts = (moves,) if isinstance(moves, Part) else moves
+    metadata = {"setting": Setting(kind, moves=parts, **declaration)}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
+from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import check_fields, plain, setting, settings_of
 
 # fmt: off
@@ -20,23 +21,24 @@ Vector = tuple[float, float, float]
 
 
 def _position() -> Any:
-    return setting("number", unit="mm", length=3, low=-1e9, high=1e9, why="place of its centre")
+    return setting("number", unit="mm", length=3, low=-1e9, high=1e9, moves=Part.LIGHT, why="place of its centre")
 
 
 def _intensity(why: str) -> Any:
     return setting(
         "number", (1.2e5, 1.2e5, 1.2e5), length=3, low=0, high=1e15,
-        why=f"R, G, B radiant intensity{why}; the default gives irradiance 3 at 200 mm"
+        moves=Part.LIGHT, why=f"R, G, B radiant intensity{why}; the default gives irradiance 3 at 200 mm"
     )
 
 
 def _on() -> Any:
-    return setting("boolean", True, why="whether the light shines; off keeps it for later")
+    return setting("boolean", True, moves=Part.LIGHT, why="whether the light shines; off keeps it for later")
 
 
 def _fixed_to() -> Any:
     return setting(
         "text", "world", choices=("world", "camera"),
+        moves=Part.LIGHT,
         why="what it turns with; camera: x is right, y up and z towards the viewer, about the model's centre"
     )
 
@@ -44,7 +46,7 @@ def _fixed_to() -> Any:
 def _target() -> Any:
     return setting(
         "number", (0.0, 0.0, 0.0), unit="mm", length=3, low=-1e9, high=1e9,
-        why="point that it faces; the model is centred at 0"
+        moves=Part.LIGHT, why="point that it faces; the model is centred at 0"
     )
 
 
@@ -56,16 +58,16 @@ class DirectionalLight:
     KIND: ClassVar[str] = "directional"
 
     direction: Vector = setting(
-        "number", length=3, low=-1e6, high=1e6, nonzero=True, why="towards the light; any length"
+        "number", length=3, low=-1e6, high=1e6, nonzero=True, moves=Part.LIGHT, why="towards the light; any length"
     )
     irradiance: Vector = setting(
         "number", (3.0, 3.0, 3.0), length=3, low=0, high=1e9,
-        why="R, G, B irradiance at normal incidence; about pi makes a white surface radiance 1"
+        moves=Part.LIGHT, why="R, G, B irradiance at normal incidence; about pi makes a white surface radiance 1"
     )
     on: bool = _on()
     angle_deg: float = setting(
         "number", 0.0, unit="deg", low=0, high=90,
-        why="angular diameter: shadows are as soft; the sun has 0.5, 0 is sharp"
+        moves=Part.LIGHT, why="angular diameter: shadows are as soft; the sun has 0.5, 0 is sharp"
     )
     fixed_to: str = _fixed_to()
 
@@ -100,7 +102,8 @@ class SphereLight:
     intensity: Vector = _intensity("")
     on: bool = _on()
     radius_mm: float = setting(
-        "number", 40.0, unit="mm", low=1e-3, high=1e9, why="radius: the larger, the softer are shadows"
+        "number", 40.0, unit="mm", low=1e-3, high=1e9, moves=Part.LIGHT,
+        why="radius: the larger, the softer are shadows"
     )
     fixed_to: str = _fixed_to()
 
@@ -120,9 +123,11 @@ class RectangleLight:
     on: bool = _on()
     target_mm: Vector = _target()
     size_mm: tuple[float, float] = setting(
-        "number", (120.0, 120.0), unit="mm", length=2, low=1e-3, high=1e9, why="width and height"
+        "number", (120.0, 120.0), unit="mm", length=2, low=1e-3, high=1e9, moves=Part.LIGHT, why="width and height"
     )
-    roll_deg: float = setting("number", 0.0, unit="deg", low=-360, high=360, why="turn about its normal")
+    roll_deg: float = setting(
+        "number", 0.0, unit="deg", low=-360, high=360, moves=Part.LIGHT, why="turn about its normal"
+    )
     fixed_to: str = _fixed_to()
 
     def __post_init__(self) -> None:
@@ -142,10 +147,11 @@ class SpotLight:
     on: bool = _on()
     target_mm: Vector = _target()
     cone_deg: float = setting(
-        "number", 30.0, unit="deg", low=0.1, high=170, why="full angle of the cone, where it is dark"
+        "number", 30.0, unit="deg", low=0.1, high=170, moves=Part.LIGHT, why="full angle of the cone, where it is dark"
     )
     softness: float = setting(
-        "number", 0.2, low=0, high=1, why="share of that angle over which light fades; 0 is a sharp edge"
+        "number", 0.2, low=0, high=1, moves=Part.LIGHT,
+        why="share of that angle over which light fades; 0 is a sharp edge"
     )
     fixed_to: str = _fixed_to()
 

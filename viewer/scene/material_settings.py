@@ -14,6 +14,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.core.material.mixtures import LEAST_WATER, dilute, mix
 from milkglass.core.profiles.names import DIPOLE, PROFILES, TABLE
+from milkglass.core.stages import Part
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import check_fields, setting
 
@@ -60,65 +61,72 @@ class MaterialSettings:
 
     name: str | None = setting(
         "text", None, optional=True, default_text="marble",
+        moves=Part.IRRADIANCE,
         why="material of the library (`milkglass materials`), however spaced and capitalised; or one of your own: the "
             "scene then keeps its coefficients"
     )
     sigma_s_prime: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
+        moves=Part.TRANSPORT, why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
     )
     sigma_a: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
+        moves=Part.TRANSPORT, why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
     )
     eta: float | None = setting(
         "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
-        default_text="of the named material, else 1.5", why="relative index of refraction, before anything is added"
+        default_text="of the named material, else 1.5", moves=Part.IRRADIANCE,
+        why="relative index of refraction, before anything is added"
     )
     diffuse_reflectance: Vector | None = setting(
         "number", None, optional=True, length=3, low=0, high=1,
+        moves=Part.TRANSPORT,
         why="colour: share of R, G, B that leaves again of what enters; with mean_free_path_mm, instead of name; the "
             "profile's own reflectance turns them into coefficients"
     )
     mean_free_path_mm: Vector | None = setting(
         "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
-        why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name"
+        moves=Part.TRANSPORT, why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name"
     )
     diffuse_mean_free_path_mm: Vector | None = setting(
         "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
+        moves=Part.TRANSPORT,
         why="1 / sigma_tr of R, G, B, how far light gets before it is absorbed; with diffuse_reflectance, instead of "
             "mean_free_path_mm"
     )
     mix_with: str | None = setting(
         "text", None, optional=True,
-        why="a second material, by name as above; coefficients and index are weighted by volume"
+        moves=Part.IRRADIANCE, why="a second material, by name as above; coefficients and index are weighted by volume"
     )
     mix_sigma_s_prime: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="reduced scattering of the second material; with mix_sigma_a, instead of mix_with"
+        moves=Part.TRANSPORT, why="reduced scattering of the second material; with mix_sigma_a, instead of mix_with"
     )
     mix_sigma_a: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        why="absorption of the second material; with mix_sigma_s_prime, instead of mix_with"
+        moves=Part.TRANSPORT, why="absorption of the second material; with mix_sigma_s_prime, instead of mix_with"
     )
     mix_eta: float | None = setting(
         "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
-        default_text="that of the first material", why="index of refraction of a second material by coefficients"
+        default_text="that of the first material", moves=Part.IRRADIANCE,
+        why="index of refraction of a second material by coefficients"
     )
     mix_share: float = setting(
-        "number", 0.5, low=0, high=1, why="share of the volume that the second material has"
+        "number", 0.5, low=0, high=1, moves=Part.IRRADIANCE, why="share of the volume that the second material has"
     )
     water: float = setting(
         "number", 0.0, low=LEAST_WATER, high=1,
+        moves=Part.IRRADIANCE,
         why="share of the volume that is water, which absorbs too: 0.9 is one part in ten; below 0 water is taken "
             "out, -1 is twice as strong"
     )
     profile: str = setting(
         "text", DIPOLE, choices=PROFILES,
-        why="diffusion profile R_d that ewald and layered sum; diffusion has no profile"
+        moves=Part.TRANSPORT, why="diffusion profile R_d that ewald and layered sum; diffusion has no profile"
     )
     profile_table: Path | None = setting(
-        "path", None, optional=True, why="CSV of radius_mm, R, G, B (R_d in 1/mm^2) for the profile table"
+        "path", None, optional=True, moves=Part.TRANSPORT,
+        why="CSV of radius_mm, R, G, B (R_d in 1/mm^2) for the profile table"
     )
 
     def __post_init__(self) -> None:

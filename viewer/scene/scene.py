@@ -11,16 +11,18 @@
 import dataclasses
 import os
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from milkglass.core.errors import InputError
+from milkglass.core.stages import Part
 from milkglass.viewer.scene import lights as kinds
 from milkglass.viewer.scene import toml_files
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
+from milkglass.viewer.scene.keys import Key, values_moving
 from milkglass.viewer.scene.lights import (
     LIGHT_KINDS,
     DirectionalLight,
@@ -97,6 +99,17 @@ class Scene:
         if all(light.fixed_to == "world" for light in shining):
             return shining
         return tuple(kinds.in_world(light, place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
+
+    def key(self, part: Part, *, without: Collection[str] = ()) -> Key:
+        """Return what a part of the pipeline depends on, hashable: all settings that move it or what it reads.
+
+        Lights count as they are in the world, whichever tables are left out (`without`, their names).
+        """
+        return values_moving(self, part.upstream, without)
+
+    def moving(self, *parts: Part) -> Key:
+        """Return the values of the settings that move one of some parts themselves, hashable."""
+        return values_moving(self, parts)
 
     @property
     def separate(self) -> bool:

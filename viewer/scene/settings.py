@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from milkglass.core.errors import InputError
+from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import check_fields, setting
 from milkglass.viewer.scene.lights import LIGHT_KINDS as LIGHT_KINDS
 from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
@@ -32,13 +33,14 @@ class SpecularSettings:
     TABLE: ClassVar[str] = "specular"
 
     strength: float = setting(
-        "number", 0.3, low=0, high=100, why="brightness of highlights; 0 turns them off"
+        "number", 0.3, low=0, high=100, moves=Part.LOOK, why="brightness of highlights; 0 turns them off"
     )
     shininess: float = setting(
-        "number", 80.0, low=1, high=1e5, why="Phong exponent: higher is a smaller highlight"
+        "number", 80.0, low=1, high=1e5, moves=Part.LOOK, why="Phong exponent: higher is a smaller highlight"
     )
     model: str = setting(
         "text", "phong", choices=("phong", "normalized"),
+        moves=Part.LOOK,
         why="phong: the paper's, strength times irradiance times cos^n; normalized: a lobe of integral 1, (n + 1) / (2 "
             "pi) cos^n, times Fresnel's reflectance, where strength 1 is the material's own gloss"
     )
@@ -54,22 +56,28 @@ class EnvironmentSettings:
     TABLE: ClassVar[str] = "environment"
 
     path: Path | None = setting(
-        "path", None, optional=True, why="light probe, .hdr or .exr; instead of builtin"
+        "path", None, optional=True, moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
+        why="light probe, .hdr or .exr; instead of builtin"
     )
     rotation_deg: float = setting(
-        "number", 0.0, unit="deg", low=-360, high=360, why="turn of the probe about the up axis"
+        "number", 0.0, unit="deg", low=-360, high=360, moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
+        why="turn of the probe about the up axis"
     )
     intensity: float = setting(
-        "number", 1.0, low=0, high=1e6, why="factor on the probe's radiance"
+        "number", 1.0, low=0, high=1e6, moves=(Part.LIGHT, Part.DISPLAY), why="factor on the probe's radiance"
     )
     builtin: str | None = setting(
         "text", None, optional=True, choices=BUILTIN_PROBES,
+        moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
         why="light that needs no file, made for the default camera; instead of path"
     )
     extract: bool = setting(
-        "boolean", True, why="whether small strong sources of the probe shine as lamps do, with shadows"
+        "boolean", True, moves=(Part.LIGHT, Part.OCCLUSION),
+        why="whether small strong sources of the probe shine as lamps do, with shadows"
     )
-    occluded: bool = setting("boolean", True, why="whether the object is in the way of the light that reaches it")
+    occluded: bool = setting(
+        "boolean", True, moves=Part.OCCLUSION, why="whether the object is in the way of the light that reaches it"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -101,16 +109,20 @@ class PhotoSettings:
 
     depth: Path | None = setting(
         "path", None, optional=True,
+        moves=Part.OBJECT,
         why="depth map of a photograph in place of an estimate, larger is nearer: .png, or .exr, .npy in mm"
     )
     depth_strength: float = setting(
-        "number", 1.0, low=0.05, high=5, why="factor on the depth of a photograph; 1 makes a disc a hemisphere"
+        "number", 1.0, low=0.05, high=5, moves=Part.OBJECT,
+        why="factor on the depth of a photograph; 1 makes a disc a hemisphere"
     )
     depth_smoothing: float = setting(
-        "number", 0.3, low=0.01, high=1, why="scale of light and dark that shapes it, in object radii"
+        "number", 0.3, low=0.01, high=1, moves=Part.OBJECT,
+        why="scale of light and dark that shapes it, in object radii"
     )
     behind: str = setting(
         "text", "filled", choices=BEHIND,
+        moves=Part.PHOTOGRAPH,
         why="behind soft edges of the mask: the background filled in, or as seen; or no photograph at all"
     )
 
@@ -132,11 +144,12 @@ class DetailSettings:
 
     albedo: str = setting(
         "text", "half", choices=tuple(POWERS),
+        moves=Part.SURFACE,
         why="where the model's colours act, white being the material as it is: before scattering, on light that "
             "enters, which blurs them; after, on light that leaves, sharp; half: their square roots on both"
     )
     normal_strength: float = setting(
-        "number", 1.0, low=0, high=10, why="factor on the slopes of the normal map; 0 turns it off"
+        "number", 1.0, low=0, high=10, moves=Part.SURFACE, why="factor on the slopes of the normal map; 0 turns it off"
     )
 
     def __post_init__(self) -> None:
@@ -163,32 +176,35 @@ class ModelSettings:
     TABLE: ClassVar[str] = "model"
 
     path: Path | None = setting(
-        "path", None, optional=True, why="mesh file; instead of builtin"
+        "path", None, optional=True, moves=Part.SHAPE, why="mesh file; instead of builtin"
     )
     builtin: str | None = setting(
         "text", None, optional=True, choices=BUILTINS, default_text="sculpture",
-        why="a shape that needs no file; instead of path"
+        moves=Part.SHAPE, why="a shape that needs no file; instead of path"
     )
     size_mm: float = setting(
         "number", 100.0, unit="mm", low=1e-3, high=1e6,
-        why="longest side of the model; a hand-sized object, since translucency depends on size"
+        moves=Part.SHAPE, why="longest side of the model; a hand-sized object, since translucency depends on size"
     )
     up: str = setting(
         "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
-        why="axis of the file that points up; most scans use y"
+        moves=Part.SHAPE, why="axis of the file that points up; most scans use y"
     )
     bodies: str | None = setting(
         "text", None, optional=True, choices=("joined", "separate"),
         default_text="separate with diffusion where there are up to 64, else joined",
+        moves=Part.BODIES,
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
     )
     texture: Path | None = setting(
         "path", None, optional=True,
+        moves=Part.SURFACE,
         why="picture (.png, .jpg) over the model's texture coordinates, in place of the file's own colours"
     )
     normal_map: Path | None = setting(
         "path", None, optional=True,
+        moves=Part.SURFACE,
         why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
 
@@ -211,25 +227,27 @@ class CameraSettings:
 
     azimuth_deg: float = setting(
         "number", 30.0, unit="deg", low=-360, high=360,
-        why="turn about the up axis, 0 looks along -z; a three-quarter view"
+        moves=(Part.TRANSPORT, Part.VIEW), why="turn about the up axis, 0 looks along -z; a three-quarter view"
     )
     elevation_deg: float = setting(
-        "number", 10.0, unit="deg", low=-90, high=90, why="height of the view; slightly from above"
+        "number", 10.0, unit="deg", low=-90, high=90, moves=(Part.TRANSPORT, Part.VIEW),
+        why="height of the view; slightly from above"
     )
     roll_deg: float = setting(
-        "number", 0.0, unit="deg", low=-360, high=360, why="turn about the line of sight"
+        "number", 0.0, unit="deg", low=-360, high=360, moves=(Part.TRANSPORT, Part.VIEW),
+        why="turn about the line of sight"
     )
     view_angle_deg: float = setting(
         "number", 35.0, unit="deg", low=1, high=120,
-        why="full vertical view angle; a portrait lens, little distortion"
+        moves=Part.VIEW, why="full vertical view angle; a portrait lens, little distortion"
     )
     zoom: float = setting(
-        "number", 1.0, low=0.01, high=100, why="magnification; 1 frames the bounding sphere"
+        "number", 1.0, low=0.01, high=100, moves=Part.VIEW, why="magnification; 1 frames the bounding sphere"
     )
-    orthographic: bool = setting("boolean", False, why="parallel projection instead of perspective")
+    orthographic: bool = setting("boolean", False, moves=Part.VIEW, why="parallel projection instead of perspective")
     target_mm: Vector = setting(
         "number", (0.0, 0.0, 0.0), unit="mm", length=3, low=-1e6, high=1e6,
-        why="point the camera orbits and looks at; the model is centred at 0"
+        moves=Part.VIEW, why="point the camera orbits and looks at; the model is centred at 0"
     )
 
     def __post_init__(self) -> None:
@@ -251,25 +269,29 @@ class TransportSettings:
 
     method: str = setting(
         "text", "diffusion", choices=("diffusion", "ewald", "layered"),
+        moves=(Part.BODIES, Part.SAMPLES),
         why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
             "layered: the paper's parallel layers"
     )
     layers: int | None = setting(
         "integer", None, optional=True, low=1, high=128, default_text="8 if layered, else as dense as the nodes",
-        why="layers over the object's depth (layered) or its z extent (the others)"
+        moves=Part.TRANSPORT, why="layers over the object's depth (layered) or its z extent (the others)"
     )
     resolution: int | None = setting(
         "integer", None, optional=True, unit="texels", low=16, high=1024,
         default_text="128 if layered, else from error_target",
+        moves=Part.SAMPLES,
         why="texels along the longer side of a layer (layered), nodes along the longest side of the object (the others)"
     )
     error_target: float | None = setting(
         "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
+        moves=Part.SAMPLES,
         why="wanted rms error of exitance; chooses the resolution of ewald, and in proportion of diffusion, 62 nodes "
             "at 0.02; if given, it may take longer"
     )
     assignment: str | None = setting(
         "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
+        moves=Part.TRANSPORT,
         why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
     )
 
@@ -284,21 +306,22 @@ class DisplaySettings:
     TABLE: ClassVar[str] = "display"
 
     image_size: tuple[int, int] = setting(
-        "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, why="width and height"
+        "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, moves=Part.VIEW, why="width and height"
     )
     key: float = setting(
-        "number", 0.18, low=1e-4, high=100, why="exposure: where the average lands; 0.18 is middle grey"
+        "number", 0.18, low=1e-4, high=100, moves=Part.DISPLAY,
+        why="exposure: where the average lands; 0.18 is middle grey"
     )
     white: float = setting(
-        "number", 3.0, low=1e-2, high=1e6, why="scaled luminance that becomes pure white"
+        "number", 3.0, low=1e-2, high=1e6, moves=Part.DISPLAY, why="scaled luminance that becomes pure white"
     )
     background: str = setting(
         "text", "black", choices=("black", "transparent", "environment"),
-        pattern="#[0-9a-fA-F]{6}", pattern_name="#rrggbb", why="what shows behind the object"
+        pattern="#[0-9a-fA-F]{6}", pattern_name="#rrggbb", moves=Part.DISPLAY, why="what shows behind the object"
     )
     background_blur_deg: float = setting(
         "number", 0.0, unit="deg", low=0, high=90,
-        why="blur of the environment behind the object; the light it casts stays"
+        moves=Part.DISPLAY, why="blur of the environment behind the object; the light it casts stays"
     )
 
     def __post_init__(self) -> None:

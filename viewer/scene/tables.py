@@ -1,7 +1,6 @@
 """Profiles from files: CSV text of radius_mm, R, G, B."""
 
 import functools
-from collections import Counter
 from pathlib import Path
 
 from milkglass.core.errors import InputError
@@ -10,8 +9,6 @@ from milkglass.core.profiles.table import TableProfile, parse_table
 MAX_BYTES = 10_000_000
 
 ProfileTable = tuple[TableProfile, TableProfile, TableProfile]
-
-_versions: Counter[Path] = Counter()
 
 
 def read_profile_table(path: Path) -> ProfileTable:
@@ -36,13 +33,3 @@ def _read(path: Path, changed: int, size: int) -> ProfileTable:
     if size > MAX_BYTES:
         raise InputError(f"{path}: {size / 1e6:.0f} MB are too large for a profile")
     return parse_table(path.read_bytes().decode("utf-8"), path.name)
-
-
-def version(path: Path | None) -> int:
-    """How often a file in use has been taken anew: what a picture depends on, beside the path; 0 without one."""
-    return 0 if path is None else _versions[path]
-
-
-def taken_anew(path: Path) -> None:
-    """Tell that a file in use has changed and been read."""
-    _versions[path] += 1

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.scene.declaration import settings_of
+from milkglass.core.stages import Part
+from milkglass.viewer.scene.declaration import setting, settings_of
+from milkglass.viewer.scene.keys import taken_anew, version
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
     LIGHT_KINDS,
@@ -83,3 +85,41 @@ def test_every_field_is_declared_and_its_default_is_valid():
 def test_scene_stays_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Scene().camera.zoom = 2.0
+
+
+def test_every_setting_says_what_it_moves():
+    tables = (*TABLES.values(), *LIGHT_KINDS.values())
+    assert all(declared.moves for table in tables for declared in settings_of(table).values())
+    with pytest.raises(TypeError, match="moves"):
+        setting("number", 1.0, why="no word on what it moves")
+
+
+def test_a_key_holds_what_moves_a_part_and_what_it_reads():
+    scene = Scene(lights=())
+    for part in Part:
+        held = scene.key(part)
+        assert hash(held) == hash(Scene(lights=()).key(part))
+        for name, table in TABLES.items():
+            for key, declared in settings_of(table).items():
+                other = dataclasses.replace(scene)
+                object.__setattr__(other, name, dataclasses.replace(getattr(scene, name)))
+                object.__setattr__(getattr(other, name), key, "another value")
+                assert (other.key(part) != held) == (not part.upstream.isdisjoint(declared.moves)), (part, name, key)
+                assert other.key(part, without=(name,)) == scene.key(part, without=(name,))
+
+
+def test_lights_that_shine_are_of_a_key_as_they_are_in_the_world():
+    lamp = DirectionalLight((1.0, 0.0, 0.0), fixed_to="camera")
+    scene = Scene(lights=(lamp, DirectionalLight((0.0, 1.0, 0.0), on=False)))
+    turned = dataclasses.replace(scene, camera=CameraSettings(azimuth_deg=120.0))
+    assert scene.key(Part.LIGHT) != turned.key(Part.LIGHT)
+    assert scene.key(Part.LIGHT) == dataclasses.replace(scene, lights=(lamp,)).key(Part.LIGHT)
+    assert scene.moving(Part.VIEW) == dataclasses.replace(scene, lights=()).moving(Part.VIEW)
+
+
+def test_a_file_taken_anew_is_another():
+    scene = Scene(material=MaterialSettings(name="marble", profile="table", profile_table="taken/anew.csv"))
+    before = scene.key(Part.TRANSPORT)
+    taken_anew(scene.material.profile_table)
+    assert scene.key(Part.TRANSPORT) != before
+    assert version(None) == 0

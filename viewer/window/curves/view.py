@@ -11,8 +11,8 @@ from milkglass.core.profiles.names import BEAM, PROFILES, TABLE
 from milkglass.viewer.gui.controls import CHANNELS, Box, Controls
 from milkglass.viewer.gui.toolkit import MUTED, WARNING, icons, imgui
 from milkglass.viewer.live.live import Live, solves
+from milkglass.viewer.scene.keys import version
 from milkglass.viewer.scene.material_settings import MaterialSettings
-from milkglass.viewer.scene.tables import version
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.curves.curves import Curves, CurvesJob, Wish
 from milkglass.viewer.window.curves.marks import Mark, marks

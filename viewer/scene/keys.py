@@ -1,0 +1,54 @@
+"""What a part of the pipeline depends on: the values of the settings that declare to move it."""
+
+import functools
+from collections import Counter
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from milkglass.core.stages import Part
+from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.settings import TABLES
+
+if TYPE_CHECKING:
+    from milkglass.viewer.scene.scene import Scene
+
+Key = tuple[object, ...]
+
+_versions: Counter[Path] = Counter()
+
+
+def version(path: Path | None) -> int:
+    """Return how often a file in use has been taken anew: what a picture depends on beside the path; 0 without one."""
+    return 0 if path is None else _versions[path]
+
+
+def taken_anew(path: Path) -> None:
+    """Tell that a file in use has changed and been read."""
+    _versions[path] += 1
+
+
+def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[str] = ()) -> Key:
+    """Return the values, hashable, of all settings that move one of some parts themselves; lights are those that shine.
+
+    Tables may be left out (`without`, their names). A file is its name and its `version`.
+    """
+    wanted = frozenset(parts)
+    of_lights = tuple((light.KIND, *_values(light, wanted)) for light in scene.effective_lights())
+    lit = () if all(len(light) == 1 for light in of_lights) else of_lights
+    return (*(value for name in TABLES if name not in without for value in _values(getattr(scene, name), wanted)), lit)
+
+
+def _values(table: Any, parts: frozenset[Part]) -> Key:
+    keys = _keys(type(table), parts)  # type: ignore[arg-type]  # mypy: a class is not hashable
+    return tuple(_told_apart(getattr(table, key)) for key in keys)
+
+
+@functools.cache
+def _keys(table: type[object], parts: frozenset[Part]) -> tuple[str, ...]:
+    """Return the keys of a table whose settings move one of the parts."""
+    return tuple(key for key, declared in settings_of(table).items() if not parts.isdisjoint(declared.moves))
+
+
+def _told_apart(value: object) -> object:
+    return (value, version(value)) if isinstance(value, Path) else value
