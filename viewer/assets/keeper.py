@@ -148,13 +148,14 @@ class Assets:
         return self._get("row sums", (id(mesh), separate), measure)[1]  # type: ignore[no-any-return]
 
     def possible(self, settings: TransportSettings, mesh: Mesh, separate: bool = False) -> TransportSettings:
-        """Return the settings that are used: `ewald` where `diffusion` is asked for and the mesh is not closed.
+        """Return the settings that are used: another method's where one needs a closed mesh and this is not.
 
         `separate` bodies are closed each for itself.
         """
-        if settings.method == "diffusion" and not is_closed(self.row_sums(mesh, separate)):
-            return replace(settings, method="ewald")
-        return settings
+        instead = settings.facts.on_open_surface
+        if instead is None or is_closed(self.row_sums(mesh, separate)):
+            return settings
+        return replace(settings, method=instead)
 
     def quality(
         self,
@@ -164,9 +165,9 @@ class Assets:
         sharp_light: bool,
         separate: bool = False,
     ) -> Quality:
-        """Return layers and resolution, see `assets.quality.choose_quality`; only `ewald` needs to know the shape."""
+        """Return layers and resolution, see `assets.quality.choose_quality`."""
         asked, settings = settings, self.possible(settings, mesh, separate)
-        shape = self.roughness(mesh) if settings.method == "ewald" else None
+        shape = self.roughness(mesh) if settings.facts.needs_roughness else None
 
         def choose() -> tuple[Mesh, Quality]:
             quality = choose_quality(settings, profiles, mesh, shape, sharp_light)

@@ -13,6 +13,7 @@ from milkglass.core.transport.base import Transport
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.core.transport.ewald import LOOSE_TAIL, TAIL, EwaldTransport
 from milkglass.core.transport.layered import LayeredTransport
+from milkglass.core.transport.methods import METHODS, Method
 from milkglass.viewer.scene.settings import TransportSettings
 
 AnyTransport = Transport | DiffusionTransport
@@ -72,6 +73,11 @@ class Quality:
     open_surface: float | None = None
 
     @property
+    def facts(self) -> Method:
+        """Facts of the method, of the registry of transports."""
+        return METHODS[self.method]
+
+    @property
     def grid_alone(self) -> "Quality":
         """What transport itself depends on."""
         return Quality(self.method, self.layers, self.resolution, self.assignment, tail=self.tail)
@@ -84,10 +90,10 @@ class Quality:
     @property
     def summary(self) -> str:
         """What was chosen, and the error to expect where a prediction exists, in a few words."""
-        if self.method == "diffusion":
-            return f"diffusion, {self.resolution} nodes along the object"
-        if self.predicted_error is None:
+        if self.facts.layers_follow_view:
             return f"{self.method}, {self.layers} layers of {self.resolution} texels"
+        if self.predicted_error is None:
+            return f"{self.method}, {self.resolution} nodes along the object"
         layers = "" if self.layers is None else f", {self.layers} layers"
         return f"{self.method}, {self.resolution} nodes along the object{layers}, {self.expected}"
 

@@ -98,7 +98,7 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the material does not scatter"
     if lit.detail is not None:
         return "photons do not know the colours and the relief of the model's surface"
-    if lit.separated is not None and lit.quality.method != "diffusion":
+    if lit.separated is not None and lit.quality.facts.uses_profile:
         return "bodies that are separate are compared with transport diffusion only"
     return None
 
@@ -283,7 +283,7 @@ def _content(
             "sigma_s_prime": list(material.sigma_s_prime),
             "sigma_a": list(material.sigma_a),
             "eta": material.eta,
-            "profile": None if quality.method == "diffusion" else scene.material.profile,
+            "profile": scene.material.profile if quality.facts.uses_profile else None,
             "colours": None if lit.detail is None else scene.detail.albedo,
         },
         "transport": {
@@ -298,7 +298,7 @@ def _content(
             "predicted_error": quality.predicted_error,
             "predicted_error_lit": quality.predicted_lit,
         },
-        "difference" if quality.method == "diffusion" else "error": {
+        "error" if quality.facts.uses_profile else "difference": {
             "of": "exitance, over the rms of the reference",
             "rms": list(error.deviation.rms),
             "p99": list(error.deviation.p99),

@@ -6,8 +6,6 @@ from milkglass.core.stages import Allowance
 from milkglass.viewer.assets.quality import Quality
 from milkglass.viewer.scene.scene import Scene
 
-DRAFT_SECONDS = 0.1  # transport that takes longer gets fewer texels while something moves
-DRAFT_SOLUTION_SECONDS = 1.0  # likewise with `diffusion`, where another grid takes half a second by itself
 SMALLEST_DRAFT = 32  # texels
 STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
 STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
@@ -49,7 +47,6 @@ def draft_resolution(scene: Scene, quality: Quality, cost: tuple[float, int, int
     # Layers of their own number cost as many times a map; else they grow with the resolution.
     power = 2.0 if settings.layers is not None else 3.0
     seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
-    affordable = DRAFT_SOLUTION_SECONDS if quality.method == "diffusion" else DRAFT_SECONDS
-    fitting = int(wanted * (affordable / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
+    fitting = int(wanted * (quality.facts.draft_seconds / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
     least = min(wanted, max(SMALLEST_DRAFT, fitting))
     return least if fitting < wanted else wanted if automatic else None

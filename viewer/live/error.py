@@ -213,7 +213,7 @@ class LiveError:
 
     def _start(self, asked: Question, scene: Scene, live: Live, finished: Finished) -> None:
         self.trouble = None
-        if finished.lit.quality.method == "diffusion":
+        if not finished.lit.quality.facts.uses_profile:
             self._fail(asked, InputError(NOT_EQUATION_1))
             return
         try:

@@ -130,7 +130,7 @@ class Live:
         if self.finished is None:
             return None
         old = self.finished.lit
-        if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.method == "diffusion":
+        if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.facts.solves:
             lit = old  # the first volume of a new model, its bodies or other light is on the way
         camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
         return drawn, replace(lit, camera=camera), self.finished.gather
@@ -184,10 +184,10 @@ class Live:
         mesh, _ = assets.mesh(scene.model)
         if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
             return False
-        if scene.transport.method == "diffusion" and not assets.has_row_sums(mesh, scene.separate):
+        if scene.transport.facts.on_open_surface is not None and not assets.has_row_sums(mesh, scene.separate):
             return False
         settings = assets.possible(scene.transport, mesh, scene.separate)
-        rough = settings.method != "ewald" or assets.has_roughness(mesh)
+        rough = not settings.facts.needs_roughness or assets.has_roughness(mesh)
         return detail.draft or (rough and assets.has_samples(mesh, self._sample_spacing(scene, mesh)))
 
     def _read(self, scene: Scene) -> None:
@@ -219,7 +219,7 @@ class Live:
                 return self._lit
             if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
                 return self._lit
-            solving = detail.draft and self._lit.quality.method == "diffusion"
+            solving = detail.draft and self._lit.quality.facts.solves
             if solving and self._job is not None and not unchanged:
                 # Lit when it can be solved for: until then the processor is the worker's.
                 self._job.supersede(at_once=key[0] != self._lit_for[0][0])
@@ -298,5 +298,5 @@ class Live:
 
 
 def solves(live: Live) -> bool:
-    """Whether what is shown is of `diffusion`."""
-    return live.finished is not None and live.finished.lit.quality.method == "diffusion"
+    """Whether what is shown is the solution of an equation, of no profile."""
+    return live.finished is not None and live.finished.lit.quality.facts.solves

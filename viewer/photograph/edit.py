@@ -190,7 +190,7 @@ def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
         sharp = environment.extract and geometry.shading.lamp is not None
         environment = replace(environment, path=photo.path, extract=sharp)
     transport = scene.transport
-    if transport.method == "diffusion" and transport.resolution is None and transport.error_target is None:
+    if transport.facts.solves and transport.resolution is None and transport.error_target is None:
         transport = replace(transport, resolution=NODES)
     display = replace(scene.display, image_size=(columns, rows), background="black")
     return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)

@@ -17,8 +17,9 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.diffusion.entry import EnteringLight
-from milkglass.core.transport.diffusion.separate import SHAPES, SeparateDiffusion, SeparateSolution
+from milkglass.core.transport.diffusion.separate import SeparateDiffusion, SeparateSolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.core.transport.methods import Method
 from milkglass.core.transport.separate import SeparateTransport
 from milkglass.viewer.assets.quality import AnyTransport, Quality
 from milkglass.viewer.passes.layers import LayersPass
@@ -109,17 +110,17 @@ class Separation:
         return Separated(marks, atlas, run(Stage.SEPARATE_TRANSPORT, [transport, bodies, samples], wrap))
 
 
-def separate_by_default(bodies: Bodies, method: str) -> Bodies | None:
+def separate_by_default(bodies: Bodies, method: Method) -> Bodies | None:
     """Return bodies that are to be separate though nobody asked for it; None where all are joined.
 
-    With `diffusion` light that crosses the air between bodies is an error; with the others it is what (1) says.
+    Light that crosses the air between bodies is what equation (1) says, and an error of methods that have more to say.
     """
-    return bodies if method == "diffusion" and 2 <= bodies.count <= MOST_BY_DEFAULT else None
+    return bodies if method.separates_bodies and 2 <= bodies.count <= MOST_BY_DEFAULT else None
 
 
 def convolvers(made_for: Quality, count: int) -> int:
     """How many are to be kept for so many bodies, each of which may have shapes of its own."""
-    return CONVOLVERS + (SHAPES if made_for.method == "diffusion" else 3) * (count - 1)
+    return CONVOLVERS + made_for.facts.shapes_a_body * (count - 1)
 
 
 def bodies_warnings(bodies: Bodies | None) -> tuple[str, ...]:

@@ -68,11 +68,11 @@ class Lighting:
             bodies = run(Stage.FIND_BODIES, [model], lambda: self._assets.bodies(model.mesh))
         settings = self._assets.possible(scene.transport, model.mesh, separate)
         if scene.model.bodies is None and bodies is not None:
-            bodies = separate_by_default(bodies, settings.method)
+            bodies = separate_by_default(bodies, settings.facts)
         count = 1 if bodies is None else bodies.count
         camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
         profiles = scene.material.profiles(self._assets.profile_table)
-        if settings.method == "ewald":
+        if settings.facts.needs_roughness:
             run(Stage.ROUGHNESS, [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
         made_for = quality.grid_alone
@@ -80,7 +80,7 @@ class Lighting:
         transport = run(Stage.TRANSPORT, [made_for, keep], lambda: self._transport(made_for, keep))
         grid = transport.grid(model.mesh, camera.rotation)
         if count == 1:
-            self._layers.check_limits(grid, layers_follow=quality.method != "layered" and quality.layers is None)
+            self._layers.check_limits(grid, layers_follow=quality.layers is None)
 
         say("sampling the surface")
         spacing = sample_spacing(model.mesh, settings, quality.resolution)
@@ -92,8 +92,8 @@ class Lighting:
         separated = marks = None
         if bodies is not None and count > 1:
             separated = self._separation.separated(model.mesh, bodies, made_for, transport, grid, samples)
-            # Light through thin sheets, which layered has none of, asks which body a shadow map shows.
-            marks = None if quality.method == "layered" else separated.marks.buffer
+            # Light through thin sheets asks which body a shadow map shows.
+            marks = separated.marks.buffer if quality.facts.knows_sheets else None
 
         say("casting shadows")
         on_model = model.mesh, model.buffers
@@ -112,7 +112,7 @@ class Lighting:
         say("lighting the surface")
         each = self._irradiances(surface, sources, material.eta)
         flux = run(Stage.FLUX, [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
-        lights = self._entering(surface, sources, each) if quality.method == "diffusion" else ()
+        lights = self._entering(surface, sources, each) if quality.facts.takes_each_light else ()
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(
@@ -168,8 +168,8 @@ class Lighting:
         self._assets.keep_probes()
 
     def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
-        """Make a transport; with `diffusion`, which keeps a surface and a solution, one of the last two may serve."""
-        if made_for.method != "diffusion":
+        """Make a transport; of one that solves, and keeps a surface and a solution, one of the last two may serve."""
+        if not made_for.facts.solves:
             return make_transport(made_for, self._effort, keep)
         solver = self._solvers.pop(made_for, None) or make_transport(made_for, self._effort, keep)
         assert isinstance(solver, DiffusionTransport)

@@ -4,21 +4,14 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.material.library import CHANNELS, Material
+from milkglass.core.transport.methods import Method
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.scene import Scene
-
-# What a grid coarser than the mean free path does to a picture, by transport.
-MISSED = {
-    "layered": "light and shadow are blurred over that, and about a third of the light that falls between layers goes",
-    "ewald": "a point's own light stays sharp, but what reaches it from closer than that is averaged: fine relief "
-    "looks flatter, and what light only shines through is off by several per cent",
-}
-MISSED["diffusion"] = MISSED["ewald"]
 
 
 def beyond_object(scene: Scene) -> str | None:
     """Say that the mean free path is longer than the object, with what the picture then misses."""
-    size, material = scene.model.size_mm, _material(scene, scene.transport.method)
+    size, material = scene.model.size_mm, _material(scene, scene.transport.facts)
     if material is None or not (named := _named(material, material.mean_free_path > size)):
         return None
     return (
@@ -29,19 +22,19 @@ def beyond_object(scene: Scene) -> str | None:
 
 def below_nodes(scene: Scene, lit: LitScene) -> str | None:
     """Say that the mean free path is shorter than the grid can follow, with what the picture then misses."""
-    spacing, material = max(lit.grid.texel, lit.grid.layer_distance), _material(scene, lit.quality.method)
+    method, spacing = lit.quality.facts, max(lit.grid.texel, lit.grid.layer_distance)
+    material = _material(scene, method)
     if material is None or not (named := _named(material, material.mean_free_path < spacing)):
         return None
-    what = "texels or layers" if lit.quality.method == "layered" else "nodes"
     return (
-        f"the mean free path is shorter than the {spacing:.3g} mm between {what} in {named}: "
-        f"{MISSED[lit.quality.method]}"
+        f"the mean free path is shorter than the {spacing:.3g} mm between {method.grid_points} in {named}: "
+        f"{method.below_grid}"
     )
 
 
-def _material(scene: Scene, method: str) -> Material | None:
+def _material(scene: Scene, method: Method) -> Material | None:
     """Return whose lengths the picture has; None where it is those of a table."""
-    a_table = scene.material.table_in_use is not None and method != "diffusion"
+    a_table = scene.material.table_in_use is not None and method.uses_profile
     return None if a_table else scene.material.resolve()
 
 

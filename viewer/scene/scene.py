@@ -113,9 +113,9 @@ class Scene:
 
     @property
     def separate(self) -> bool:
-        """Whether bodies scatter light each alone, where there are not too many; `diffusion` knows no other way."""
+        """Whether bodies scatter light each alone, where there are not too many."""
         asked = self.model.bodies
-        return asked == "separate" or (asked is None and self.transport.method == "diffusion")
+        return asked == "separate" or (asked is None and self.transport.facts.separates_bodies)
 
     def all_lights(self) -> tuple[Light, ...]:
         """Return the lights given, off or on, else the default pair where there is no environment."""

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
+from milkglass.core.transport.methods import DEFAULT_METHOD, METHODS, Method
 from milkglass.viewer.scene.declaration import check_fields, setting
 from milkglass.viewer.scene.lights import LIGHT_KINDS as LIGHT_KINDS
 from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
@@ -268,7 +269,7 @@ class TransportSettings:
     TABLE: ClassVar[str] = "transport"
 
     method: str = setting(
-        "text", "diffusion", choices=("diffusion", "ewald", "layered"),
+        "text", DEFAULT_METHOD, choices=tuple(METHODS),
         moves=(Part.BODIES, Part.SAMPLES),
         why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
             "layered: the paper's parallel layers"
@@ -297,6 +298,11 @@ class TransportSettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
+
+    @property
+    def facts(self) -> Method:
+        """Facts of the method, of the registry of transports."""
+        return METHODS[self.method]
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,6 @@ from milkglass.core.transport.diffusion.solver import COARSE_TOLERANCE, Diffusio
 
 Ints = npt.NDArray[np.int64]
 
-SHAPES = 8  # of convolutions that a body may have for itself: R, G, B and no absorption, on two grids
-
 
 @dataclass(frozen=True, eq=False)
 class SeparateSolution:

@@ -41,7 +41,7 @@ def marks(scene: Scene, lit: LitScene | None) -> list[Mark]:
         found += [Mark("mean free path", float(path), i) for i, (scatters, path) in enumerate(paths) if scatters > 0.0]
     if lit is not None:
         texel, distance = lit.grid.texel, lit.grid.layer_distance
-        found.append(Mark("texel" if lit.quality.method == "layered" else "node", texel))
+        found.append(Mark(lit.quality.facts.grid_unit, texel))
         if distance > 0.0 and abs(distance - texel) > LIKE * texel:
             found.append(Mark("layer", distance))
     return [*found, Mark("object", scene.model.size_mm)]
