@@ -22,7 +22,7 @@ from milkglass.core.geometry.texture import Texture
 Int32 = npt.NDArray[np.int32]
 
 NEAR = 1e-4  # of the bounding sphere's radius: how far from a point the face is looked for that it lies on
-STEEPEST = 1e-3  # least height of a normal above its surface, as in detail.frag
+STEEPEST = 1e-3  # least height of a normal above its surface
 
 
 @dataclass(frozen=True, eq=False)

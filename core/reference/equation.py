@@ -16,7 +16,7 @@ from milkglass.core.material import fresnel
 from milkglass.core.profiles.base import Profile
 
 RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
-NEAREST = 1e-6  # mm; a light on the surface itself would be infinitely bright
+NEAREST_LIGHT = 1e-6  # mm; a light on the surface itself would be infinitely bright
 _BLOCK = 1 << 15  # pairs (point, source) at a time: the arrays of a block stay in the cache
 
 
@@ -112,7 +112,7 @@ class Occluder:
         """E of a point light at `position` (3,), mm, of radiant `intensity` (3,): (n, 3), otherwise as `irradiance`."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         way = np.asarray(position, np.float64) - points
-        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), NEAREST**2)
+        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), NEAREST_LIGHT**2)
         cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, way) / np.sqrt(distance2))
         entering = (
             fresnel.transmittance(eta, cosine) * cosine / distance2 * self.reached(points, face_normals, position)

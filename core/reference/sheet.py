@@ -10,7 +10,11 @@ from embreex.rtcore_scene import EmbreeScene
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 
-PROBE = 0.25  # of the reach: distance of the four places beside an entry, as in the shader
+# The shader has the same: each pair is where a smooth step from no sheet to a sheet, or back, begins and ends.
+PARALLEL = (0.6, 0.95)  # cosine between the two sides
+NEAR = (0.5, 1.0)  # distance along the ray, of the reach
+FLAT = (0.25, 1.0)  # how far places beside an entry are off its plane, of their distance
+PROBE = 0.25  # that distance, of the reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +53,8 @@ class SheetRays:
         entry, other, face = self._entries(points, towards)
         way = (entry - points) @ towards
         facing = np.maximum(0.0, -(normals @ towards))
-        parallel = _smoothstep(0.6, 0.95, -np.einsum("ij,ij->i", normals, other))
-        near = 1.0 - _smoothstep(0.5, 1.0, way / reach)
+        parallel = _smoothstep(*PARALLEL, -np.einsum("ij,ij->i", normals, other))
+        near = 1.0 - _smoothstep(*NEAR, way / reach)
         flat = np.zeros(len(points))
         across = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
         across /= np.linalg.norm(across)
@@ -58,7 +62,7 @@ class SheetRays:
             for sign in (-1.0, 1.0):
                 beside, *_ = self._entries(points + sign * PROBE * reach * side, towards)
                 off = np.abs(np.einsum("ij,ij->i", beside - entry, other))
-                flat += 0.25 * (1.0 - _smoothstep(0.25, 1.0, off / (PROBE * reach)))
+                flat += 0.25 * (1.0 - _smoothstep(*FLAT, off / (PROBE * reach)))
         sheet = (facing > 0.0) & (way > 0.0) & (way < reach)
         cosine = np.clip(other @ towards, 0.0, facing)
         return OtherSide(np.where(sheet, way * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face)

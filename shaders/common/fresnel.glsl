@@ -1,6 +1,7 @@
-// Exact transmittance F_t = 1 - F_r of unpolarised light entering or leaving a dielectric (Born and Wolf 1.5).
+// Born and Wolf 1999, Principles of Optics, section 1.5: exact transmittance F_t = 1 - F_r of unpolarised light that
+// enters or leaves a dielectric.
 // eta: inside over outside. cosine: to the normal on the outside, [0, 1]. Returns [0, 1].
-// Mirrors core/fresnel.py.
+// Mirrors core/material/fresnel.py.
 float fresnel_transmittance(float eta, float cosine) {
     float mu_i = clamp(cosine, 0.0, 1.0);
     float sin2_t = (1.0 - mu_i * mu_i) / (eta * eta);

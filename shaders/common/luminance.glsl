@@ -1,4 +1,4 @@
-// Luminance of linear sRGB (ITU-R BT.709). Mirrors core/tonemap.py.
+// Luminance of linear sRGB (ITU-R BT.709). Mirrors core/display.py.
 float luminance(vec3 rgb) {
-    return dot(rgb, vec3(0.2126, 0.7152, 0.0722));
+    return dot(rgb, LUMINANCE);
 }

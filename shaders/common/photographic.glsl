@@ -1,5 +1,5 @@
-// Photographic tone reproduction (Reinhard et al. 2002, equations 2 and 4) and sRGB (IEC 61966-2-1).
-// Mirrors core/tonemap.py.
+// Reinhard et al. 2002, Photographic Tone Reproduction for Digital Images, equations 2 and 4; and sRGB (IEC 61966-2-1).
+// Mirrors core/display.py.
 #include "luminance.glsl"
 
 // exposure: key / log-average luminance; white: scaled luminance that becomes white

@@ -1,4 +1,5 @@
-// Highlights of one light at a pixel: the lobe max(0, r.l)^n of Phong 1975 about the mirrored eye ray r.
+// Phong 1975, Illumination for Computer Generated Pictures: highlights of one light at a pixel, the lobe max(0, r.l)^n
+// about the mirrored eye ray r.
 // u_fresnel is false for the paper's plain lobe, which is as bright whatever the exponent; a lobe of integral 1 is
 // weighted with the reflectance F_r = 1 - F_t towards the eye, so that with strength 1 what is not mirrored enters.
 // Needs irradiance.glsl.
@@ -24,8 +25,9 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
     return weight * pow(lobe, exponent) * arrival.irradiance;
 }
 
-// Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees, over
-// the same from -90 degrees; nearly the normal distribution, by its tanh approximation (Page 1977). Within 0.014 for n >= 1.
+// Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees,
+// over the same from -90 degrees; nearly the normal distribution, by its tanh approximation (Page 1977).
+// Within 0.014 for n >= 1.
 float above_horizon(float sine) {
     float x = asin(clamp(sine, -1.0, 1.0)) * sqrt(u_shininess + 0.5);
     return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));

@@ -1,23 +1,22 @@
 #version 330
 // Visible share of an environment's highlight at every vertex: 1 - blocked / above the horizon, both under Phong's lobe
-// about the mirrored eye ray (core/visibility.py), and how it changes as the ray turns. A G-buffer interpolates
+// about the mirrored eye ray (core/light/visibility.py), and how it changes as the ray turns. A G-buffer interpolates
 //     v_lobe.a + v_lobe.rgb . r,
 // so that between vertices, and where the surface is bent, the share is of the pixel's own mirrored ray r.
 #include "gbuffer.glsl"
 
-uniform sampler2D t_blocked;  // coefficients of each vertex, texels below one another: viewer/highlights_pass.py
+uniform sampler2D t_blocked;  // coefficients of each vertex, texels below one another: viewer/passes/highlights.py
 uniform int u_order;
-uniform int u_texels;         // of a vertex
-uniform float u_bands[9];     // of the lobe: factor of each band
-uniform float u_horizon[9];   // the lobe's share above a horizon, over P_l(sine of the elevation)
-uniform vec4 u_eye;           // homogeneous, see irradiance_pixels.frag
+uniform int u_texels;                     // of a vertex
+uniform float u_bands[LOBE_ORDER + 1];    // of the lobe: factor of each band
+uniform float u_horizon[LOBE_ORDER + 1];  // the lobe's share above a horizon, over P_l(sine of the elevation)
+uniform vec4 u_eye;                       // homogeneous, see irradiance_pixels.frag
 
 in vec3 a_position;
 in vec3 a_normal;
 out vec4 v_lobe;
 
 const float STEP = 0.15;      // radians between the rays that the change is of
-const float LEAST = 1e-3;     // of a lobe above the horizon, as LEAST_LOBE
 
 // Of three directions at once, by the recurrences of P_lm / (sin^m (2m - 1)!!) and of sin^m (cos m phi, sin m phi).
 vec3 shares(vec3 x, vec3 y, vec3 z, vec3 sine) {
@@ -45,7 +44,7 @@ vec3 shares(vec3 x, vec3 y, vec3 z, vec3 sine) {
         older = legendre;
         legendre = next;
     }
-    return clamp(1.0 - blocked / max(above, LEAST), 0.0, 1.0);
+    return clamp(1.0 - blocked / max(above, LEAST_LOBE), 0.0, 1.0);
 }
 
 void main() {

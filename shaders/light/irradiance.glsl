@@ -3,10 +3,9 @@
 #include "fresnel.glsl"
 #include "latlong.glsl"
 
-const int DIRECTIONAL = 0;  // u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence
-const int POINT = 1;        // u_light_vector: position, mm; u_light_colour: radiant intensity, E = I cos / d^2, d in mm
-const int ENVIRONMENT = 2;  // t_environment: E over normals, F_t included; u_light_colour: factor
-
+// LIGHT_DIRECTIONAL: u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence.
+// LIGHT_POINT: u_light_vector: position, mm; u_light_colour: radiant intensity, E = I cos / d^2, d in mm.
+// LIGHT_ENVIRONMENT: t_environment: E over normals, F_t included; u_light_colour: factor.
 uniform int u_light_kind;
 uniform vec3 u_light_vector;
 uniform vec3 u_light_colour;
@@ -22,7 +21,11 @@ struct Arrival {
     float spread;     // variance of the directions that it stands for, radians^2
 };
 
+#ifdef SOFT
+#include "arrival_soft.glsl"
+#else
 #include "arrival.glsl"
+#endif
 
 // Irradiance of an arrival on a surface; linear RGB, same unit as the light's.
 vec3 entering(Arrival arrival, vec3 normal) {

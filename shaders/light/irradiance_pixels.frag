@@ -1,16 +1,17 @@
 #version 330
 // Irradiance, highlight and local part of exitance of one light at every pixel of the G-buffer; blended additively,
-// light by light. The local part is the term of core/transport.py, factor(0) E here + factor(thickness) E on the other
-// side; or, with transport `diffusion`, what light adds to the right side of core/diffusion_pixels.py: here in
-// o_local.rgb, and on the other side of a sheet in the three alphas.
+// light by light. The local part is the term of core/transport/base.py, factor(0) E here + factor(thickness) E on the
+// other side; or, with transport `diffusion`, what light adds to the right-hand side of the equation of
+// core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a sheet in the three alphas.
 // Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an
-// environment, its radiance under the same lobe, prefiltered (core/probe_highlights.py).
+// environment, its radiance under the same lobe, prefiltered (core/light/highlights.py).
+// SOFT: of a light with a size, through the shadow maps of its sub-lights. DETAIL: the surface has colours or relief.
 #include "irradiance.glsl"
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
 #include "visible.glsl"
-#include "detail.glsl"
+#include "detail_entering.glsl"
 #include "lamplight.glsl"
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
@@ -36,7 +37,7 @@ void main() {
     vec3 irradiance, specular = vec3(0.0);
     Behind behind = NOTHING_BEHIND;
     float cosine = 1.0;
-    if (u_light_kind == ENVIRONMENT) {
+    if (u_light_kind == LIGHT_ENVIRONMENT) {
         irradiance = shading.a * environment_irradiance(shading.xyz);
         if (u_thin_reach > 0.0) behind.irradiance = environment_irradiance(-normal);
         if (u_occluded) {

@@ -1,5 +1,6 @@
 #version 330
 // Irradiance of one light on the surface samples, by transform feedback.
+// SOFT: of a light with a size, through the shadow maps of its sub-lights.
 #include "irradiance.glsl"
 
 in vec3 a_position;
@@ -7,7 +8,7 @@ in vec3 a_normal;
 out vec3 v_irradiance;
 
 void main() {
-    if (u_light_kind == ENVIRONMENT) {
+    if (u_light_kind == LIGHT_ENVIRONMENT) {
         v_irradiance = environment_irradiance(a_normal);
         return;
     }

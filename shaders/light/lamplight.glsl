@@ -1,4 +1,5 @@
-// A lamp at a pixel: the sum over its sub-lights. Needs irradiance.glsl, sheet.glsl, highlights.glsl and detail.glsl.
+// A lamp at a pixel: the sum over its sub-lights. Needs irradiance.glsl, sheet.glsl, highlights.glsl and
+// detail_entering.glsl.
 
 struct Lamplight {
     vec3 irradiance;  // E that enters

@@ -1,11 +1,12 @@
-// Visibility of a light through its shadow map (Williams 1978), with percentage-closer filtering (Reeves et al. 1987).
+// Williams 1978, Casting Curved Shadows on Curved Surfaces: visibility of a light through its shadow map; with
+// percentage-closer filtering, Reeves et al. 1987, Rendering Antialiased Shadows with Depth Maps.
 //
-// A light has 1 view, or 6 (the faces of a cube) where it stands inside the object's bounding sphere; they are tiles of
-// one depth texture, 1 x 1 or 3 x 2.
+// A light has 1 view, or CUBE_VIEWS (the faces of a cube) where it stands inside the object's bounding sphere; they are
+// tiles of one depth texture, 1 x 1 or 3 x 2.
 
 uniform sampler2DShadow t_shadow;
-uniform int u_shadow_views;             // 0 (no shadow), 1 or 6
-uniform mat4 u_shadow_world_to_clip[6];
+uniform int u_shadow_views;             // 0 (no shadow), 1 or CUBE_VIEWS
+uniform mat4 u_shadow_world_to_clip[CUBE_VIEWS];
 uniform float u_shadow_texel;           // size of a texel: mm (directional), mm per mm of distance (point)
 
 const float NORMAL_OFFSET = 1.5;  // texels along the normal at grazing light: a texel's own slope
@@ -13,7 +14,7 @@ const float LIGHT_OFFSET = 0.75;  // texels towards the light: rasterised depth 
 
 // Columns and rows of tiles in the depth texture.
 vec2 shadow_tiles() {
-    return u_shadow_views == 6 ? vec2(3.0, 2.0) : vec2(1.0);
+    return u_shadow_views == CUBE_VIEWS ? vec2(3.0, 2.0) : vec2(1.0);
 }
 
 mat4 shadow_to_clip(int view) { return u_shadow_world_to_clip[view]; }

@@ -1,13 +1,13 @@
-// Visibility of a sub-light through its shadow map, whose edges are as wide as the shadow of the piece of the light that
-// it stands for: percentage-closer soft shadows (Fernando 2005). What the steps from sub-light to sub-light would show of
-// their number is thus smooth.
+// Fernando 2005, Percentage-Closer Soft Shadows: visibility of a sub-light through its shadow map, whose edges are as
+// wide as the shadow of the piece of the light that it stands for. What the steps from sub-light to sub-light would show
+// of their number is thus smooth.
 //
-// The views of all sub-lights, 1 or 6 (the faces of a cube) each, are tiles of one depth texture.
+// The views of all sub-lights, 1 or CUBE_VIEWS (the faces of a cube) each, are tiles of one depth texture.
 
 uniform sampler2D t_shadow_depth;
-uniform sampler2D t_sub_lights;  // a row a sub-light: its vector and the first tap's angle; 4 columns of a view's matrix
-                                 // from the world to clip space, 4 of its inverse
-uniform int u_shadow_views;      // 0 (no shadow), 1 or 6
+uniform sampler2D t_sub_lights;  // a row a sub-light: its vector and the first tap's angle; 4 columns of a view's
+                                 // matrix from the world to clip space, 4 of its inverse
+uniform int u_shadow_views;      // 0 (no shadow), 1 or CUBE_VIEWS
 uniform vec2 u_shadow_tiles;     // columns, rows
 uniform float u_shadow_texel;    // size of a texel: mm (directional), mm per mm of depth (point)
 uniform vec2 u_shadow_range;     // depths between which the maps lie, mm; of a directional light half their distance
@@ -28,20 +28,23 @@ vec4 sub_light(int i) { return texelFetch(t_sub_lights, ivec2(0, i), 0); }
 // A view's matrix to clip space (first 0) or from there (first 4).
 mat4 sub_light_matrix(int view, int first) {
     int column = 1 + 8 * (view % u_shadow_views) + first, row = view / u_shadow_views;
-    return mat4(texelFetch(t_sub_lights, ivec2(column, row), 0), texelFetch(t_sub_lights, ivec2(column + 1, row), 0),
-                texelFetch(t_sub_lights, ivec2(column + 2, row), 0), texelFetch(t_sub_lights, ivec2(column + 3, row), 0));
+    return mat4(texelFetch(t_sub_lights, ivec2(column, row), 0),
+                texelFetch(t_sub_lights, ivec2(column + 1, row), 0),
+                texelFetch(t_sub_lights, ivec2(column + 2, row), 0),
+                texelFetch(t_sub_lights, ivec2(column + 3, row), 0));
 }
 
 mat4 shadow_to_clip(int view) { return sub_light_matrix(view, 0); }
 
-// How much nearer to the light than a place (clip space) the map has something, mm, and how near: <= 0 where nothing is.
+// How much nearer to the light than a place (clip space) the map has something, mm, <= 0 where nothing is; how near it
+// is to the light.
 vec2 in_the_way(int view, vec4 clip) {
     vec2 size = vec2(textureSize(t_shadow_depth, 0)) / u_shadow_tiles;
     vec2 place = clamp(0.5 * clip.xy / clip.w + 0.5, 0.5 / size, 1.0 - 0.5 / size);
     int columns = int(u_shadow_tiles.x);
     float depth = textureLod(t_shadow_depth, (place + vec2(view % columns, view / columns)) / u_shadow_tiles, 0.0).r;
     float ndc = 2.0 * depth - 1.0;
-    if (u_light_kind != POINT) return vec2((clip.z - ndc) * u_shadow_range.y, 1.0);
+    if (u_light_kind != LIGHT_POINT) return vec2((clip.z - ndc) * u_shadow_range.y, 1.0);
     float near = u_shadow_range.x, far = u_shadow_range.y;
     float there = 2.0 * far * near / (far + near - ndc * (far - near));
     return vec2(clip.w - there, there);
@@ -72,7 +75,7 @@ float soft_visibility(int i, vec3 position, vec3 normal, vec3 to_light) {
     vec2 turned = vec2(cos(angle), sin(angle));
     float radius = SHARPEST * texel;
     if (u_piece > 0.0) {
-        float reach = u_light_kind == POINT ? u_piece * (centre.w / u_shadow_range.x - 1.0)
+        float reach = u_light_kind == LIGHT_POINT ? u_piece * (centre.w / u_shadow_range.x - 1.0)
                                             : u_piece * (centre.z + 1.0) * u_shadow_range.y;
         reach = max(min(reach, u_widest - LIGHT_OFFSET * texel), radius);
         float gap = 0.0, found = 0.0;

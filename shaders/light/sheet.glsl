@@ -1,10 +1,18 @@
-// Thin sheets lit from behind: the light of the other side that the layers are too coarse to carry across.
+// Dachsbacher and Stamminger 2003, Translucent Shadow Maps, used for a remainder: thin sheets lit from behind, the
+// light of the other side that the layers are too coarse to carry across. Mirrored by core/reference/sheet.py.
 //
 // A surface that faces away from a light sees it through the object; the shadow map knows where the light entered. If
-// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport.py
-// applies to the irradiance over there (translucent shadow maps, Dachsbacher and Stamminger 2003, used for a remainder).
+// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport/base.py
+// applies to the irradiance over there. Needs irradiance.glsl.
 
-#include "shadow_entry.glsl"
+#ifdef SOFT
+mat4 shadow_to_world(int view) { return sub_light_matrix(view, 4); }
+#else
+uniform sampler2D t_shadow_depth;         // the texture of t_shadow, its depths
+uniform mat4 u_shadow_clip_to_world[CUBE_VIEWS];
+
+mat4 shadow_to_world(int view) { return u_shadow_clip_to_world[view]; }
+#endif
 
 uniform bool u_separate_shadow;           // whether bodies scatter light each alone
 uniform sampler2D t_shadow_body;          // then: the body that t_shadow_depth is of
@@ -31,7 +39,7 @@ float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 
     for (int i = 0; i < 4; ++i) {
         vec2 side = width * ndc_a_mm * vec2(i < 2 ? 2 * i - 1 : 0, i < 2 ? 0 : 2 * i - 5);
         float off = abs(dot(light_entry(view, place + side) - entry, normal));
-        sum += 1.0 - smoothstep(0.25, 1.0, off / width);
+        sum += 1.0 - smoothstep(SHEET_FLAT.x, SHEET_FLAT.y, off / width);
     }
     return 0.25 * sum;
 }
@@ -63,12 +71,13 @@ Behind light_behind(int i, vec3 position, vec3 normal, vec3 to_light, float body
         if (dot(other, other) == 0.0) return NOTHING_BEHIND;  // no plane, and a zero vector would become NaN
         other = normalize(other) * sign(dot(other, to_light));
         // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
-        float parallel = smoothstep(0.6, 0.95, -dot(normal, other));
+        float parallel = smoothstep(SHEET_PARALLEL.x, SHEET_PARALLEL.y, -dot(normal, other));
         Arrival arrival = unshadowed(i, entry);
         // Along a grazing ray the sides are far apart, however thin it looks from here.
-        float near = 1.0 - smoothstep(0.5, 1.0, way / u_sheet_reach);
+        float near = 1.0 - smoothstep(SHEET_NEAR.x, SHEET_NEAR.y, way / u_sheet_reach);
         float sheet = parallel * near
-            * flatness(view, place, entry, other, 0.25 * u_sheet_reach, texel / (u_shadow_texel * arrival.distance));
+            * flatness(view, place, entry, other, SHEET_PROBE * u_sheet_reach,
+                       texel / (u_shadow_texel * arrival.distance));
         // The lesser cosine: at the edge of the light both sides fade, as they do where they are parallel.
         float cosine = clamp(dot(other, to_light), 0.0, -dot(normal, to_light));
         vec3 irradiance = fresnel_transmittance(u_eta, cosine) * cosine * arrival.irradiance;

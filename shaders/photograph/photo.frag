@@ -1,11 +1,8 @@
 #version 330
 // A photograph with its object in another material: soft edges, the background filled in behind them, the
 // photograph's own tone curve; only of the pixels that photo_backdrop.frag found to change. Mirrors
-// viewer/edit_composite.py.
+// viewer/photograph/composite.py.
 #include "photographic.glsl"
-
-const int BEHIND_FILLED = 0;  // u_behind; 1: as seen
-const int BEHIND_NOTHING = 2;
 
 uniform sampler2D t_photo;   // sRGB and alpha; this and the next two have row 0 at the top
 uniform sampler2D t_edges;   // r coverage by the object, g share that the background is filled in
@@ -13,7 +10,7 @@ uniform sampler2D t_behind;  // linear RGB of the region, the object filled in
 uniform sampler2D t_object;  // rgb weighted by a, with all levels; of the region, row 0 at the bottom
 uniform vec4 u_region;       // left, top, width, height; pixels of t_photo
 uniform float u_white;
-uniform int u_behind;
+uniform int u_behind;        // BEHIND_FILLED, BEHIND_NOTHING, or else as seen
 
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 

@@ -2,12 +2,9 @@
 // What of a photograph stays as it is while its object changes, and, as depth, where the object goes: photo.frag then
 // draws those pixels alone.
 
-const int BEHIND_FILLED = 0;  // u_behind, see photo.frag
-const int BEHIND_NOTHING = 2;
-
 uniform sampler2D t_photo;  // sRGB and alpha; row 0 at the top, as of the next
 uniform sampler2D t_edges;  // r coverage by the object, g share that the background is filled in
-uniform int u_behind;
+uniform int u_behind;       // see photo.frag
 
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
 

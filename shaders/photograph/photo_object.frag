@@ -1,6 +1,6 @@
 #version 330
 // What was rendered of a photograph's object, as display-referred radiance, weighted by how far it is to be trusted:
-// the first level of a pyramid that photo.frag fills gaps from. Mirrors viewer/edit_composite.py.
+// the first level of a pyramid that photo.frag fills gaps from. Mirrors viewer/photograph/composite.py.
 
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
 uniform sampler2D t_trust;     // r, row 0 at the top; of any size

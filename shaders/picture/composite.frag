@@ -1,11 +1,11 @@
 #version 330
 // Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
-// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport.py); with
-// transport `diffusion` the equation of core/diffusion_pixels.py.
+// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport/base.py);
+// with transport `diffusion` the equation of core/transport/diffusion/pixels.py. DETAIL: the surface has colours.
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"
 #include "bodies.glsl"
-#include "detail.glsl"
+#include "detail_leaving.glsl"
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;     // a: body
@@ -24,7 +24,6 @@ uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part i
 uniform bool u_bent;            // whether the next is other than 0
 uniform sampler3D t_bending;    // A of a curved surface over a flat one's, less 1
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
-const float WEAK = 0.16;        // eigenvalue below which the neighbourhood knows better, see core/diffusion_pixels.py
 
 uniform sampler2D t_lobe;       // visible share of the highlight of an environment, see irradiance_pixels.frag
 uniform bool u_occluded_lobe;   // whether it is there
@@ -43,9 +42,8 @@ layout(location = 4) out vec4 o_exitance;
 layout(location = 5) out vec4 o_subsurface;
 layout(location = 6) out vec4 o_specular;
 
-const float PI = 3.14159265358979;
-
-// Quadratic B-spline (TSC) over 27 nodes, by 8 filtered fetches: nodes i - 1 and i share one, i + 1 has its own.
+// Sigg and Hadwiger 2005, Fast Third-Order Texture Filtering, of quadratic B-splines (TSC): 27 nodes by 8 filtered
+// fetches, nodes i - 1 and i share one, i + 1 has its own.
 vec4 gather_smooth(vec3 texture_coordinates) {
     vec3 size = vec3(textureSize(t_exitance, 0));
     vec3 u = texture_coordinates * size - 0.5;
@@ -70,37 +68,42 @@ vec3 bending(vec3 coordinates) {
     return u_bent ? 1.0 + textureLod(t_bending, coordinates, 0.0).rgb : vec3(1.0);
 }
 
-vec3 weak(vec3 eigenvalue) {
+// 1 / eigenvalue, smaller where it is weak.
+vec3 damped_inverse(vec3 eigenvalue) {
     vec3 square = eigenvalue * eigenvalue;
-    return eigenvalue * square / (square * square + pow(WEAK, 4.0));
+    return eigenvalue * square / (square * square + pow(WEAK_EIGENVALUE, 4.0));
 }
 
-// Exitance of transport `diffusion`. local: what light that enters here adds; other: the same on the other side.
-// What phi is more than around here; of a sheet the sides' two equations by their matrix's eigenvalues.
-vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 local, vec3 other) {
+// Exitance of transport `diffusion`. entering: what light that enters here adds; entering_behind: on the other side.
+// Solved for the excess of phi over the mean around here; of a sheet the two sides' equations by their matrix's
+// eigenvalues. core/transport/diffusion/points.py does the same in float64, by the same names.
+vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 entering, vec3 entering_behind) {
     vec4 gathered = gather(coordinates);
-    vec3 bent = bending(coordinates), mean = textureLod(t_fluence, coordinates, 0.0).rgb;
-    vec3 own = u_diagonal - bent * gathered.a, more;
+    vec3 bend = bending(coordinates), mean = textureLod(t_fluence, coordinates, 0.0).rgb;
+    vec3 diagonal = u_diagonal - bend * gathered.a, excess;
     vec2 depths = u_thin_reach > 0.0 ? textureLod(t_depths, coordinates, 0.0).rg : vec2(0.0);
     if (depths.y > 0.0) {
         float thickness = 1.0 / max(depths.x, 1.0 / u_thin_reach), columns = float(textureSize(t_coupling, 0).x);
         float s = (thickness / u_thin_reach * (columns - 1.0) + 0.5) / columns;
         vec4 coupling = depths.y * textureLod(t_coupling, vec2(s, 0.5), 0.0);
-        vec3 beyond = volume_coordinates(position - thickness * normal_and_body.xyz, normal_and_body.a);
-        vec4 across = gather(beyond);
-        vec3 bent_there = bending(beyond), there = u_diagonal - bent_there * (across.a + coupling.a);
-        vec3 f = coupling.rgb + (bent_there - 1.0) * coupling.a, f_there = coupling.rgb + (bent - 1.0) * coupling.a;
-        own -= bent * coupling.a;
-        vec3 right = gathered.rgb + local - (own + f) * mean;
-        vec3 right_there = across.rgb + other - (there + f_there) * mean;
-        vec3 middle = 0.5 * (own + there), halved = 0.5 * (own - there);
-        vec3 split = sqrt(max(halved * halved + f * f_there, 1e-8));
-        vec3 upper = weak(middle + split), lower = weak(middle - split), slope = (upper - lower) / (2.0 * split);
-        more = (0.5 * (upper + lower) + slope * halved) * right + slope * f * right_there;
+        vec3 behind = volume_coordinates(position - thickness * normal_and_body.xyz, normal_and_body.a);
+        vec4 gathered_behind = gather(behind);
+        vec3 bend_behind = bending(behind);
+        vec3 diagonal_behind = u_diagonal - bend_behind * (gathered_behind.a + coupling.a);
+        vec3 coupled = coupling.rgb + (bend_behind - 1.0) * coupling.a;
+        vec3 coupled_behind = coupling.rgb + (bend - 1.0) * coupling.a;
+        diagonal -= bend * coupling.a;
+        vec3 rhs = gathered.rgb + entering - (diagonal + coupled) * mean;
+        vec3 rhs_behind = gathered_behind.rgb + entering_behind - (diagonal_behind + coupled_behind) * mean;
+        vec3 middle = 0.5 * (diagonal + diagonal_behind), half_difference = 0.5 * (diagonal - diagonal_behind);
+        vec3 split = sqrt(max(half_difference * half_difference + coupled * coupled_behind, LEAST_SQUARED_SPLIT));
+        vec3 upper = damped_inverse(middle + split), lower = damped_inverse(middle - split);
+        vec3 slope = (upper - lower) / (2.0 * split);
+        excess = (0.5 * (upper + lower) + slope * half_difference) * rhs + slope * coupled * rhs_behind;
     } else {
-        more = weak(own) * (gathered.rgb + local - own * mean);
+        excess = damped_inverse(diagonal) * (gathered.rgb + entering - diagonal * mean);
     }
-    return (mean + more) / u_doubled;
+    return (mean + excess) / u_doubled;
 }
 
 // What is in the way of a highlight is the object, taken to be as bright as here: else it had dark rims before itself.
@@ -120,8 +123,9 @@ void main() {
     vec3 coordinates = volume_coordinates(position.xyz, normal_and_body.a);
     vec4 irradiance = texelFetch(t_irradiance, pixel, 0), specular = texelFetch(t_specular, pixel, 0);
     vec4 local = texelFetch(t_local, pixel, 0);
+    vec3 behind = vec3(irradiance.a, specular.a, local.a);
     vec3 exitance = u_diffusion
-        ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, vec3(irradiance.a, specular.a, local.a))
+        ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, behind)
         : gather(coordinates).rgb + local.rgb;
     exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
     exitance *= tint_leaving(pixel);

@@ -3,14 +3,12 @@
 #include "photographic.glsl"
 #include "latlong.glsl"
 
-const int BACKGROUND_COLOUR = 0;       // u_background, sRGB, not tone-mapped
-const int BACKGROUND_TRANSPARENT = 1;
-const int BACKGROUND_ENVIRONMENT = 2;  // t_probe, tone-mapped with the object's exposure
-
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
 uniform sampler2D t_probe;
 uniform float u_exposure;      // key / log-average luminance
 uniform float u_white;         // scaled luminance that becomes white
+// BACKGROUND_COLOUR: u_background, sRGB, not tone-mapped. BACKGROUND_TRANSPARENT. BACKGROUND_ENVIRONMENT: t_probe,
+// tone-mapped with the object's exposure.
 uniform int u_background_kind;
 uniform vec3 u_background;
 uniform mat4 u_clip_to_probe;  // rays, probe space: direction = (M (x, y, 1, 1)) / w - (M (x, y, -1, 1)) / w

@@ -1,5 +1,6 @@
 #version 330
-// Sums over a tile of pixels for the log-average luminance of Reinhard et al. 2002: one output pixel a tile.
+// Reinhard et al. 2002, Photographic Tone Reproduction for Digital Images: sums over a tile of pixels for the
+// log-average luminance, equation 1; one output pixel a tile.
 // r: sum of coverage * log(floor + luminance), g: sum of coverage * luminance, b: sum of coverage.
 #include "luminance.glsl"
 

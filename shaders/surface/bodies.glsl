@@ -1,7 +1,8 @@
-// Where a volume of the nodes is read; where it is an atlas of bodies (core/atlas.py), each body has its own part.
+// Where a volume of the nodes is read; where it is an atlas of bodies (core/grid/atlas.py), each body has its own part.
 uniform mat4 u_world_to_texture;
 uniform bool u_separate;
-uniform sampler2D t_windows;  // three texels a body, row by row: what it adds to texture coordinates, its first node, its last
+uniform sampler2D t_windows;  // three texels a body, row by row: what it adds to texture coordinates, its first node,
+                              // its last
 
 vec3 of_body(int body, int which) {
     int bodies = textureSize(t_windows, 0).x / 3;

@@ -1,5 +1,5 @@
 #version 330
-// Colour and relief of the visible surface, faces of one material; core/detail.py does the same for samples.
+// Colour and relief of the visible surface, faces of one material; core/geometry/detail.py does the same for samples.
 #include "gbuffer.glsl"
 in vec3 v_normal;
 in vec2 v_coordinates;
@@ -13,8 +13,6 @@ uniform sampler2D t_relief;     // (v - 128) / 127 along u, along v and outwards
 uniform float u_strength;
 layout(location = 0) out vec4 o_colour;   // linear
 layout(location = 1) out vec4 o_shading;  // rgb: normal that light meets; a: factor on irradiance
-
-const float STEEPEST = 1e-3;
 
 // A mean of cosines is that of the mean normal, hence the factor, the length of what mip-mapping made of it.
 vec4 relief(vec3 normal, vec3 along, vec3 bytes) {

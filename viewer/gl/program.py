@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -9,19 +10,56 @@ from importlib.resources.abc import Traversable
 import moderngl
 import numpy as np
 
-from milkglass.viewer.gl.context import GLSL_VERSION
+from milkglass.viewer.gl.constants import CONSTANTS
 
 SHADER_SUFFIXES = (".glsl", ".vert", ".frag")
 SAMPLER_UNIT = 15
 
 
-def shader_source(name: str) -> str:
+INCLUDE = re.compile(r'#include "([\w.]+)"')
+# `#line` numbers the lines of file k from k FILE_LINES on: Mesa forgets a source string's number within expressions.
+FILE_LINES = 10_000
+# Where compilers say that an error is: "0:12(5): error" (Mesa), "0(12) : error" (NVIDIA), "ERROR: 0:12: ..." (others).
+ERROR_PLACE = re.compile(r"^(?P<before>(?:ERROR|WARNING): )?\d+[:(](?P<line>\d+)\)?", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """Text of one shader as the compiler takes it.
+
+    Attributes
+    ----------
+    text : str
+        With its includes, switches and constants; `#line` directives say which file a line is of, and its number there.
+    files : tuple of str
+        The files that it is made of.
+    """
+
+    text: str
+    files: tuple[str, ...]
+
+    def named(self, message: str) -> str:
+        """Return a compiler's message with the places of errors by file and line, such as ``sheet.glsl:12``."""
+
+        def place(match: re.Match[str]) -> str:
+            file, line = divmod(int(match["line"]), FILE_LINES)
+            return f"{match['before'] or ''}{self.files[file]}:{line}"
+
+        return ERROR_PLACE.sub(place, message)
+
+
+def shader_source(name: str, **switches: bool) -> ShaderSource:
     """Return a shader with its includes, each included once.
 
-    After a line `#replace "one.glsl" "other.glsl"`, the other is included in place of the one. Of files that are
-    included, the version is left out.
+    After the line of the version it defines `SWITCH` for each switch that is true, in capitals, and all of
+    `viewer.gl.constants.CONSTANTS`.
     """
-    return _expand(name, set(), {})
+    files: list[str] = []
+    version, text = _expanded(name, files).split("\n", 1)
+    defines = [switch.upper() for switch, is_on in switches.items() if is_on]
+    defines += [f"{constant} {value}" for constant, value in CONSTANTS.items()]
+    lines = [version, *(f"#define {define}" for define in defines), _line(0, 2), text]
+    return ShaderSource("\n".join(lines), tuple(files))
 
 
 @cache
@@ -31,25 +69,44 @@ def _shader_files() -> dict[str, Traversable]:
     return {file.name: file for room in rooms for file in room.iterdir() if file.name.endswith(SHADER_SUFFIXES)}
 
 
-def _expand(name: str, seen: set[str], replaced: dict[str, str]) -> str:
-    text = _shader_files()[name].read_text(encoding="utf-8")
-    if seen:  # a variant includes the whole of another
-        text = text.removeprefix(f"#version {GLSL_VERSION}\n")
-    seen.add(name)
+def _expanded(name: str, files: list[str]) -> str:
+    """Return the text of a file with its includes; appends the names of all of them to `files`."""
+    number = len(files)
+    files.append(name)
+    lines = []
+    for i, line in enumerate(_shader_files()[name].read_text(encoding="utf-8").splitlines(), start=1):
+        include = INCLUDE.fullmatch(line)
+        if include is None:
+            lines.append(line)
+        elif include[1] in files:
+            lines.append("")
+        else:
+            lines += [_line(len(files), 1), _expanded(include[1], files), _line(number, i + 1)]
+    return "\n".join(lines)
 
-    def include(match: re.Match[str]) -> str:
-        if match["other"] is not None:
-            replaced[match["one"]] = match["other"]
-            return ""
-        wanted = replaced.get(match["name"], match["name"])
-        return "" if wanted in seen else _expand(wanted, seen, replaced)
 
-    directive = r'^#(?:include "(?P<name>[\w.]+)"|replace "(?P<one>[\w.]+)" "(?P<other>[\w.]+)")$'
-    return re.sub(directive, include, text, flags=re.MULTILINE)
+def _line(file: int, line: int) -> str:
+    return f"#line {FILE_LINES * file + line}"
 
 
 class Program:
-    """A linked program whose uniforms are set by name, all of them or none: a missing or unknown one is an error."""
+    """A linked program whose uniforms are set by name, all of them or none: a missing or unknown one is an error.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    vertex, fragment : str
+        Names of shader files; without a fragment shader it is for transform feedback.
+    varyings : tuple of str
+        Outputs that transform feedback captures.
+    **switches : bool
+        Variants of the shaders, see the table of shaders/README.md; those that are true are defined in both.
+
+    Raises
+    ------
+    moderngl.Error
+        If a shader does not compile; the message names its file and line.
+    """
 
     def __init__(
         self,
@@ -58,13 +115,19 @@ class Program:
         fragment: str | None = None,
         *,
         varyings: tuple[str, ...] = (),
+        **switches: bool,
     ) -> None:
-        self.name = fragment or vertex
-        self.program = context.program(
-            vertex_shader=shader_source(vertex),
-            fragment_shader=shader_source(fragment) if fragment else None,
-            varyings=varyings,
-        )
+        self.name = " ".join([fragment or vertex, *(switch for switch, is_on in switches.items() if is_on)])
+        sources = [shader_source(name, **switches) for name in (vertex, fragment) if name is not None]
+        try:
+            self.program = context.program(
+                vertex_shader=sources[0].text,
+                fragment_shader=sources[1].text if fragment else None,
+                varyings=varyings,
+            )
+        except moderngl.Error as problem:
+            failed = sources[-1] if "fragment_shader" in str(problem) else sources[0]
+            raise moderngl.Error(failed.named(str(problem))) from None
         self.uniforms = {n for n in self.program if isinstance(self.program[n], moderngl.Uniform)}
 
     def set(self, values: Mapping[str, object]) -> None:

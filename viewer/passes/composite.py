@@ -30,12 +30,14 @@ class CompositePass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program = Program(context, "fullscreen.vert", "composite.frag")
-        self._triangle = context.vertex_array(self._program.program, [])
+        self._plain = self._variant(detail=False)
 
     @cached_property
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
-        program = Program(self._context, "fullscreen.vert", "composite_detail.frag")
+        return self._variant(detail=True)
+
+    def _variant(self, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
@@ -56,7 +58,7 @@ class CompositePass:
     ) -> None:
         """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
         out.framebuffer.use()
-        program, triangle = (self._program, self._triangle) if gbuffer.detail is None else self._detailed
+        program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlight_uniforms(specular)
         program.set(
             {

@@ -35,8 +35,8 @@ class GBufferPass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = Program(context, "gbuffer.vert", "gbuffer.frag")
-        self._bodies_program = Program(context, "gbuffer_bodies.vert", "gbuffer_bodies.frag")
-        self._visible_program = Program(context, "gbuffer_visible.vert", "gbuffer_visible.frag")
+        self._bodies_program = Program(context, "gbuffer.vert", "gbuffer.frag", bodies=True)
+        self._visible_program = Program(context, "gbuffer.vert", "gbuffer.frag", bodies=True, visible=True)
         # What all vertices share where nothing better is known of each.
         constant = [np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1)]
         self._all, self._no_lobe, self._one_body = (context.buffer(values.astype("f4")) for values in constant)

@@ -32,7 +32,7 @@ class SampleIrradiancePass:
 
     @cached_property
     def _soft_program(self) -> Program:
-        return Program(self._context, "irradiance_samples_soft.vert", varyings=("v_irradiance",))
+        return Program(self._context, "irradiance_samples.vert", varyings=("v_irradiance",), soft=True)
 
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
         """As `steps`, all at once."""
@@ -56,29 +56,16 @@ class PixelIrradiancePass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program = Program(context, "fullscreen.vert", "irradiance_pixels.frag")
-        self._triangle = context.vertex_array(self._program.program, [])
+        self._variants = {(False, False): self._variant(soft=False, detail=False)}
 
-    @cached_property
-    def _soft(self) -> tuple[Program, moderngl.VertexArray]:
-        return self._variant("irradiance_pixels_soft.frag")
-
-    @cached_property
-    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
-        return self._variant("irradiance_pixels_detail.frag")
-
-    @cached_property
-    def _soft_detailed(self) -> tuple[Program, moderngl.VertexArray]:
-        return self._variant("irradiance_pixels_soft_detail.frag")
-
-    def _drawn_with(self, soft: bool, detailed: bool) -> tuple[Program, moderngl.VertexArray]:
+    def _drawn_with(self, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
         """Return the cheapest program that does."""
-        if soft:
-            return self._soft_detailed if detailed else self._soft
-        return self._detailed if detailed else (self._program, self._triangle)
+        if (soft, detail) not in self._variants:
+            self._variants[soft, detail] = self._variant(soft, detail)
+        return self._variants[soft, detail]
 
-    def _variant(self, fragment: str) -> tuple[Program, moderngl.VertexArray]:
-        program = Program(self._context, "fullscreen.vert", fragment)
+    def _variant(self, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+        program = Program(self._context, "fullscreen.vert", "irradiance_pixels.frag", soft=soft, detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":

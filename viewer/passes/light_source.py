@@ -13,8 +13,7 @@ from milkglass.viewer.passes.shadows import ShadowMap
 from milkglass.viewer.passes.soft_shadows import SoftShadow
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.settings import DirectionalLight, PointLight
-
-DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # as in irradiance.glsl
+from milkglass.viewer.scene.sub_lights import DIRECTIONAL, ENVIRONMENT, POINT
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ class DepthTiles:
 
     @cached_property
     def _bodies_program(self) -> Program:
-        return Program(self._context, "shadows_bodies.vert", "shadows_bodies.frag")
+        return Program(self._context, "shadows.vert", "shadows.frag", bodies=True)
 
     @cached_property
     def no_bodies(self) -> moderngl.Texture:

@@ -9,6 +9,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import exhausted
 from milkglass.viewer.gl.buffers import MeshBuffers
+from milkglass.viewer.gl.constants import CUBE_VIEWS
 from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.shadow_views import CUBE_MARGIN, FAR, cube_views, directional_view, frustum_view
 from milkglass.viewer.scene.settings import DirectionalLight, PointLight
@@ -26,10 +27,10 @@ class ShadowMap:
         One view, or six tiles in 3 columns and 2 rows.
     depths : sampler
         Of the same texture, for its depths instead of comparisons with them.
-    world_to_clip : (6, 4, 4) float64
+    world_to_clip : (CUBE_VIEWS, 4, 4) float64
         Row vectors; unused ones are 0.
     views : int
-        0 (no shadow), 1 or 6.
+        0 (no shadow), 1 or CUBE_VIEWS.
     texel : float
         Size of a texel on the object: mm for a directional light, mm per mm of distance for a point light.
     bodies : texture
@@ -57,7 +58,7 @@ class ShadowMap:
     def depth_uniforms(self) -> dict[str, object]:
         """Values for sheet.glsl."""
         views = self.world_to_clip[: self.views]
-        clip_to_world = np.zeros((6, 4, 4))
+        clip_to_world = np.zeros((CUBE_VIEWS, 4, 4))
         clip_to_world[: self.views] = np.linalg.inv(views)
         return {
             "t_shadow_depth": self.depths,
@@ -74,7 +75,9 @@ class ShadowsPass:
         self._context, self._tiles = context, DepthTiles(context)
         self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
         nothing = self._texture((1, 1))
-        self.none = ShadowMap(nothing, self._depths(nothing), np.zeros((6, 4, 4)), 0, 0.0, self._tiles.no_bodies)
+        self.none = ShadowMap(
+            nothing, self._depths(nothing), np.zeros((CUBE_VIEWS, 4, 4)), 0, 0.0, self._tiles.no_bodies
+        )
 
     def render(
         self,
@@ -99,7 +102,7 @@ class ShadowsPass:
         size = side * tiles[0], side * tiles[1]
         texture = self._texture(size)
         seen = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))
-        padded = np.zeros((6, 4, 4))
+        padded = np.zeros((CUBE_VIEWS, 4, 4))
         padded[: len(matrices)] = matrices
         return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
 

@@ -37,7 +37,7 @@ class SoftShadow:
     table : texture
         Of sub-lights and matrices, see shadows_soft.glsl.
     views : int
-        Of a sub-light, 1 or 6.
+        Of a sub-light, 1 or CUBE_VIEWS.
     tiles : 2 ints
         Columns and rows.
     texel, range

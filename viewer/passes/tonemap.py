@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.display import LOG_FLOOR
+from milkglass.viewer.gl.constants import BACKGROUND_COLOUR, BACKGROUND_ENVIRONMENT, BACKGROUND_TRANSPARENT
 from milkglass.viewer.gl.context import float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
 from milkglass.viewer.scene.settings import DisplaySettings
 
 TILE = 16  # pixels a side that one fragment of the reduction sums
-COLOUR, TRANSPARENT, ENVIRONMENT = range(3)  # as in tonemap.frag
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +97,10 @@ class TonemapPass:
 def _background(name: str) -> tuple[int, tuple[float, float, float]]:
     black = (0.0, 0.0, 0.0)
     if name == "transparent":
-        return TRANSPARENT, black
+        return BACKGROUND_TRANSPARENT, black
     if name == "environment":
-        return ENVIRONMENT, black
+        return BACKGROUND_ENVIRONMENT, black
     if name == "black":
-        return COLOUR, black
+        return BACKGROUND_COLOUR, black
     red, green, blue = (int(name[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return COLOUR, (red, green, blue)
+    return BACKGROUND_COLOUR, (red, green, blue)

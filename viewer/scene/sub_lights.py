@@ -1,7 +1,7 @@
 """Lights with a size as sub-lights: points or directions spread evenly over it, each with an equal share.
 
 The same places for the same light, so that nothing flickers; the first tell of all of it as well as their number lets
-them (a spiral over a disc, a Fibonacci lattice over a rectangle). Mirrors shaders/arrival_soft.glsl.
+them (a spiral over a disc, a Fibonacci lattice over a rectangle). Mirrors shaders/light/arrival_soft.glsl.
 """
 
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ from milkglass.viewer.scene.lights import (
 
 Vector = tuple[float, float, float]
 
-DIRECTIONAL, POINT = 0, 1  # as in irradiance.glsl
-EVEN, SPHERE, FACE, CONE, BALL = range(5)  # as in arrival_soft.glsl
+DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # kinds of light; the last has no sub-lights
+EVEN, SPHERE, FACE, CONE, BALL = range(5)  # shapes
 GOLDEN = 0.6180339887498949  # turns: 1 - this is the golden angle's share
 PLASTIC = 0.7548776662466927  # of the next dimension (the R2 sequence)
 PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out

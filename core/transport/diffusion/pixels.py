@@ -11,7 +11,7 @@ on both; elsewhere f and k are 0 and `across` does not matter.
 
 On ridges and thin sheets a point has next to nothing of its own, and errors of O would be all that is left of it. So
 the two are solved for what phi is more than the neighbourhood's mean, and of that an eigenvalue l of their matrix
-is taken as l^3 / (l^4 + WEAK^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
+is taken as l^3 / (l^4 + WEAK_EIGENVALUE^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from milkglass.core.transport.diffusion.green import local_green, local_slope
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
 BLACK = 1e9
 FLAT = 2e-3
-WEAK = 0.16  # eigenvalue of a point's own equation below which its neighbourhood knows better; as in the shader
+WEAK_EIGENVALUE = 0.16  # of a point's own equation: below it the neighbourhood knows better
 THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.grid.layers import LayerGrid, smooth_matrix, tent_matrix
-from milkglass.core.transport.diffusion.pixels import WEAK, PixelTerms
+from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE, PixelTerms
 
 LEAST_SPLIT = 1e-4  # of two eigenvalues
 BORDER = 2  # nodes: as far as the weights reach over the edge
@@ -42,7 +42,7 @@ class PointLight:
 
 def point_exitance(
     volume: Float32,
-    mean: Float32,
+    mean_fluence: Float32,
     grid: LayerGrid,
     terms: PixelTerms,
     eta: float,
@@ -56,8 +56,8 @@ def point_exitance(
     ----------
     volume : (4, n_layers, height, width) float32
         Of a `core.transport.diffusion.solver.Solution`, on its boundary's `grid`.
-    mean : (3, n_layers, height, width) float32
-        Its `mean_fluence`.
+    mean_fluence : (3, n_layers, height, width) float32
+        `core.transport.diffusion.pixels.mean_fluence` of the solution.
     terms : PixelTerms
     eta : float
     points, normals : (n, 3) arrays
@@ -70,41 +70,47 @@ def point_exitance(
     """
     points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
     thickness, share = sheet_depths(grid, terms, points)
-    own, other = np.zeros((len(points), 3)), np.zeros((len(points), 3))
+    entering, entering_behind = np.zeros((len(points), 3)), np.zeros((len(points), 3))
     sheet = share[:, None]
     for light in lights:
         here, there = (_inside(terms, eta, mu, len(points)) for mu in (light.cosine, _behind_cosine(light)))
-        own += _entering(terms, terms.own, here, thickness) * light.irradiance
-        own += sheet * _entering(terms, terms.across, there, thickness) * light.behind
-        other += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
-        other += (sheet > 0.0) * _entering(terms, terms.own, there, thickness) * light.behind
-    around = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean.reshape(3, -1).T, np.float64)
+        entering += _entering(terms, terms.own, here, thickness) * light.irradiance
+        entering += sheet * _entering(terms, terms.across, there, thickness) * light.behind
+        entering_behind += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
+        entering_behind += (sheet > 0.0) * _entering(terms, terms.own, there, thickness) * light.behind
+    mean = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean_fluence.reshape(3, -1).T, np.float64)
     gathered = _gather4(grid, volume, points)
     coupling = sheet * _interpolated(terms.coupling[None], thickness / max(terms.reach, 1e-9), np.zeros(len(points)))
-    beyond = points - thickness[:, None] * normals
-    over_there = _gather4(grid, volume, beyond)
-    bent, bent_there = _bending(grid, terms, points), _bending(grid, terms, beyond)
-    here_own = terms.diagonal - bent * (gathered[:, 3:] + coupling[:, 3:])
-    there_own = terms.diagonal - bent_there * (over_there[:, 3:] + coupling[:, 3:])
-    of_there, of_here = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bent_there, bent))
-    right = gathered[:, :3] + own - (here_own + of_there) * around
-    right_there = over_there[:, :3] + other - (there_own + of_here) * around
-    solved = _damped(here_own, there_own, of_there, of_here, right, right_there)
-    more = np.where(sheet > 0.0, solved, _weak(here_own) * right)
-    return np.maximum((around + more) / terms.doubled, 0.0)
+    behind = points - thickness[:, None] * normals
+    gathered_behind = _gather4(grid, volume, behind)
+    bend, bend_behind = _bending(grid, terms, points), _bending(grid, terms, behind)
+    diagonal = terms.diagonal - bend * (gathered[:, 3:] + coupling[:, 3:])
+    diagonal_behind = terms.diagonal - bend_behind * (gathered_behind[:, 3:] + coupling[:, 3:])
+    coupled, coupled_behind = (coupling[:, :3] + (b - 1.0) * coupling[:, 3:] for b in (bend_behind, bend))
+    rhs = gathered[:, :3] + entering - (diagonal + coupled) * mean
+    rhs_behind = gathered_behind[:, :3] + entering_behind - (diagonal_behind + coupled_behind) * mean
+    solved = _damped(diagonal, diagonal_behind, coupled, coupled_behind, rhs, rhs_behind)
+    excess = np.where(sheet > 0.0, solved, _damped_inverse(diagonal) * rhs)
+    return np.maximum((mean + excess) / terms.doubled, 0.0)
 
 
-def _weak(eigenvalue: Array) -> Array:
-    return np.asarray(eigenvalue**3 / (eigenvalue**4 + WEAK**4))
+def _damped_inverse(eigenvalue: Array) -> Array:
+    """Return 1 / eigenvalue, smaller where it is weak."""
+    return np.asarray(eigenvalue**3 / (eigenvalue**4 + WEAK_EIGENVALUE**4))
 
 
-def _damped(a: Array, d: Array, f: Array, g: Array, right: Array, right_there: Array) -> Array:
-    """First part of the solution of ((a, f), (g, d)) x = right with inverses of eigenvalues as `_weak` takes them."""
-    middle, half = 0.5 * (a + d), 0.5 * (a - d)
-    split = np.sqrt(np.maximum(half * half + f * g, LEAST_SPLIT**2))
-    upper, lower = _weak(middle + split), _weak(middle - split)
+def _damped(
+    diagonal: Array, diagonal_behind: Array, coupled: Array, coupled_behind: Array, rhs: Array, rhs_behind: Array
+) -> Array:
+    """First part of the solution of two equations, for both sides of a sheet, eigenvalues inverted as above.
+
+    The matrix is ((diagonal, coupled), (coupled_behind, diagonal_behind)).
+    """
+    middle, half_difference = 0.5 * (diagonal + diagonal_behind), 0.5 * (diagonal - diagonal_behind)
+    split = np.sqrt(np.maximum(half_difference * half_difference + coupled * coupled_behind, LEAST_SPLIT**2))
+    upper, lower = _damped_inverse(middle + split), _damped_inverse(middle - split)
     slope = (upper - lower) / (2.0 * split)
-    return np.asarray((0.5 * (upper + lower) + slope * half) * right + slope * f * right_there)
+    return np.asarray((0.5 * (upper + lower) + slope * half_difference) * rhs + slope * coupled * rhs_behind)
 
 
 def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Array, Array]:

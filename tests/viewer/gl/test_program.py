@@ -8,18 +8,51 @@ import numpy as np
 import pytest
 
 from milkglass.viewer.gl import program as gl
+from milkglass.viewer.gl.constants import CONSTANTS
 from milkglass.viewer.gl.context import float_texture, leave_framebuffer
-from tests.support.paths import SHADERS
+from tests.support.paths import ROOT, SHADERS
 from tests.support.rendering import MeshRenderer
 
-TABLE = re.findall(r"^\| ([\w -]+) \| ((?:\w+\.\w+(?:, )?)+) \|", (SHADERS / "README.md").read_text(), re.MULTILINE)
-PROGRAMS = {name: files.split(", ") for name, files in TABLE}
-UNIFORM = re.compile(r"^uniform \w+ (\w+)(?:\[\d+\])?;", re.MULTILINE)
+TABLE = re.findall(
+    r"^\| ([\w -]+) \| ((?:\w+\.\w+(?:, )?)+) \| ([\w ;-]+) \|", (SHADERS / "README.md").read_text(), re.MULTILINE
+)
+# (files, switches) by name, of each program and each of its variants
+PROGRAMS = {
+    f"{name} {switches}".removesuffix(" -"): (files.split(", "), dict.fromkeys(re.findall(r"\w+", switches), True))
+    for name, files, variants in TABLE
+    for switches in variants.split("; ")
+}
+SOURCES = {path.name: path.read_text() for path in SHADERS.glob("*/*") if path.suffix in gl.SHADER_SUFFIXES}
+UNIFORM = re.compile(r"^uniform \w+ (\w+)(?:\[[^]]+\])?;", re.MULTILINE)
 
 
-def build(context, files):
-    varyings = () if len(files) == 2 else tuple(re.findall(r"^out \w+ (\w+);", gl.shader_source(files[0]), re.M))
-    return gl.Program(context, *files, varyings=varyings)
+def compiled_lines(file, **switches):
+    """Text of a shader without what its switches leave out."""
+    lines, kept = [], [True]
+    for line in gl.shader_source(file, **switches).text.splitlines():
+        if line.startswith("#ifdef "):
+            kept.append(switches.get(line.removeprefix("#ifdef ").lower(), False))
+        elif line == "#else":
+            kept[-1] = not kept[-1]
+        elif line == "#endif":
+            kept.pop()
+        elif all(kept):
+            lines.append(line)
+    return "\n".join(lines)
+
+
+def build(context, files, **switches):
+    text = compiled_lines(files[0], **switches)
+    varyings = () if len(files) == 2 else tuple(re.findall(r"^out \w+ (\w+);", text, re.M))
+    return gl.Program(context, *files, varyings=varyings, **switches)
+
+
+def write_shaders(folder, monkeypatch, **texts):
+    """Make a folder the package's shaders; `a_frag` is the text of a.frag."""
+    paths = {name.replace("_", "."): folder / name for name in texts}
+    for path, text in zip(paths.values(), texts.values(), strict=True):
+        path.write_text(text)
+    monkeypatch.setattr(gl, "_shader_files", lambda: paths)
 
 
 # Shaders
@@ -27,22 +60,20 @@ def build(context, files):
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_every_program_compiles_and_uses_every_uniform_that_it_declares(context, name):
-    program = build(context, PROGRAMS[name])
-    declared = {uniform for file in PROGRAMS[name] for uniform in UNIFORM.findall(gl.shader_source(file))}
+    files, switches = PROGRAMS[name]
+    program = build(context, files, **switches)
+    declared = {uniform for file in files for uniform in UNIFORM.findall(compiled_lines(file, **switches))}
     assert program.uniforms == declared
 
 
 def test_the_table_of_shaders_is_complete():
-    """Every shader belongs to a program of shaders/README.md, every include to a shader."""
-    listed = {file for files in PROGRAMS.values() for file in files}
-    included = {
-        name
-        for path in SHADERS.glob("*/*.*")
-        for name in re.findall(r'^#(?:include|replace "[^"]+") "(.+)"$', path.read_text(), re.M)
-    }
-    on_disk = {path.name for path in SHADERS.glob("*/*") if path.suffix in (".vert", ".frag", ".glsl")}
-    assert listed | included == on_disk
+    """Every shader belongs to a program of shaders/README.md, every include to a shader, every switch to a program."""
+    listed = {file for files, _ in PROGRAMS.values() for file in files}
+    included = {name for text in SOURCES.values() for name in re.findall(r'^#include "(.+)"$', text, re.M)}
+    assert listed | included == SOURCES.keys()
     assert {Path(name).suffix for name in included - listed} == {".glsl"}
+    asked = {name for text in SOURCES.values() for name in re.findall(r"^#ifn?def (\w+)$", text, re.M)}
+    assert asked == {switch.upper() for _, switches in PROGRAMS.values() for switch in switches}
 
 
 def test_the_renderer_builds_the_programs_of_the_table(context, monkeypatch, shapes):
@@ -50,56 +81,120 @@ def test_the_renderer_builds_the_programs_of_the_table(context, monkeypatch, sha
     built = []
     make = gl.Program.__init__
 
-    def record(self, context, *files, **options):
-        built.append(list(files))
-        make(self, context, *files, **options)
+    def record(self, context, *files, varyings=(), **switches):
+        built.append((list(files), {name: True for name, is_on in switches.items() if is_on}))
+        make(self, context, *files, varyings=varyings, **switches)
 
     monkeypatch.setattr(gl.Program, "__init__", record)
     MeshRenderer(context, shapes["cube"])
     assert len(built) >= 8
-    assert all(files in PROGRAMS.values() for files in built)
+    assert all(program in PROGRAMS.values() for program in built)
 
 
-@pytest.mark.parametrize("file", sorted({file for files in PROGRAMS.values() for file in files}))
-def test_includes_resolve_once(file):
-    source = gl.shader_source(file)
-    assert "#include" not in source
-    assert source.startswith("#version 330\n")
-    definitions = re.findall(r"^\w+ (\w+)\(.*\{$", source, re.MULTILINE)
-    assert len(definitions) == len(set(definitions))
-
-
-def write_shaders(folder, monkeypatch, **texts):
-    """Make a folder of one room the package's shaders."""
-    (folder / "room").mkdir()
-    for name, text in texts.items():
-        (folder / "room" / name.replace("_", ".")).write_text(text)
-    monkeypatch.setattr(gl.resources, "files", lambda package: folder)
-    monkeypatch.setattr(gl, "_shader_files", gl._shader_files.__wrapped__)
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_includes_resolve_once(name):
+    files, switches = PROGRAMS[name]
+    for file in files:
+        assert "#include" not in gl.shader_source(file, **switches).text
+        assert gl.shader_source(file, **switches).text.startswith("#version 330\n")
+        definitions = re.findall(r"^\w+ (\w+)\(.*\{", compiled_lines(file, **switches), re.MULTILINE)
+        assert len(definitions) == len(set(definitions))
 
 
 def test_a_part_included_by_two_parts_appears_once(tmp_path, monkeypatch):
     write_shaders(
         tmp_path,
         monkeypatch,
-        a_frag='first\n#include "b.glsl"\n#include "c.glsl"\n#include "d.glsl"\nlast\n',
+        a_frag='#version 330\nfirst\n#include "b.glsl"\n#include "c.glsl"\n#include "d.glsl"\nlast\n',
         b_glsl='#include "d.glsl"\nb\n',
         c_glsl='c\n#include "d.glsl"\n#include "a.frag"\n',
         d_glsl="d\n",
     )
-    assert gl.shader_source("a.frag").split() == ["first", "d", "b", "c", "last"]
+    source = gl.shader_source("a.frag")
+    assert [line for line in source.text.splitlines() if line and line[0] != "#"] == ["first", "d", "b", "c", "last"]
+    assert source.files == ("a.frag", "b.glsl", "d.glsl", "c.glsl")
 
 
-def test_a_part_takes_the_place_of_another(tmp_path, monkeypatch):
-    write_shaders(
-        tmp_path,
-        monkeypatch,
-        a_frag='#version 330\nfirst\n#include "b.glsl"\nlast\n',
-        b_glsl="b\n",
-        c_glsl="c\n",
-        other_frag='#version 330\n#replace "b.glsl" "c.glsl"\n#include "a.frag"\n',
-    )
-    assert gl.shader_source("other.frag").split() == ["#version", "330", "first", "c", "last"]
+def test_a_switch_is_defined_only_if_it_is_on():
+    text = gl.shader_source("composite.frag", detail=True, soft=False).text
+    assert "\n#define DETAIL\n" in text
+    assert "#define SOFT" not in text
+
+
+@pytest.mark.parametrize("stage", ["vertex", "fragment"])
+@pytest.mark.parametrize(
+    ("parts", "place"),
+    [
+        ({"part_glsl": "float f() {\n    return 1.0;\n}\n\nfloat g() { return nowhere; }\n"}, "part.glsl:5"),
+        ({"part_glsl": '// b\n#include "b.glsl"\nvoid g() {}\n', "b_glsl": "\nnowhere;\n"}, "b.glsl:2"),
+        ({"part_glsl": '#include "b.glsl"\n\nvoid g() { nowhere; }\n', "b_glsl": "\n\n\n\n"}, "part.glsl:3"),
+        ({"part_glsl": "float g() { return 0.0; }\n"}, "main.{suffix}:5"),
+    ],
+)
+def test_a_compilers_error_names_file_and_line(context, tmp_path, monkeypatch, stage, parts, place):
+    suffix = "vert" if stage == "vertex" else "frag"
+    out = "gl_Position" if stage == "vertex" else "o_colour"
+    declared = "" if stage == "vertex" else "out vec4 o_colour;"
+    main = f'#version 330\n{declared}\n#include "part.glsl"\nvoid main() {{\n    {out} = vec4(nowhere);\n}}\n'
+    if "main" not in place:
+        main = main.replace("nowhere", "1.0")
+    good = {
+        "fine_vert": "#version 330\nvoid main() { gl_Position = vec4(0.0); }\n",
+        "fine_frag": "#version 330\nout vec4 o;\nvoid main() { o = vec4(0.0); }\n",
+    }
+    write_shaders(tmp_path, monkeypatch, **{f"main_{suffix}": main}, **parts, **good)
+    files = ("main.vert", "fine.frag") if stage == "vertex" else ("fine.vert", "main.frag")
+    with pytest.raises(moderngl.Error) as caught:
+        gl.Program(context, *files)
+    assert re.search(rf"^{re.escape(place.format(suffix=suffix))}\b", str(caught.value), re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    ("message", "named"),
+    [
+        ("0:20007(5): error: `x' undeclared", "c.glsl:7(5): error: `x' undeclared"),
+        ("0(10012) : error C1503: undefined variable", "b.glsl:12 : error C1503: undefined variable"),
+        ("ERROR: 0:3: 'x' : undeclared identifier", "ERROR: a.frag:3: 'x' : undeclared identifier"),
+        ("GLSL Compiler failed\n\n0:1(1): error\nsee 0:1", "GLSL Compiler failed\n\na.frag:1(1): error\nsee 0:1"),
+    ],
+)
+def test_the_messages_of_several_compilers_are_read(message, named):
+    assert gl.ShaderSource("", ("a.frag", "b.glsl", "c.glsl")).named(message) == named
+
+
+# Constants
+
+
+def test_no_shader_defines_a_constant_of_pythons():
+    for file, text in SOURCES.items():
+        defined = re.findall(r"^\s*const \w+ (\w+)", text, re.M) + re.findall(r"^\s*#define (\w+)", text, re.M)
+        assert not CONSTANTS.keys() & set(defined), file
+        assert "#define" not in text, f"{file}: a constant is a const, a switch comes from Python"
+
+
+def test_every_constant_of_pythons_is_used_by_a_shader():
+    words = {word for text in SOURCES.values() for word in re.findall(r"\w+", text)}
+    assert CONSTANTS.keys() <= words
+
+
+def test_constants_that_python_and_shaders_share_by_a_comment_are_injected():
+    """A number that says of itself that a shader has it too belongs into the list."""
+    for path in [*(ROOT / "core").rglob("*.py"), *(ROOT / "viewer").rglob("*.py")]:
+        assert not re.search(r"= .*#.*\bas in (?:the shader|\w+\.(?:glsl|frag|vert))", path.read_text()), path
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PI", "3.141592653589793"),
+        ("LUMINANCE", "vec3(0.2126, 0.7152, 0.0722)"),
+        ("SHEET_NEAR", "vec2(0.5, 1.0)"),
+        ("LIGHT_POINT", "1"),
+        ("NEAREST_LIGHT", "1e-06"),
+    ],
+)
+def test_constants_are_glsls_literals(name, value):
+    assert f"\n#define {name} {value}\n" in gl.shader_source("fullscreen.vert").text
 
 
 # Uniforms
@@ -139,7 +234,7 @@ def test_a_row_vector_matrix_arrives_as_glsl_expects_it(context, program):
 
 
 def test_textures_of_one_call_get_units_of_their_own(context):
-    composite = build(context, PROGRAMS["composite"])
+    composite = build(context, PROGRAMS["composite"][0])
     samplers = sorted(name for name in composite.uniforms if name.startswith("t_"))
     values = {name: composite.program[name].value for name in composite.uniforms}  # as they are
     values |= {name: float_texture(context, (1, 1)) for name in samplers}

@@ -1,0 +1,60 @@
+"""Constants that Python and the shaders share: defined in Python, injected into every shader as `#define` lines."""
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from milkglass.core.display import LUMINANCE
+from milkglass.core.geometry.detail import STEEPEST
+from milkglass.core.light.visibility import LEAST_LOBE, LOBE_ORDER
+from milkglass.core.reference import sheet
+from milkglass.core.reference.equation import NEAREST_LIGHT
+from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
+from milkglass.core.transport.diffusion.points import LEAST_SPLIT
+from milkglass.viewer.scene import sub_lights
+from milkglass.viewer.scene.settings import BEHIND
+
+CUBE_VIEWS = 6  # of a shadow map around a light that stands amid the object
+BACKGROUND_COLOUR, BACKGROUND_TRANSPARENT, BACKGROUND_ENVIRONMENT = range(3)
+
+
+def _literal(value: float | Sequence[float]) -> str:
+    """Return a value as GLSL: an int, a float, or a vector of floats."""
+    if isinstance(value, Sequence):
+        return f"vec{len(value)}({', '.join(map(_literal, value))})"
+    return repr(value)
+
+
+CONSTANTS: Mapping[str, str] = MappingProxyType(
+    {
+        name: _literal(value)
+        for name, value in {
+            "PI": math.pi,
+            "LUMINANCE": LUMINANCE.tolist(),
+            "LIGHT_DIRECTIONAL": sub_lights.DIRECTIONAL,
+            "LIGHT_POINT": sub_lights.POINT,
+            "LIGHT_ENVIRONMENT": sub_lights.ENVIRONMENT,
+            "SHAPE_EVEN": sub_lights.EVEN,
+            "SHAPE_SPHERE": sub_lights.SPHERE,
+            "SHAPE_FACE": sub_lights.FACE,
+            "SHAPE_CONE": sub_lights.CONE,
+            "SHAPE_BALL": sub_lights.BALL,
+            "NEAREST_LIGHT": NEAREST_LIGHT,
+            "CUBE_VIEWS": CUBE_VIEWS,
+            "SHEET_PARALLEL": sheet.PARALLEL,
+            "SHEET_NEAR": sheet.NEAR,
+            "SHEET_FLAT": sheet.FLAT,
+            "SHEET_PROBE": sheet.PROBE,
+            "WEAK_EIGENVALUE": WEAK_EIGENVALUE,
+            "LEAST_SQUARED_SPLIT": LEAST_SPLIT**2,
+            "LOBE_ORDER": LOBE_ORDER,
+            "LEAST_LOBE": LEAST_LOBE,
+            "STEEPEST": STEEPEST,
+            "BACKGROUND_COLOUR": BACKGROUND_COLOUR,
+            "BACKGROUND_TRANSPARENT": BACKGROUND_TRANSPARENT,
+            "BACKGROUND_ENVIRONMENT": BACKGROUND_ENVIRONMENT,
+            "BEHIND_FILLED": BEHIND.index("filled"),
+            "BEHIND_NOTHING": BEHIND.index("transparent"),
+        }.items()
+    }
+)
