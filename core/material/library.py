@@ -36,7 +36,7 @@ MAX_COEFFICIENT = 1e6  # 1/mm, a mean free path of a nanometre: beyond any mater
 CHANNELS = ("r", "g", "b")
 # Below this albedo most light is absorbed before it scatters twice, and diffusion does not describe it.
 MIN_DIFFUSE_ALBEDO = 0.5
-LONG = 10.0  # mm, a mean free path that few objects are many of
+LONG_PATH = 10.0  # mm, a mean free path that few objects are many of
 DECIMETRE = 100.0  # mm
 
 
@@ -142,8 +142,8 @@ def diffusion_holds(material: Material) -> bool:
 
 
 def is_thin(material: Material) -> bool:
-    """Tell whether an object in the hand is optically thin in a channel: a mean free path of at least `LONG`."""
-    return bool((material.mean_free_path >= LONG).any())
+    """Tell whether an object in the hand is optically thin in a channel: a mean free path of at least `LONG_PATH`."""
+    return bool((material.mean_free_path >= LONG_PATH).any())
 
 
 def validity_notes(material: Material) -> list[str]:
@@ -156,7 +156,7 @@ def validity_notes(material: Material) -> list[str]:
         (scatters & (absorption == 0.0), "no absorption in {}: sigma_tr = 0, 1/rho^3 tail"),
         (scatters & (material.alpha_prime < MIN_DIFFUSE_ALBEDO), "alpha' < 0.5 in {}: diffusion doubtful"),
         (far, "mean free path of decimetres in {}: nearly clear"),
-        (scatters & ~far & (material.mean_free_path >= LONG), "mean free path above 10 mm in {}"),
+        (scatters & ~far & (material.mean_free_path >= LONG_PATH), "mean free path above 10 mm in {}"),
     ]
     notes = [phrase.format(_named(channels)) for channels, phrase in findings if channels.any()]
     return [*notes, "eta assumed"] if material.source == "NGD06" else notes

@@ -34,15 +34,30 @@ from scipy.optimize import brentq
 from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import Material
+from milkglass.core.provenance import chosen, fitted
 
-# A grows as albedo falls, because light near the surface is then not as isotropic as diffusion takes it: one constant,
-# fitted to what leaves slabs and spheres in a photon walk. It matters most below an albedo of 0.97.
-ANISOTROPY = 0.5
-NEARLY_CLEAR = 0.06  # albedo
-CLEAR = 1e9  # mean free path, mm; more changes nothing
-CONVEX = 0.6  # share of the effect that is left where the surface is convex but nearly flat
-SHARPEST = 0.8  # an edge's curvature times mean free path that counts: beyond, to second order is not enough
-DEEPEST = 2.0  # concave curvature times mean free path that counts; no wall of a cavity lets out less
+SMALLEST_ALBEDO = 0.06  # below it k of `_diffusion` is 1 to the last bit
+LONGEST_PATH = 1e9  # mean free path, mm; more changes nothing
+
+
+@dataclass(frozen=True)
+class BoundaryConditionConstants:
+    """What the boundary condition has beyond its derivation."""
+
+    anisotropy: float = fitted(
+        0.5,
+        "growth of A over sqrt(1 - a'), where light near the surface is not isotropic",
+        "ball",
+        "plate",
+    )
+    convex_share: float = fitted(0.6, "share of curvature's effect on a convex surface that is nearly flat", "ball")
+    sharpest_edge: float = fitted(
+        0.8, "curvature of an edge times mean free path at which second order ends", "box", "cylinder", "cone"
+    )
+    deepest_cavity: float = chosen(2.0, "concave curvature times mean free path, beyond which no more counts", "bowl")
+
+
+BOUNDARY_CONDITION = BoundaryConditionConstants()
 
 
 @dataclass(frozen=True)
@@ -94,18 +109,18 @@ class Medium:
     @property
     def extrapolation_factor(self) -> float:
         """A, >= 1."""
-        return extrapolation_factor(self.eta) * float(1.0 + ANISOTROPY * np.sqrt(1.0 - self.albedo))
+        return extrapolation_factor(self.eta) * float(1.0 + BOUNDARY_CONDITION.anisotropy * np.sqrt(1.0 - self.albedo))
 
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
         """A on a curved surface over `extrapolation_factor`, > 0.
 
         `curvature` is 2 H, 1/mm, above 0 where convex, any shape, and `edges` what convex edges add to it, >= 0.
         """
-        far = min(self.mean_free_path, CLEAR)
+        far = min(self.mean_free_path, LONGEST_PATH)
         sharp = np.asarray(edges, np.float64) * far
-        bent = np.clip(np.asarray(curvature, np.float64) * far, -DEEPEST, CLEAR)
-        bent = np.where(bent > 0.0, CONVEX * bent / (1.0 + np.abs(bent)), bent)
-        bent = bent + sharp / np.hypot(1.0, sharp / SHARPEST)
+        bent = np.clip(np.asarray(curvature, np.float64) * far, -BOUNDARY_CONDITION.deepest_cavity, LONGEST_PATH)
+        bent = np.where(bent > 0.0, BOUNDARY_CONDITION.convex_share * bent / (1.0 + np.abs(bent)), bent)
+        bent = bent + sharp / np.hypot(1.0, sharp / BOUNDARY_CONDITION.sharpest_edge)
         extrapolated = 2.0 * self.extrapolation_factor * self.diffusion / self.mean_free_path
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 
@@ -125,7 +140,7 @@ def _diffusion(absorbed: float) -> float:
     """D in mean free paths for 1 - a': (1 - a') / k^2, k the root of a' = k / artanh k (Case and Zweifel 1967)."""
     if absorbed < 1e-5:
         return 1.0 / 3.0 + 4.0 / 15.0 * absorbed
-    if absorbed > 1.0 - NEARLY_CLEAR:  # k is 1 to the last bit
+    if absorbed > 1.0 - SMALLEST_ALBEDO:
         return absorbed
     k = brentq(lambda k: k / np.arctanh(k) - (1.0 - absorbed), 1e-3, 1.0 - 1e-16)
     return absorbed / float(k) ** 2

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 
-LONGEST = 60.0  # chord, in mean free paths: beyond, exp(-z) has ended
-TABLE = 2048
+LONGEST_CHORD = 60.0  # chord, in mean free paths: beyond, exp(-z) has ended
+TABLE_SIZE = 2048
 
 
 def refract(directions: npt.ArrayLike, normals: npt.ArrayLike, eta: float) -> Array:
@@ -47,7 +47,7 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
     depths, weights : (n, 2) float64
         Depths in mean free paths; weights sum to 1 - exp(-chord).
     """
-    chord = np.minimum(np.asarray(chord, np.float64), LONGEST)
+    chord = np.minimum(np.asarray(chord, np.float64), LONGEST_CHORD)
     at, table = _table()
     bounded = chord / (1.0 + chord)
     shares = np.stack([np.interp(bounded, at, column) for column in table], axis=-1)
@@ -59,7 +59,7 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
 @functools.cache
 def _table() -> tuple[Array, Array]:
     """Over chord / (1 + chord): both depths, divided by it, and the first one's share of the weight."""
-    at = np.linspace(0.0, LONGEST / (1.0 + LONGEST), TABLE)
+    at = np.linspace(0.0, LONGEST_CHORD / (1.0 + LONGEST_CHORD), TABLE_SIZE)
     chord = np.maximum(at / (1.0 - at), 1e-6)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     # Half of the nodes on [0, chord]'s first mean free paths: the density is steep where the chord is long.

@@ -23,8 +23,8 @@ from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import Material
 
-HALF = 24  # cosines on either side of the critical angle
-MUCH = 1.0 / 3.0  # share above which a picture without single scattering is another picture
+NODES = 24  # cosines on either side of the critical angle
+NOTABLE_SHARE = 1.0 / 3.0  # share above which a picture without single scattering is another picture
 # Double-exponential nodes in (0, 1): the integrand has logarithms at both ends.
 _V = np.arange(-3.2, 3.2, 0.05)
 _SHARE = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_V)))
@@ -86,7 +86,7 @@ def chandrasekhar_h(mu: Array, albedo: float) -> Array:
 def _cosines(eta: float) -> tuple[Array, Array]:
     """Nodes and weights of [0, 1], parted at the critical angle, beyond which all is reflected."""
     critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
-    nodes, weights = np.polynomial.legendre.leggauss(HALF)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
     t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     # F_t rises as a square root from the critical angle on, and H has a logarithm at 0: both ends in t^2.
     above, below = critical + (1.0 - critical) * t * t, critical * t * t

@@ -21,16 +21,16 @@ from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.grid.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.curvature import Curvature, curvature
 from milkglass.core.transport.diffusion.edges.pairs import Edges
+from milkglass.core.transport.diffusion.edges.ramps import rising
 from milkglass.core.transport.diffusion.patches import Patches
 
 Bools = npt.NDArray[np.bool_]
 
-ROWS = 24  # points at which the row sum is measured
-TOLERANCE = 0.02  # of the row sum -1/2: a closed surface has it to the last digits, one with a hole does not near it
-LEAST_PARALLEL, PARALLEL = 0.6, 0.95  # cosine between the sides of a sheet: below it is none, from there on it is one
-PLAIN = 0.96  # evenness above which patches may be of a face that has edges
+ROW_SUM_POINTS = 24  # at which the row sum is measured
+ROW_SUM_TOLERANCE = 0.02  # off -1/2: a closed surface has it to the last digits, one with a hole is far from it
 RAY_OFFSET = 1e-3  # cells that a ray starts below the surface
 
 
@@ -75,7 +75,8 @@ class Boundary:
     @functools.cached_property
     def edges(self) -> Edges:
         """Between the patches."""
-        return Edges(self.patches, self.thickness, (self.curvature.evenness > PLAIN) & ~self.is_sheet)
+        plain = self.curvature.evenness > CONSTANTS.edges.plain_evenness
+        return Edges(self.patches, self.thickness, plain & ~self.is_sheet)
 
     @functools.cached_property
     def mean_chord(self) -> float:
@@ -103,10 +104,10 @@ class Boundary:
     def bending(self, medium: Medium) -> Array:
         """`Medium.bending` of the patches, (n,); curvature counts as far as light goes before it scatters."""
         far = medium.mean_free_path
-        curvature, edges, _ = self.curvature.at(0.5 * far)
+        curvature, edges, _ = self.curvature.at(CONSTANTS.curvature.width * far)
         smooth = curvature - edges
         # On sheets, and where light flies through without meeting anything, there is no face to speak of.
-        counts = float(np.clip(2.0 - far / self.mean_chord, 0.0, 1.0))
+        counts = float(np.clip(CONSTANTS.curvature.edgeless_chord - far / self.mean_chord, 0.0, 1.0))
         if counts == 0.0:
             return medium.bending(smooth)
         sharp = np.where(self.is_sheet, 0.0, np.maximum(edges, self.edges.curvature(far)))
@@ -150,7 +151,8 @@ def find_sheet(patches: Patches, thickness: Array, reach: float) -> Sheet:
     known = np.hstack([patches.on_surface, reach * patches.face_normals])
     others = cKDTree(known).query(np.hstack([across, -reach * patches.face_normals[thin]]))[1]
     facing = -np.einsum("ij,ij->i", patches.face_normals[thin], patches.face_normals[others])
-    share = np.clip((facing - LEAST_PARALLEL) / (PARALLEL - LEAST_PARALLEL), 0.0, 1.0)
+    limits = CONSTANTS.sheets
+    share = rising(facing, limits.least_parallel, limits.parallel)
     share *= np.clip(2.0 - 2.0 * thickness[thin] / reach, 0.0, 1.0)
     used = share > 0.0
     return Sheet(thin[used], others[used], thickness[thin[used]], share[used])
@@ -218,7 +220,7 @@ def depths_of(mesh: Mesh) -> Depths:
     return Depths(mesh)
 
 
-def row_sums(mesh: Mesh, n: int = ROWS, body: npt.NDArray[np.integer] | None = None) -> Array:
+def row_sums(mesh: Mesh, n: int = ROW_SUM_POINTS, body: npt.NDArray[np.integer] | None = None) -> Array:
     """K 1 at n places spread over the surface, without absorption: -1/2 each where it is closed and wound outwards.
 
     Of a place's own body alone where that of each face is given: bodies may then share a plane.
@@ -243,4 +245,4 @@ def row_sums(mesh: Mesh, n: int = ROWS, body: npt.NDArray[np.integer] | None = N
 
 def is_closed(sums: Array) -> bool:
     """Whether row sums are those of a surface that is closed and wound outwards."""
-    return bool(np.abs(sums + 0.5).max() <= TOLERANCE)
+    return bool(np.abs(sums + 0.5).max() <= ROW_SUM_TOLERANCE)

@@ -13,8 +13,8 @@ from milkglass.core.transport.diffusion.edges.last_flight import LastFlight, las
 from milkglass.core.transport.diffusion.entry import Entry, sources
 from milkglass.core.transport.diffusion.green import local_green, local_slope
 
-EVEN = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
-JACOBI = 1.0  # added to the diagonal for a first guess, about what the nodes carry of a phi that varies slowly
+DIAGONAL_SHIFT = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
+FIRST_GUESS_SHIFT = 1.0  # added to the diagonal for a first guess: the nodes carry about that of an even phi
 
 
 class Channel:
@@ -107,12 +107,12 @@ class Channel:
     @property
     def preconditioner(self) -> Array:
         """Of the unknowns of GMRES, phi over it: it evens rows out and saves a product in five."""
-        return 1.0 / (self._diagonal + EVEN)
+        return 1.0 / (self._diagonal + DIAGONAL_SHIFT)
 
     @property
     def first_guess(self) -> Array:
         """A phi to start from where nothing better is known."""
-        return self.right_hand_side / (self._diagonal + JACOBI)
+        return self.right_hand_side / (self._diagonal + FIRST_GUESS_SHIFT)
 
     def volume(self, fluence: Array) -> Float32:
         """What phi on the surface gives at the nodes: (n_layers, height, width)."""

@@ -20,7 +20,7 @@ from milkglass.core.transport.diffusion.green import local_green
 Vector = tuple[float, float, float]
 
 LEAST_REFLECTED = 0.05  # F_r; at right angles it is less, and the light not worth its way
-LEAST_LEFT = 1e-3  # share of a ray's light that comes back
+LEAST_RETURNED = 1e-3  # share of a ray's light that comes back
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp
     """
     second = entry.second
     left = second.reflected * np.exp(-entry.chords_in(medium)[second.rays])
-    worth = np.flatnonzero(left > LEAST_LEFT)
+    worth = np.flatnonzero(left > LEAST_RETURNED)
     depths, shares = first_scattering(second.chords[worth] / (entry.stretch * medium.mean_free_path))
     return worth, depths, left[worth, None] * shares
 

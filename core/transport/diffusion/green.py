@@ -20,20 +20,20 @@ from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 from milkglass.core.material.medium import Medium
 
-ORIGIN = 1e-4  # widths; nearer to 0 the quotient of the closed form is replaced by its value there
-RADII = 4096  # of the radial table
-NEAR = 0.4  # of the way to the image: from there on the kernel is left as it is
-STEP = 1e-3  # widths, of differences
-OPAQUE = 100.0  # sigma s; more would lose a difference too: the filtered G is the window itself over s_a, to 1e-3
-LEAST_DECAY = 1e-7  # sigma s; less would lose the difference of two large numbers, and changes nothing
+SMALLEST_RADIUS = 1e-4  # widths; nearer to 0 the quotient of the closed form is replaced by its value there
+TABLE_SIZE = 4096  # of the radial table
+BLEND_START = 0.4  # of the way to the image: from there on the kernel is left as it is
+DIFFERENCE_STEP = 1e-3  # widths, of differences
+LARGEST_ATTENUATION = 100.0  # sigma s; more would lose a difference too: filtered G is the window over s_a, to 1e-3
+SMALLEST_ATTENUATION = 1e-7  # sigma s; less would lose the difference of two large numbers, and changes nothing
 
 
 def smooth_green(medium: Medium, s: float, r: npt.ArrayLike) -> Array:
     """G filtered by the window of width s (mm), at distance r (mm, >= 0): 1 / mm^2."""
-    r = np.maximum(np.asarray(r, np.float64), ORIGIN * s)
+    r = np.maximum(np.asarray(r, np.float64), SMALLEST_RADIUS * s)
     sigma, bell = medium.attenuation, np.exp(-0.5 * np.square(r / s))
     gaussian = bell / (2.0 * np.pi * s * s) ** 1.5
-    if sigma * s > OPAQUE:
+    if sigma * s > LARGEST_ATTENUATION:
         return np.asarray(gaussian * (35.0 - 14.0 * np.square(r / s) + (r / s) ** 4) / (8.0 * medium.sigma_a))
     down, up = _halves(r, sigma, s, bell)
     pole = -0.5 * (s * sigma) ** 2
@@ -48,9 +48,9 @@ def local_green(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
     rho(e) = T(e) - int w(t) T(|e - t|) dt, T(e) = exp(-sigma e) / (2 D sigma): G integrated over the plane.
     """
     e = np.asarray(e, np.float64)
-    sigma, bell = max(medium.attenuation, LEAST_DECAY / s), np.exp(-0.5 * np.square(e / s))
+    sigma, bell = max(medium.attenuation, SMALLEST_ATTENUATION / s), np.exp(-0.5 * np.square(e / s))
     gaussian = bell / (np.sqrt(2.0 * np.pi) * s)
-    if sigma * s > OPAQUE:
+    if sigma * s > LARGEST_ATTENUATION:
         smooth = gaussian * (15.0 - 10.0 * np.square(e / s) + (e / s) ** 4) / (8.0 * sigma**2)
     else:
         down, up = _halves(e, sigma, s, bell)
@@ -63,7 +63,7 @@ def local_green(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
 def local_slope(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
     """D times the slope of `local_green` over e: what the nodes leave out of K across a sheet, by a difference."""
     e = np.asarray(e, np.float64)
-    low, high = np.maximum(e - STEP * s, 0.0), e + STEP * s
+    low, high = np.maximum(e - DIFFERENCE_STEP * s, 0.0), e + DIFFERENCE_STEP * s
     return np.asarray(medium.diffusion * (local_green(medium, s, high) - local_green(medium, s, low)) / (high - low))
 
 
@@ -77,10 +77,10 @@ def green_spectrum(medium: Medium, s: float, grid: LayerGrid, shape: Convolution
     steps = np.array([grid.layer_distance, grid.texel, grid.texel])
     z, y, x = (step * np.arange(n, dtype=np.float64) for step, n in zip(steps, shape.quadrant, strict=True))
     r = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
-    table = np.linspace(0.0, float(r[-1, -1, -1]), RADII)
+    table = np.linspace(0.0, float(r[-1, -1, -1]), TABLE_SIZE)
     kernel = np.interp(r, table, smooth_green(medium, s, table))
     end = float(np.min(steps * (np.array(shape.quadrant) - 1)))
-    u = np.clip((r / end - NEAR) / (1.0 - NEAR), 0.0, 1.0)
+    u = np.clip((r / end - BLEND_START) / (1.0 - BLEND_START), 0.0, 1.0)
     near = kernel * (1.0 - u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
     far = kernel - near
     for axis in range(3):

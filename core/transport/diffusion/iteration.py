@@ -11,11 +11,12 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.channel import Channel
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.krylov import Step, combined, gmres, inner, norm
 
-# Singular value of the scaled equation: objects have 0.1 (a ball of 0.3 mean free paths) and more, mostly 0.3. Where
-# strands thinner than a node come close to each other the grid can have one near 0, and light of 100 times what enters.
-WEAK = 0.06
+# Objects have 0.1 (a ball of 0.3 mean free paths) and more, mostly 0.3. Where strands thinner than a node come close to
+# each other the grid can have one near 0, and light of 100 times what enters.
+WEAK_SINGULAR_VALUE = CONSTANTS.regularisation.weak_singular_value
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class Iteration:
         self._volumes: list[Float32] = []
         scale = start.size or 1.0  # 0 where so little scatters that its square underflows
         matvec = functools.partial(_matvec, channel, self._volumes)
-        self._steps = gmres(matvec, start.residual, scale, tolerance, max_matvecs, WEAK)
+        self._steps = gmres(matvec, start.residual, scale, tolerance, max_matvecs, WEAK_SINGULAR_VALUE)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:

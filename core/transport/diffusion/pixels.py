@@ -23,12 +23,13 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine
 from milkglass.core.transport.diffusion.boundary import Boundary
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.green import local_green, local_slope
 
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
 BLACK = 1e9
 FLAT = 2e-3
-WEAK_EIGENVALUE = 0.16  # of a point's own equation: below it the neighbourhood knows better
+WEAK_EIGENVALUE = CONSTANTS.regularisation.weak_eigenvalue
 THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
 

@@ -64,7 +64,7 @@ def test_near_grosjean_where_little_is_absorbed(albedo, apart):
     assert of.diffusion == pytest.approx(grosjean, rel=apart)
 
 
-@pytest.mark.parametrize("branch", [1e-5, 1.0 - medium.NEARLY_CLEAR])
+@pytest.mark.parametrize("branch", [1e-5, 1.0 - medium.SMALLEST_ALBEDO])
 def test_no_step_between_the_branches(branch):
     below, above = medium._diffusion(branch * (1.0 - 1e-9)), medium._diffusion(branch * (1.0 + 1e-9))
     assert above == pytest.approx(below, rel=1e-8)

@@ -6,7 +6,7 @@ import pytest
 from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.core.material.single_scattering import (
-    MUCH,
+    NOTABLE_SHARE,
     chandrasekhar_h,
     reflectance,
     reflected_once,
@@ -67,7 +67,7 @@ def test_what_is_told_of_a_material():
     assert statement(Material("m", (0.0,) * 3, (0.0,) * 3, 1.3)) == "nothing scatters"
     marble, sprite = materials.lookup("marble"), materials.lookup("sprite")
     np.testing.assert_allclose(share(marble), [0.0639, 0.0670, 0.0703], atol=1e-4)
-    assert share(marble).max() < MUCH < share(sprite).min()
+    assert share(marble).max() < NOTABLE_SHARE < share(sprite).min()
     assert statement(marble).startswith("6 %, 7 %, 7 % of the light that leaves")
     for material in materials.library():
         assert np.isfinite(share(material)).all()

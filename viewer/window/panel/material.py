@@ -208,7 +208,7 @@ class MaterialPanel:
         imgui.end_table()
         for note in materials.validity_notes(material):
             self._controls.note(note)
-        if single_scattering.share(material).max() > single_scattering.MUCH:
+        if single_scattering.share(material).max() > single_scattering.NOTABLE_SHARE:
             self._controls.note(f"single scattering is missing: {single_scattering.statement(material)}", warning=True)
         if (missed := beyond_object(self._session.scene)) is not None:
             self._controls.note(missed, warning=True)

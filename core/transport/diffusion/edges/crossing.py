@@ -17,11 +17,10 @@ import numpy as np
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.normals import unit
 from milkglass.core.material.medium import Medium
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.pairs import Edges, Pairs
 from milkglass.core.transport.diffusion.edges.wedge import look_up, wedge
 from milkglass.core.transport.diffusion.entry import Entry
-
-MOST = 0.5  # of what a patch lets in
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
         seen, gone = _crossed(edges, each, medium, flux, way)
         exitance += counts * part * np.bincount(each.patch, seen, len(areas))
         lost += counts * part * np.bincount(each.patch, gone, len(areas))
-    lost = np.minimum(lost, MOST)
+    lost = np.minimum(lost, CONSTANTS.edges.largest_loss)
     taken, given = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
     if min(taken, given) <= 0.0:
         return None

@@ -12,12 +12,12 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array
+from milkglass.core.transport.diffusion.constants import CONSTANTS
+from milkglass.core.transport.diffusion.edges.ramps import rising
 from milkglass.core.transport.diffusion.patches import Patches
 
+LIMITS = CONSTANTS.curvature
 NEIGHBOURS = 10
-APART = 1.0  # patches that normals a right angle apart count as
-FACE = 0.7  # cosine between normals of one face
-ROUND, SHARP = 0.15, 0.35  # radians that the surface turns over a patch: up to here no edge, from here on one
 DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
 
 
@@ -54,13 +54,13 @@ def curvature(patches: Patches) -> Curvature:
     n = len(patches)
     spacing = float(np.sqrt(patches.areas.mean()))
     count = min(NEIGHBOURS, n)
-    places = np.hstack([patches.points, APART / np.sqrt(2.0) * spacing * patches.normals])
+    places = np.hstack([patches.points, LIMITS.normal_separation / np.sqrt(2.0) * spacing * patches.normals])
     others = cKDTree(places).query(places, count)[1].reshape(n, count)
     step = patches.points[others] - patches.points[:, None]
     turn = patches.normals[others] - patches.normals[:, None]
     along, turned = np.einsum("ijk,ijk->ij", step, step), np.einsum("ijk,ijk->ij", turn, turn)
     alike = np.maximum(1.0 - 0.25 * turned, 0.0)
-    face = turned < 2.0 - 2.0 * FACE
+    face = turned < 2.0 - 2.0 * LIMITS.same_face_cosine
     evenness = 1.0 - 0.5 * np.sum(turned * face, axis=1) / np.sum(face, axis=1)
     weights = alike * patches.areas[others]
     bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
@@ -69,7 +69,7 @@ def curvature(patches: Patches) -> Curvature:
     rows = np.arange(0, n * count + 1, count)
     smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
     variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
-    edge = value * np.clip((np.abs(value) * spacing - ROUND) / (SHARP - ROUND), 0.0, 1.0)
+    edge = value * rising(np.abs(value) * spacing, LIMITS.smooth_turn, LIMITS.edge_turn)
     values = [smoother @ np.stack([value, np.maximum(edge, 0.0), np.maximum(-edge, 0.0)], axis=-1)]
     for i in range(DOUBLINGS):
         values.append(functools.reduce(lambda v, _: smoother @ v, range(2**i), values[-1]))

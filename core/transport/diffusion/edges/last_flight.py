@@ -24,18 +24,16 @@ from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
+from milkglass.core.transport.diffusion.constants import CONSTANTS
+from milkglass.core.transport.diffusion.edges.ramps import rising
 from milkglass.core.transport.diffusion.entry import Entry, first_sources
 from milkglass.core.transport.diffusion.green import local_green, local_slope
 
 Ints = npt.NDArray[np.intp]
 
-WIDTH = 2.0  # mean free paths over which a concave edge counts
-FLAT, SHARP = 0.05, 0.2  # radians that it turns by, as far as it counts: up to here none, from here on all
-CONVEX = 0.1  # curvature of convex edges times mean free path beside which it does not count
-ROUGH, EVEN = 0.98, 0.995  # evenness of faces: a scan's creases are no edges
-LEAST, ENOUGH = 0.01, 0.02  # share of the patches beside edges: fewer than the one are not worth their rays
-AROUND = 6  # ways from a place
-LOCAL, TABLE = 8.0, 512  # widths of the window over which the nodes' coarseness is felt
+LIMITS = CONSTANTS.last_flight
+AZIMUTHS = 6  # of the directions that are followed back from a patch
+TABLE_WIDTHS, TABLE_SIZE = 8.0, 512  # of local parts of G: widths of the window that it reaches, and its entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +91,12 @@ def last_flight(
     `s` is the window's width, mm, and `kept` the share of each patch's light that diffuses, (n,).
     """
     share = _beside(boundary, medium.mean_free_path)
-    share *= np.clip((share.mean() - LEAST) / (ENOUGH - LEAST), 0.0, 1.0)
+    share *= rising(share.mean(), LIMITS.least_share, LIMITS.full_share)
     chosen = np.flatnonzero(share > 0.0)
     if not len(chosen):
         return None
     places, shares, below = _places(boundary, depths, medium, chosen)
-    e = LOCAL * s * np.linspace(0.0, 1.0, TABLE)
+    e = TABLE_WIDTHS * s * np.linspace(0.0, 1.0, TABLE_SIZE)
     green, slope = local_green(medium, s, e), local_slope(medium, s, e)
     coarse = np.interp(below, e, green, right=0.0) / (2.0 * medium.extrapolation_factor)
     coarse += boundary.bending(medium)[chosen, None] * np.interp(below, e, slope, right=0.0)
@@ -125,11 +123,12 @@ def once(eta: float, cosines: Array) -> Array:
 
 def _beside(boundary: Boundary, far: float) -> Array:
     """How far each patch is beside a concave edge of faces, (n,), for a mean free path `far`."""
-    width = min(WIDTH * far, float(boundary.curvature.widths[-1]))
+    width = min(LIMITS.width * far, float(boundary.curvature.widths[-1]))
     concave = np.sqrt(2.0 * np.pi) * width * boundary.curvature.at(width)[2]
-    share = np.clip((concave - FLAT) / (SHARP - FLAT), 0.0, 1.0)
-    share *= np.clip(1.0 - far / CONVEX * boundary.curvature.at(0.5 * far)[1], 0.0, 1.0)
-    share *= np.clip((boundary.curvature.evenness - ROUGH) / (EVEN - ROUGH), 0.0, 1.0)
+    share = rising(concave, LIMITS.flat_turn, LIMITS.sharp_turn)
+    _, convex, _ = boundary.curvature.at(CONSTANTS.curvature.width * far)
+    share *= np.clip(1.0 - far / LIMITS.convex_limit * convex, 0.0, 1.0)
+    share *= rising(boundary.curvature.evenness, LIMITS.rough_evenness, LIMITS.even_evenness)
     nowhere = boundary.is_sheet | (boundary.patches.areas == 0.0)
     return np.asarray(boundary.edges.shown(far) * np.where(nowhere, 0.0, share))
 
@@ -145,13 +144,13 @@ def _places(boundary: Boundary, depths: Depths, medium: Medium, chosen: Ints) ->
     mu = np.sqrt(1.0 - 0.5 / medium.eta**2)
     leaves = float(fresnel.transmittance(medium.eta, np.sqrt(0.5))) / medium.eta**2
     points, shares, below = [], [], []
-    for turn in 2.0 * np.pi * np.arange(AROUND) / AROUND:
+    for turn in 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS:
         side = np.cos(turn) * first + np.sin(turn) * second
         way = np.sqrt(1.0 - mu * mu) * side - mu * normals
         depth, share = first_scattering(depths.ends(patches, chosen, way, cell)[0] / far)
         for node in range(2):
             points.append(starts + far * depth[:, node, None] * way)
-            shares.append(0.25 * medium.albedo * leaves / AROUND * share[:, node])
+            shares.append(0.25 * medium.albedo * leaves / AZIMUTHS * share[:, node])
             below.append(far * mu * depth[:, node])
     at = boundary.grid.coordinates(np.stack(points, axis=1).reshape(-1, 3))
     return np.ascontiguousarray(at[:, ::-1].T), np.stack(shares, axis=1), np.stack(below, axis=1)

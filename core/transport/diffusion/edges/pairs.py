@@ -15,23 +15,14 @@ from scipy.special import erfc
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.normals import unit
-from milkglass.core.transport.diffusion.edges.curvature import FACE
+from milkglass.core.transport.diffusion.constants import CONSTANTS
+from milkglass.core.transport.diffusion.edges.ramps import falling, rising
 from milkglass.core.transport.diffusion.patches import Patches, cells, octants
 
 Ints = npt.NDArray[np.intp]
 
-REACH = 2.5  # mean free paths from a patch to a piece of another face
-WIDTH = 1.2  # mean free paths: pieces count by exp(-(distance / width)^2)
-CELL = 1.0  # mean free path that a piece extends over
-OTHER = 0.3  # cosine between normals up to which two pieces are two faces; from `FACE` on they are one
-BACK, BESIDE = -0.8, -0.5  # the same for the two sides of a plate or a blade: up to BACK they are no edge
-ROUGH, EVEN = 0.93, 0.98  # mean cosine between normals of a face around a piece; a rough one is no face
-SHARP, ROUND = 0.7, 1.4  # mean free paths over which a surface turns from one face to the other: an edge, and none
-FINE, COARSE = 0.5, 1.0  # patches in mean free paths: what edges do is seen up to here whole, from here on not at all
-SPREAD = 0.2  # mean free paths over which an edge is curved: wider, light leaves a box in a bright frame
-HALF = 0.5  # share of an edge that there must be of it at least
-LEAST = 2e-3  # share of the patches; a scan's few chance edges are not worth a table
-CONCAVE = 0.15  # mean free paths that a place may lie above the other's plane, for faces that are not quite flat
+LIMITS = CONSTANTS.edges
+SAME_FACE = CONSTANTS.curvature.same_face_cosine
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +88,19 @@ class Edges:
         low = int(np.floor(level))
         mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
         each = [(share, self._at(one)) for share, one in mixed if share > 0.0 and len(self._plain)]
-        return [(share, pairs) for share, pairs in each if pairs.share.sum() > LEAST * len(self.patches)]
+        return [(share, pairs) for share, pairs in each if pairs.share.sum() > LIMITS.least_pairs * len(self.patches)]
 
     def shown(self, mean_free_path: float) -> float:
         """How far patches are fine enough to show what light does beside edges, in [0, 1]."""
-        return float(np.clip((COARSE - self.spacing / mean_free_path) / (COARSE - FINE), 0.0, 1.0))
+        return float(falling(self.spacing / mean_free_path, LIMITS.resolved_spacing, LIMITS.unresolved_spacing))
 
     def curvature(self, mean_free_path: float) -> Array:
         """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,)."""
         found = np.zeros(len(self.patches))
-        counts = float(np.clip(4.0 * mean_free_path / self.spacing - 1.0, 0.0, 1.0))  # of strips narrower than a patch
+        # Of strips narrower than a patch.
+        counts = float(np.clip(LIMITS.hidden_strip * mean_free_path / self.spacing - 1.0, 0.0, 1.0))
         if counts > 0.0:
-            width = max(SPREAD * mean_free_path, 0.5 * self.spacing)
+            width = max(LIMITS.curvature_width * mean_free_path, 0.5 * self.spacing)
             for part, pairs in self.pairs(mean_free_path):
                 bell = np.exp(-0.5 * np.square(pairs.distance / width)) / (np.sqrt(2.0 * np.pi) * width)
                 found += counts * part * np.bincount(pairs.patch, pairs.turn * bell, len(found))
@@ -137,13 +129,14 @@ class _Pieces:
 def _gather(patches: Patches, chosen: Ints, far: float) -> _Pieces:
     """Gather chosen patches of a cell whose normals lie in one octant."""
     points, normals, areas = patches.on_surface[chosen], patches.face_normals[chosen], patches.areas[chosen]
-    piece = np.unique(cells(points, normals, CELL * far), return_inverse=True)[1]
+    piece = np.unique(cells(points, normals, LIMITS.piece_size * far), return_inverse=True)[1]
     sums = csr_array((np.ones(len(chosen)), (piece, chosen)), shape=(int(piece.max()) + 1, len(patches)))
     of = sums[:, chosen]
     total = np.maximum(of @ areas, np.finfo(np.float64).tiny)
     centres, means = (of @ (areas[:, None] * points)) / total[:, None], unit(of @ (areas[:, None] * normals))
     even, sharpest = _faces(centres, means, far)
-    edged = even * np.clip((ROUND * far - sharpest) / ((ROUND - SHARP) * far), 0.0, 1.0)
+    turning = (LIMITS.round_turn * far - sharpest) / ((LIMITS.round_turn - LIMITS.sharp_turn) * far)
+    edged = even * np.clip(turning, 0.0, 1.0)
     return _Pieces(piece, sums, total, centres, means, edged)
 
 
@@ -153,19 +146,25 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far
     own = np.flatnonzero(pieces.counts[pieces.of_patch])
     points, normals = patches.on_surface[chosen[own]], patches.face_normals[chosen[own]]
     trees = cKDTree(points), cKDTree(pieces.points[near])
-    found = trees[0].sparse_distance_matrix(trees[1], REACH * far, output_type="ndarray")
+    found = trees[0].sparse_distance_matrix(trees[1], LIMITS.reach * far, output_type="ndarray")
     a, b, apart = found["i"], near[found["j"]], found["v"]
     cosine = np.einsum("ij,ij->i", normals[a], pieces.normals[b])
-    two = np.flatnonzero((cosine < FACE) & (cosine > BACK))
+    two = np.flatnonzero((cosine < SAME_FACE) & (cosine > LIMITS.opposite_cosine))
     a, b, cosine, apart = a[two], b[two], cosine[two], apart[two]
     step = pieces.points[b] - points[a]
     below = np.einsum("ij,ij->i", step, pieces.normals[b])  # of the patch under the piece's plane
     under = -np.einsum("ij,ij->i", step, normals[a])  # of the piece under the patch's plane
-    convex = (below > -CONCAVE * far) & (under > -CONCAVE * far) & (under < thickness[chosen[own]][a] + CELL * far)
+    convex = (
+        (below > -LIMITS.concave_tolerance * far)
+        & (under > -LIMITS.concave_tolerance * far)
+        & (under < thickness[chosen[own]][a] + LIMITS.piece_size * far)
+    )
     distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
-    share = np.clip((FACE - cosine) / (FACE - OTHER), 0.0, 1.0) * np.clip((cosine - BACK) / (BESIDE - BACK), 0.0, 1.0)
+    share = falling(cosine, LIMITS.other_face_cosine, SAME_FACE)
+    share *= rising(cosine, LIMITS.opposite_cosine, LIMITS.blade_cosine)
     share *= pieces.counts[pieces.of_patch[own]][a] * pieces.counts[b]
-    share *= pieces.areas[b] * np.exp(-np.square(apart / (WIDTH * far))) / _half_plane(distance, cosine, WIDTH * far)
+    width = LIMITS.weight_width * far
+    share *= pieces.areas[b] * np.exp(-np.square(apart / width)) / _half_plane(distance, cosine, width)
     some = np.flatnonzero(convex & (share > 0.0))
     a, b, share = a[some], b[some], share[some]
     # Pieces of one octant of normals are one face of a patch.
@@ -191,23 +190,23 @@ def _alone(patch: Ints, share: Array, normals: Array) -> Array:
     shares[row, slot], ways[row, slot] = share, normals
     alike = np.maximum(np.einsum("iaj,ibj->iab", ways, ways), 0.0)
     of_edge = np.einsum("iab,ib->ia", alike, shares)
-    return np.asarray((shares / np.maximum(of_edge, HALF))[row, slot])
+    return np.asarray((shares / np.maximum(of_edge, LIMITS.least_share))[row, slot])
 
 
 def _faces(points: Array, normals: Array, far: float) -> tuple[Array, Array]:
     """How far pieces are of flat faces, in [0, 1], and over which way, mm, the sharpest edge near them turns."""
-    start, end, cosine = _neighbours(points, normals, ROUND * far)
-    n, same = len(points), cosine > FACE
+    start, end, cosine = _neighbours(points, normals, LIMITS.round_turn * far)
+    n, same = len(points), cosine > SAME_FACE
     alike = np.bincount(start[same], cosine[same], n) / np.maximum(np.bincount(start[same], minlength=n), 1)
-    turned = np.flatnonzero(~same & (cosine > BACK))
+    turned = np.flatnonzero(~same & (cosine > LIMITS.opposite_cosine))
     turn = np.full(n, np.inf)
     np.minimum.at(turn, start[turned], np.linalg.norm(points[end[turned]] - points[start[turned]], axis=1))
     sharpest = turn.copy()
-    sharp = np.flatnonzero(turn < ROUND * far)
+    sharp = np.flatnonzero(turn < LIMITS.round_turn * far)
     if len(sharp):
-        near = cKDTree(points).sparse_distance_matrix(cKDTree(points[sharp]), REACH * far, output_type="ndarray")
+        near = cKDTree(points).sparse_distance_matrix(cKDTree(points[sharp]), LIMITS.reach * far, output_type="ndarray")
         np.minimum.at(sharpest, near["i"], turn[sharp[near["j"]]])
-    return np.clip((alike - ROUGH) / (EVEN - ROUGH), 0.0, 1.0), sharpest
+    return rising(alike, LIMITS.rough_evenness, LIMITS.flat_evenness), sharpest
 
 
 def _neighbours(points: Array, normals: Array, reach: float) -> tuple[Ints, Ints, Array]:

@@ -19,11 +19,13 @@ from scipy.ndimage import map_coordinates
 
 from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 
-FARTHEST = 4.0  # from the edge; beyond, exp(-4) of it is left
-STEP = 0.1  # of eta
-DISTANCES, ANGLES, WAYS = 20, 20, 16
-COSINES = np.linspace(-0.8, 0.7, 9)  # between the faces' normals
+LARGEST_DISTANCE = 4.0  # from the edge; beyond, exp(-4) of it is left
+ETA_STEP = 0.1  # of eta
+DISTANCES, ANGLES, NODES = 20, 20, 16
+# Between the faces' normals: of all that are an edge.
+COSINES = np.linspace(CONSTANTS.edges.opposite_cosine, CONSTANTS.curvature.same_face_cosine, 9)
 SLOPES = np.linspace(-0.9, 0.9, 13)  # of the ray: v
 RADII, HEIGHTS = 48, 65
 _TABULATING = threading.Lock()
@@ -49,7 +51,7 @@ def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array
         [
             (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
             (slope - SLOPES[0]) / (SLOPES[1] - SLOPES[0]),
-            np.sqrt(np.maximum(distance, 0.0) / FARTHEST) * (DISTANCES - 1),
+            np.sqrt(np.maximum(distance, 0.0) / LARGEST_DISTANCE) * (DISTANCES - 1),
         ]
     )
     return np.asarray(map_coordinates(table, at, order=1, mode="nearest"))
@@ -57,7 +59,7 @@ def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array
 
 def wedge(eta: float) -> Wedge:
     """Return the tables for an index of refraction, between those of a few."""
-    at = (eta - 1.0) / STEP
+    at = (eta - 1.0) / ETA_STEP
     low = int(at + 1e-6)
     share = at - low
     with _TABULATING:  # channels ask at once
@@ -71,12 +73,12 @@ def wedge(eta: float) -> Wedge:
 
 @functools.lru_cache(maxsize=32)
 def _tabulated(step: int) -> Wedge:
-    distance = FARTHEST * np.linspace(0.0, 1.0, DISTANCES) ** 2
-    seen = _along_edge(1.0 + STEP * step)
+    distance = LARGEST_DISTANCE * np.linspace(0.0, 1.0, DISTANCES) ** 2
+    seen = _along_edge(1.0 + ETA_STEP * step)
     angle, angle_weights = _gauss(-0.5 * np.pi, 0.5 * np.pi, ANGLES)
-    u, u_weights = _gauss(0.0, 1.0, WAYS)
-    rho = FARTHEST * u**2  # close where the integrand is steep
-    weights = angle_weights[:, None] * 2.0 * FARTHEST * u * u_weights
+    u, u_weights = _gauss(0.0, 1.0, NODES)
+    rho = LARGEST_DISTANCE * u**2  # close where the integrand is steep
+    weights = angle_weights[:, None] * 2.0 * LARGEST_DISTANCE * u * u_weights
     around = weights * _looked_up(seen, rho, np.cos(angle)[:, None])
     faces = [[(cosine, slope) for slope in SLOPES] for cosine in COSINES]
     exitance = [[_exitance(distance, *face, angle[:, None], rho, around) for face in row] for row in faces]
@@ -106,16 +108,16 @@ def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, 
 
 def _along_edge(eta: float) -> Array:
     """Rho times the integral of K over l, at sqrt(rho) and h / rho: (RADII, HEIGHTS)."""
-    rho = FARTHEST * np.linspace(0.0, 1.0, RADII)[:, None, None] ** 2
+    rho = LARGEST_DISTANCE * np.linspace(0.0, 1.0, RADII)[:, None, None] ** 2
     height = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
-    angle, weights = _gauss(0.0, 0.5 * np.pi, WAYS)  # l = rho tan(angle), both ways
+    angle, weights = _gauss(0.0, 0.5 * np.pi, NODES)  # l = rho tan(angle), both ways
     mu = height * np.cos(angle)
     leaves = mu * fresnel.transmittance(1.0 / eta, mu)
     return np.asarray(np.sum(2.0 * weights * np.exp(-rho / np.cos(angle)) * leaves, axis=-1) / (4.0 * np.pi))
 
 
 def _looked_up(seen: Array, rho: Array, cosine: Array) -> Array:
-    rows = np.sqrt(np.clip(rho / FARTHEST, 0.0, 1.0)) * (RADII - 1)
+    rows = np.sqrt(np.clip(rho / LARGEST_DISTANCE, 0.0, 1.0)) * (RADII - 1)
     at = np.stack(np.broadcast_arrays(rows, cosine * (HEIGHTS - 1)))
     return np.asarray(map_coordinates(seen, at, order=1))
 

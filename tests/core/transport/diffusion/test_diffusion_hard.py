@@ -284,7 +284,7 @@ def test_several_lights_add_up():
 
 
 def test_strands_thinner_than_nodes_near_each_other():
-    """The sculpture at 15 mm: strands of 0.27 mean free paths, with light of 17 and -17 without `WEAK_EIGENVALUE`."""
+    """The sculpture at 15 mm: strands of 0.27 mean free paths, on which weak directions had light of 17 and -17."""
     medium = Medium(0.97, 0.03, 1.5)
     found = diffuse(builtin_model(15.0), (medium,) * 3, 62)
     fluence = found.solution.fluence[0]

@@ -137,10 +137,10 @@ def test_finite_and_of_one_sign_at_any_decay(decay):
 
 @pytest.mark.parametrize("part", [smooth_green, local_green])
 def test_no_step_where_a_material_counts_as_opaque(part):
-    r, edge = S * np.linspace(0.0, 4.0, 50), green.OPAQUE / S
+    r, edge = S * np.linspace(0.0, 4.0, 50), green.LARGEST_ATTENUATION / S
     below, above = (part(Medium(1e-4 * edge, factor * edge, 1.3), S, r) for factor in (0.999, 1.0005))
     sigma = [Medium(1e-4 * edge, factor * edge, 1.3).attenuation * S for factor in (0.999, 1.0005)]
-    assert sigma[0] < green.OPAQUE < sigma[1]
+    assert sigma[0] < green.LARGEST_ATTENUATION < sigma[1]
     assert np.abs(above - below).max() < 5e-3 * np.abs(below).max()
 
 
