@@ -54,10 +54,10 @@ class Inside:
     def shot(self, name: str) -> None:
         """Keep what the window shows, and the scene that should look so."""
         self.settle()
-        self.app.actions.run("dismiss")  # messages lie over the picture
+        self.app.commands.run("dismiss")  # messages lie over the picture
         self.app.actions.capture = self.folder / f"{name}.png"
         self.window.draw()
-        self.app.actions.run("dismiss")
+        self.app.commands.run("dismiss")
         scene = self.app.session.scene
         display = replace(scene.display, image_size=self.app.view.size)
         replace(scene, display=display).save(self.folder / f"{name}.toml")
@@ -122,10 +122,10 @@ def main(folder: Path) -> None:
     inside.shot("probe")
 
     session.path = folder / "saved.toml"
-    inside.app.actions.run("save")
+    inside.app.commands.run("save")
     inside.drop(folder / "knot.ply", folder / "none.ply")  # the second is an error, which stays an error
     session.edit("material", name="ketchup")
-    inside.app.actions.run("view_top")
+    inside.app.commands.run("view_top")
     inside.shot("changed")
     assert session.modified
     inside.drop(folder / "saved.toml")

@@ -79,16 +79,24 @@ class Closed:
 
 
 @dataclass(frozen=True)
+class Invoked:
+    """A command of `viewer.window.commands` was run by its id: what a recording written by hand says of a button."""
+
+    command: str
+    argument: str = ""
+
+
+@dataclass(frozen=True)
 class Drawn:
     """A frame was drawn; what came before it was seen by it."""
 
     time: float
 
 
-Event = MouseMoved | MouseButton | Scrolled | Key | Typed | Dropped | Resized | Focused | Closed | Drawn
+Event = MouseMoved | MouseButton | Scrolled | Key | Typed | Dropped | Resized | Focused | Closed | Invoked | Drawn
 _KINDS: dict[str, Any] = {
     kind.__name__: kind
-    for kind in (MouseMoved, MouseButton, Scrolled, Key, Typed, Dropped, Resized, Focused, Closed, Drawn)
+    for kind in (MouseMoved, MouseButton, Scrolled, Key, Typed, Dropped, Resized, Focused, Closed, Invoked, Drawn)
 }
 
 

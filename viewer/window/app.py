@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.viewer.gl.context import free_dropped
-from milkglass.viewer.gui.controls import Box
-from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Event, Focused, Key, MouseButton
+from milkglass.viewer.gui.controls import Box, Controls
+from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Event, Focused, Invoked, Key, MouseButton
 from milkglass.viewer.gui.renderer import ImguiRenderer
-from milkglass.viewer.gui.shortcuts import pressed_actions
 from milkglass.viewer.gui.sliders import percent
 from milkglass.viewer.gui.toolkit import Gui, imgui
 from milkglass.viewer.live.error import LiveError
@@ -23,8 +22,10 @@ from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.commands import Workspace, cheat_sheet, commands_of
 from milkglass.viewer.window.curves.view import ProfileView
 from milkglass.viewer.window.panel.panel import WIDTH, Panel
+from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
 from milkglass.viewer.window.photograph.view import PhotoView
 from milkglass.viewer.window.view.actions import Actions, Clipboard
@@ -40,15 +41,15 @@ def make_contents(
     clipboard: Clipboard,
     wake: Callable[[], object],
     photo: PhotoWork | None,
-) -> tuple[ViewArea, Panel, Actions]:
-    """Make the parts of the window that show and change a session; parameters as of `viewer.window.app.App`."""
-    panel = Panel(session, graphics[1], photo)
+) -> tuple[ViewArea, Actions, PhotoActions | None]:
+    """Make the view of a session and what commands do to both; parameters as of `viewer.window.app.App`."""
     if photo is None:
         view = ViewArea(*graphics, session, wake)
-        return view, panel, Actions(session, view, preferences, clipboard)
+        return view, Actions(session, view, preferences, clipboard), None
     session.view.photograph = photo.photo.path.name
     photo_view = PhotoView(*graphics, session, wake, photo)
-    return photo_view, panel, PhotoActions(session, photo_view, preferences, clipboard, photo)
+    actions = Actions(session, photo_view, preferences, clipboard)
+    return photo_view, actions, PhotoActions(session, photo_view, photo, actions)
 
 
 FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
@@ -99,12 +100,15 @@ class App:
         self._painter = ImguiRenderer(context)
         graphics, clipboard = (context, self._gui, self._painter), clipboard or Clipboard()
         parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
-        self.view, self.panel, self.actions = parts
+        self.view, self.actions, photo_actions = parts
+        self._messages = Messages()
+        self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear)
+        self.commands = commands_of(self.workspace)
         self.error = LiveError(context, wake)
         self._error_overlay = ErrorOverlay()
-        self.profiles = ProfileView(self.session, self.panel.controls, wake)
-        self._messages = Messages()
-        self.actions.on_dismiss = self._messages.clear
+        controls = Controls(self.session, self._gui)
+        self.panel = Panel(Tools(self.session, controls, self.commands, photo))
+        self.profiles = ProfileView(self.session, controls, self.commands, wake)
         self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
         self._frames_due = FRAMES_AN_EVENT
         self._last_event = self.clock()
@@ -132,13 +136,15 @@ class App:
             self.session.gesture = self._gestures
         if isinstance(event, Dropped):
             for dropped in event.paths:
-                self.actions.open(Path(dropped))
+                self.commands.run("open", dropped)
+        elif isinstance(event, Invoked):
+            self.commands.run(event.command, event.argument)
         elif isinstance(event, Closed):
             self.actions.closing = True
         elif not isinstance(event, Drawn):
             self._gui.feed(event)
         if event == Focused(True):  # whoever comes back may have edited a file meanwhile
-            self.actions.run("reread_profile")
+            self.commands.run("reread_profile")
 
     def wake(self) -> None:
         """Draw a frame soon: something is ready."""
@@ -170,20 +176,17 @@ class App:
         view_box, panel_box = self._boxes()
         view_box, profile_box = self.profiles.split(view_box)
         if self.actions.panel_shown:
-            rate, recent = self.frames_per_second, self.preferences.recent
-            self.panel.draw(panel_box, self.view.live, self.error, rate, recent)
-            for request in list(self.panel.requests):
-                self.actions.run(request)
+            self.panel.draw(panel_box, Seen(self.view.live, self.error, self.frames_per_second))
+            self.commands.run_requests()
         self._draw_view(view_box, now)
         if profile_box is not None:
             self.profiles.draw(profile_box, self.view.live)
-            for request in self.profiles.requests:
-                self.actions.run(request)
+            self.commands.run_requests()
         self.actions.dialog.draw()
         self._messages.take(self.session.messages, now)
         self._messages.draw(view_box)
         if self.actions.help_shown:
-            draw_help(self._gui, view_box)
+            draw_help(self._gui, view_box, cheat_sheet())
         data = self._gui.end()
         if self._gui.has_events:
             self._frames_due = FRAMES_AN_EVENT
@@ -242,8 +245,7 @@ class App:
     def _keys(self) -> None:
         if imgui.get_io().want_text_input or self.actions.dialog.is_open:
             return
-        for action in pressed_actions():
-            self.actions.run(action)
+        self.commands.run_pressed()
 
     def _draw_view(self, box: Box, now: float) -> None:
         flags = imgui.WindowFlags_

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import moderngl
 
+from milkglass.core.errors import InputError
 from milkglass.viewer.gl.context import headless_context, leave_framebuffer
-from milkglass.viewer.gui.events import Closed, Drawn, Event, Resized, read_recording
+from milkglass.viewer.gui.command import find
+from milkglass.viewer.gui.events import Closed, Drawn, Event, Invoked, Resized, read_recording
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.window import commands
 from milkglass.viewer.window.app import App
 
 
@@ -19,9 +22,10 @@ def play(path: Path, *, in_window: bool) -> Scene:
     Raises
     ------
     InputError
-        The file is not a recording, or what it opens cannot be used.
+        The file is not a recording, asks for a command that does not exist, or what it opens cannot be used.
     """
     text, events = read_recording(path)
+    _check_commands(path, events)
     scene = Scene.from_toml(text)
     if in_window:
         from milkglass.viewer.window.window import Window
@@ -38,6 +42,15 @@ def play(path: Path, *, in_window: bool) -> Scene:
         return replay.app.session.scene
     finally:
         replay.close()
+
+
+def _check_commands(path: Path, events: Iterable[Event]) -> None:
+    for event in events:
+        if isinstance(event, Invoked):
+            try:
+                find(commands.COMMANDS, event.command, event.argument)
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from None
 
 
 class Headless:

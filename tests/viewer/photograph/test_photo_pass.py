@@ -129,12 +129,12 @@ def test_how_depth_is_read_is_undone_saved_and_opened(window, tmp_path: Path) ->
     shown.settle()
     flat = work_of(shown).made
     assert flat.geometry.height.max() < 0.5 * first.geometry.height.max()
-    shown.app.actions._save_to(tmp_path / "photo.toml")
+    shown.app.actions.save_to(tmp_path / "photo.toml")
     shown.key("left_ctrl", "z")
     shown.settle()
     assert shown.session.scene.photo == PhotoSettings()
     np.testing.assert_array_equal(work_of(shown).made.geometry.height, first.geometry.height)
-    shown.app.actions.open(tmp_path / "photo.toml")
+    shown.app.workspace.open(tmp_path / "photo.toml")
     assert shown.session.scene.photo == PhotoSettings(depth_strength=0.4, behind="seen")
     shown.settle()
     shown.click("photo.behind.reset")
@@ -147,11 +147,11 @@ def test_a_depth_map_takes_the_place_of_the_estimate(window, tmp_path: Path) -> 
     ramp = np.linspace(0.0, 30.0, rows)[:, None] * np.ones(work_of(shown).photo.size)
     np.save(tmp_path / "ramp.npy", ramp)
     np.save(tmp_path / "small.npy", ramp[:5])
-    shown.app.actions._take_depth(tmp_path / "small.npy")
+    shown.app.workspace.photo.take_depth(tmp_path / "small.npy")
     shown.frames(1)
     assert "measures" in shown.app.messages[-1]
     assert shown.session.scene.photo.depth is None
-    shown.app.actions._take_depth(tmp_path / "ramp.npy")
+    shown.app.workspace.photo.take_depth(tmp_path / "ramp.npy")
     shown.settle()
     height, inner = work_of(shown).made.geometry.height, work_of(shown).made.geometry.share == 1.0
     assert np.all(np.diff(height, axis=0)[inner[1:] & inner[:-1]] > 0.0)
@@ -179,7 +179,7 @@ def test_the_camera_is_the_photographs(window) -> None:
     assert shown.session.scene.camera == camera
     assert FIXED in shown.app.messages
     assert not work_of(shown).mask.can_undo
-    shown.app.actions.run("toggle_measure")
+    shown.app.commands.run("toggle_measure")
     assert not shown.session.view.measure
 
 
@@ -264,12 +264,12 @@ def test_pictures_and_masks_are_saved(window, tmp_path: Path) -> None:
     shown.app.preferences.folder = str(tmp_path)
     shown.key("left_ctrl", "f12")
     np.testing.assert_array_equal(read_photo(tmp_path / "milkglass-001.png")[0], shown.view.still()[0])
-    shown.app.actions._save_mask_to(tmp_path / "painted.png")
+    shown.app.workspace.photo.save_mask(tmp_path / "painted.png")
     np.testing.assert_array_equal(load_photo(tmp_path / "photo.png", tmp_path / "painted.png").mask, 255 * (
         work_of(shown).photo.mask > 0
     ))  # fmt: skip
     before = (tmp_path / "photo.png").read_bytes()
-    shown.app.actions._save_picture_to(tmp_path / "photo.png")
+    shown.app.workspace.photo.save_picture(tmp_path / "photo.png")
     shown.frames(1)
     assert "is the photograph itself" in shown.app.messages[-1]
     assert (tmp_path / "photo.png").read_bytes() == before

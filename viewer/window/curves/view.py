@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from milkglass.core.profiles.names import BEAM, PROFILES, TABLE
+from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import CHANNELS, Box, Controls
 from milkglass.viewer.gui.toolkit import MUTED, WARNING, icons, imgui
 from milkglass.viewer.live.live import Live, solves
@@ -43,20 +44,19 @@ class ProfileView:
         What is compared: a profile's name, `KEPT` or `NONE`.
     quantity : R_D or PER_RADIUS
     log_radius : bool
-    requests : list of str
-        Actions asked for by buttons in this frame.
     named : list of (name, Curves)
         What the last frame showed; the first is the scene's own.
     marks : list of Mark
     """
 
-    def __init__(self, session: Session, controls: Controls, wake: Callable[[], object]) -> None:
+    def __init__(
+        self, session: Session, controls: Controls, commands: Commands[Any], wake: Callable[[], object]
+    ) -> None:
         self.other, self.quantity, self.log_radius = BEAM, R_D, True
-        self.requests: list[str] = []
         self.named: list[tuple[str, Curves]] = []
         self.marks: list[Mark] = []
         self.plot = ProfilePlot()
-        self._session, self._controls = session, controls
+        self._session, self._controls, self._commands = session, controls, commands
         self._job = CurvesJob(wake)
         self._share = SHARE
         self._last: list[Curves | None] = [None, None]
@@ -84,7 +84,6 @@ class ProfileView:
 
     def draw(self, box: Box, live: Live) -> None:
         """Draw it into a box of the window."""
-        self.requests.clear()
         self._follow(live)
         flags = imgui.WindowFlags_
         bare = flags.no_decoration.value | flags.no_move.value | flags.no_bring_to_front_on_focus.value
@@ -204,7 +203,7 @@ class ProfileView:
 
     def _buttons(self) -> None:
         if self._controls.icon("profiles.export", icons.ICON_FA_FILE_EXPORT, TIPS["profiles.export"]):
-            self.requests.append("export_profile")
+            self._commands.request("export_profile")
         imgui.same_line()
         if self._controls.icon("profiles.close", icons.ICON_FA_XMARK, TIPS["profiles.close"], quiet=True):
             self._session.view.profiles = False

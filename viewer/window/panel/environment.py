@@ -1,36 +1,28 @@
-"""The panel's part for what is all around: a file or a builtin probe, how it is turned, how highlights mirror it."""
+"""The panel's section on the environment: a file or a builtin probe, how it is turned, whether it shows."""
 
 from dataclasses import replace
 
-from milkglass.viewer.gui.controls import RESET_HINT, Controls, explained
+from milkglass.viewer.gui.controls import RESET_HINT, explained
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.scene import Change
 from milkglass.viewer.scene.settings import BUILTIN_PROBES
-from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.panel.section import Section, Seen
 
 
-class EnvironmentPanel:
-    """Draws the environment and the highlights.
+class EnvironmentSection(Section):
+    """Draws the light probe and what is done with it."""
 
-    Parameters
-    ----------
-    session, controls
-    requests : list of str
-        Actions that clicks ask for.
-    """
+    title = "Environment"
 
-    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
-        self._session, self._controls, self._requests = session, controls, requests
-
-    def draw(self) -> None:
-        """Draw the environment in the current ImGui window."""
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
         session, controls = self._session, self._controls
         environment = session.scene.environment
         controls.begin_row("Probe")
         name = "choose a file" if environment.path is None else environment.path.name
         if imgui.button(f"{name}##environment.path", (-1.0, 0.0)):
-            self._requests.append("open_probe")
+            self._commands.request("open_probe")
         controls.end_row("environment.path", "Probe", "Light from all around: an .hdr or .exr file. Or drop one here.")
         self._builtin()
         if not environment.given:
@@ -49,12 +41,6 @@ class EnvironmentPanel:
         if imgui.button(f"{icons.ICON_FA_TRASH}  Remove the probe"):
             self._remove()
         controls.mark("environment.remove")
-
-    def highlights(self) -> None:
-        """Draw the highlights in the current ImGui window."""
-        self._controls.setting("specular.strength", "Strength")
-        self._controls.setting("specular.shininess", "Shininess")
-        self._controls.setting("specular.model", "Model")
 
     def _builtin(self) -> None:
         controls, environment = self._controls, self._session.scene.environment

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT, Controls
+from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT
 from milkglass.viewer.gui.sliders import percent
 from milkglass.viewer.gui.toolkit import GOOD, WARNING, icons, imgui
 from milkglass.viewer.live.error import NOT_EQUATION_1, LiveError, Measured
 from milkglass.viewer.live.live import Live, solves
-from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS, Session
+from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
+from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 FEWEST, MOST = 50, 2000  # points
 MEASURE_TIP = (
@@ -21,14 +22,27 @@ WAITING = "measures when the picture is at rest"
 POINTS_TIP = "Random visible points that are measured: more take longer and make the numbers surer."
 
 
-class ErrorPanel:
-    """Draws the rows of a measurement."""
+class ErrorSection(Section):
+    """Draws whether the error is measured, and the numbers of the last measurement."""
 
-    def __init__(self, session: Session, controls: Controls) -> None:
-        self._session, self._controls = session, controls
+    title = "Error"
 
-    def draw(self, error: LiveError, live: Live) -> None:
-        """Draw them."""
+    def __init__(self, tools: Tools) -> None:
+        super().__init__(tools)
+        self._was_measuring = False
+
+    def shows(self) -> bool:
+        """Whether the window shows a model: there is no reference for a photograph."""
+        return self._work is None
+
+    def is_called(self) -> bool:
+        """Whether a key asked for the measurement since the last frame."""
+        was_measuring, self._was_measuring = self._was_measuring, self._session.view.measure
+        return self._was_measuring and not was_measuring
+
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
+        error, live = seen.error, seen.live
         is_off = solves(live)
         imgui.begin_disabled(is_off)
         self._wishes(is_off)
@@ -51,7 +65,7 @@ class ErrorPanel:
         clicked, _ = imgui.checkbox("##error.measure", view.measure)
         controls.end_row("error.measure", "Measure", NOT_EQUATION_1 if is_off else MEASURE_TIP)
         if clicked:
-            view.measure = not view.measure
+            view.measure = self._was_measuring = not view.measure
         self._points(is_off)
         controls.begin_row("Show map")
         clicked, _ = imgui.checkbox("##error.map", view.error_map)

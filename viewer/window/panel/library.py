@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.core.profiles import dipole
+from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import Controls
 from milkglass.viewer.gui.toolkit import ERROR, icons, imgui
 from milkglass.viewer.scene import library, own_materials
@@ -27,8 +29,8 @@ class LibraryList:
         What is chosen, "material" for instance: the controls are called after it.
     """
 
-    def __init__(self, session: Session, controls: Controls, requests: list[str], key: str) -> None:
-        self._session, self._controls, self._requests, self._key = session, controls, requests, key
+    def __init__(self, session: Session, controls: Controls, commands: Commands[Any], key: str) -> None:
+        self._session, self._controls, self._commands, self._key = session, controls, commands, key
         self._search, self._only = "", "all"
         self._name = ""  # typed for what is to be kept or renamed
         self._renaming = self._deleting = ""  # own materials that a button was pressed for
@@ -141,7 +143,7 @@ class LibraryList:
         ):
             imgui.same_line(0.0, 0.0)
             if controls.icon(action, icon, tip, quiet=True):
-                self._requests.append(action)
+                self._commands.request(action)
                 imgui.close_current_popup()
 
     def _named(self) -> None:

@@ -1,4 +1,4 @@
-"""The panel's part for the lights: a list, and for each its direction on a small sphere, colour and brightness."""
+"""The panel's section on the lights: a list, and for each its direction on a small sphere, colour and brightness."""
 
 from dataclasses import fields, replace
 from functools import partial
@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Controls, Reach, explained
+from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Reach, explained
 from milkglass.viewer.gui.toolkit import ACCENT, icons, imgui
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, plain, settings_of
 from milkglass.viewer.scene.lights import as_fixed, as_kind, brightened, brightness
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light
 from milkglass.viewer.session.navigation import direction_angles, direction_of, turn_matrix
-from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.panel.section import Section, Seen
 
 
 def draw_ball(corner: tuple[float, float], side: float, direction: Any, light: Light) -> None:
@@ -63,15 +63,14 @@ MORE = {
 SIZE = Reach(1.0, 1000.0, True, "%.1f")
 
 
-class LightsPanel:
-    """Draws the lights."""
+class LightsSection(Section):
+    """Draws the list of lights, and the settings of every light under a heading of its own."""
 
-    def __init__(self, session: Session, controls: Controls) -> None:
-        self._session = session
-        self._controls = controls
+    title = "Lights"
+    starts_open = True
 
-    def draw(self) -> None:
-        """Draw it in the current ImGui window."""
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
         lights = list(self._session.scene.all_lights())
         for i, light in enumerate(lights):
             imgui.push_id(i)

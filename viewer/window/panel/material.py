@@ -1,13 +1,16 @@
-"""The panel's part for the material: the library with swatches, coefficients, and what follows from them."""
+"""The panel's section on the material: the library with swatches, coefficients, and what follows from them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from milkglass.core.material import library as materials
 from milkglass.core.material import single_scattering
 from milkglass.core.material.library import Material
+from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import imgui
+from milkglass.viewer.live.live import solves
 from milkglass.viewer.render.remarks import beyond_object
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
@@ -15,7 +18,8 @@ from milkglass.viewer.scene.material_settings import ADDED
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import LibraryList, origin_of, reflectance, swatch
-from milkglass.viewer.window.panel.profile import ProfilePanel, profile_reflectance
+from milkglass.viewer.window.panel.profile import NO_PROFILE, ProfilePanel, profile_reflectance
+from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 NOTHING = "nothing"
 MIX_TIP = "A second material; coefficients and index of refraction are weighted by volume."
@@ -27,9 +31,9 @@ SOLIDS = {
 class MixturePanel:
     """Draws the rows."""
 
-    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
+    def __init__(self, session: Session, controls: Controls, commands: Commands[Any]) -> None:
         self._session, self._controls = session, controls
-        self._library = LibraryList(session, controls, requests, "mix")
+        self._library = LibraryList(session, controls, commands, "mix")
 
     def draw(self) -> None:
         """Draw them in the current ImGui window."""
@@ -74,25 +78,22 @@ ONCE_TIP = (
 SIGMA_HIGH = 100.0  # 1/mm, end of the sliders
 
 
-class MaterialPanel:
-    """Draws the rows of the material.
+class MaterialSection(Section):
+    """Draws the material: of the library or by its coefficients, the mixture, the profile, what follows from them."""
 
-    Attributes
-    ----------
-    no_profile : str, optional
-        Why the choice of a profile means nothing now.
-    """
+    title = "Material"
+    starts_open = True
 
-    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
-        self._session = session
-        self._controls = controls
-        self._profile = ProfilePanel(session, controls, requests)
-        self._list = LibraryList(session, controls, requests, "material")
-        self._mixture = MixturePanel(session, controls, requests)
-        self.no_profile: str | None = None
+    def __init__(self, tools: Tools) -> None:
+        super().__init__(tools)
+        parts = tools.session, tools.controls, tools.commands
+        self._profile = ProfilePanel(*parts)
+        self._list = LibraryList(*parts, "material")
+        self._mixture = MixturePanel(*parts)
 
-    def draw(self) -> None:
-        """Draw it in the current ImGui window."""
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
+        no_profile = NO_PROFILE if solves(seen.live) else None
         self._library()
         if self._profile.way():
             self._profile.colour(CHANNELS)
@@ -101,9 +102,9 @@ class MaterialPanel:
             self._coefficients("sigma_a", "σa")
         self._eta()
         self._mixture.draw()
-        self._profile.chooser(self.no_profile)
+        self._profile.chooser(no_profile)
         self._controls.setting("model.size_mm", "Object size")
-        self._derived()
+        self._derived(has_profile=no_profile is None)
 
     def _library(self) -> None:
         controls, session = self._controls, self._session
@@ -181,11 +182,11 @@ class MaterialPanel:
         if new is not None:
             session.edit("material", eta=new)
 
-    def _derived(self) -> None:
+    def _derived(self, *, has_profile: bool) -> None:
         """Mean free path and reflectance, all added, which say more than the coefficients."""
         settings = self._session.scene.material
         material = settings.resolve()
-        leaving = reflectance(material) if self.no_profile else profile_reflectance(settings)
+        leaving = profile_reflectance(settings) if has_profile else reflectance(material)
         rows = (
             ("mean free path", material.mean_free_path, "mm", "1 / σt′: how far light goes before it scatters."),
             ("reflectance", leaving, "", "Share of white light that leaves again, R_d: the colour."),

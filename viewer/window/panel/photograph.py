@@ -1,11 +1,11 @@
-"""The panel's part for a photograph: how deep its object is read, its light, its edges, its mask."""
+"""The panel's section on a photograph: how deep its object is read, its light, its edges, its mask."""
 
-from milkglass.viewer.gui.controls import RESET_HINT, Controls, Reach, default_of, explained
+from milkglass.viewer.gui.controls import RESET_HINT, Reach, default_of, explained
 from milkglass.viewer.gui.toolkit import icons, imgui
-from milkglass.viewer.live.photograph_work import FIXED, LARGEST, SMALLEST, PhotoWork
+from milkglass.viewer.live.photograph_work import LARGEST, SMALLEST, PhotoWork
 from milkglass.viewer.scene.declaration import Setting, settings_of
 from milkglass.viewer.scene.settings import BEHIND
-from milkglass.viewer.session.session import Session
+from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 OWN_DEPTH = "The depth map is taken as it is."
 BRUSH_TIP = (
@@ -17,28 +17,25 @@ BEHIND_TIPS = {
     "seen": "the photograph as it is",
     "transparent": "nothing: the object alone",
 }
-CAMERA = (
-    ("azimuth_deg", "Azimuth"), ("elevation_deg", "Elevation"), ("roll_deg", "Roll"),
-    ("view_angle_deg", "View angle"), ("zoom", "Zoom"), ("orthographic", "Orthographic"),
-)  # fmt: skip
 
 
-class PhotoPanel:
-    """Draws what a photograph has beside material, lights and transport.
+class PhotographSection(Section):
+    """Draws the settings and the tools that a photograph has beside material, lights and transport."""
 
-    Parameters
-    ----------
-    session, controls, work
-    requests : list of str
-        Actions that clicks ask for.
-    """
+    title = "Photograph"
+    starts_open = True
 
-    def __init__(self, session: Session, controls: Controls, work: PhotoWork, requests: list[str]) -> None:
-        self._session, self._controls, self._work, self._requests = session, controls, work, requests
-        self._brush = work.brush
+    def __init__(self, tools: Tools) -> None:
+        super().__init__(tools)
+        self._start_brush = 0.0 if tools.photo is None else tools.photo.brush  # px
 
-    def draw(self) -> None:
-        """Draw it in the current ImGui window."""
+    def shows(self) -> bool:
+        """Whether the window shows a photograph."""
+        return self._work is not None
+
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
+        assert self._work is not None
         controls, work = self._controls, self._work
         self._depth()
         if not self._session.scene.environment.given:
@@ -47,27 +44,21 @@ class PhotoPanel:
         controls.setting("display.key", "Key (exposure)")
         controls.setting("display.white", "White point")
         self._behind()
-        self._mask()
+        self._mask(work)
         if imgui.button(f"{icons.ICON_FA_IMAGE}  Save the picture"):
-            self._requests.append("save_picture")
+            self._commands.request("save_picture")
         controls.mark("photo.save")
         if work.trouble:
             controls.note(work.trouble, warning=True)
         elif work.made is None and not work.busy:
             controls.note("no mask yet: paint the object with the brush, or draw a box around it")
 
-    def camera(self) -> None:
-        """Draw the camera's rows, off."""
-        for key, label in CAMERA:
-            self._controls.setting(f"camera.{key}", label, off=f"{FIXED[:1].upper()}{FIXED[1:]}.")
-        self._controls.note(FIXED)
-
     def _depth(self) -> None:
         session, controls, depth = self._session, self._controls, self._session.scene.photo.depth
         controls.begin_row("Depth", True)
         spare = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
         if imgui.button(f"{'estimated' if depth is None else depth.name}##photo.depth", (-spare, 0.0)):
-            self._requests.append("open_depth")
+            self._commands.request("open_depth")
         tip = explained(settings_of(session.scene.photo)["depth"], None)
         reset = lambda: session.edit("photo", depth=None)  # noqa: E731
         controls.end_row("photo.depth", "Depth", tip, reset, depth is not None)
@@ -86,8 +77,8 @@ class PhotoPanel:
             "photo.behind", "Behind edges", tip, lambda: session.edit("photo", behind=default), behind != default
         )
 
-    def _mask(self) -> None:
-        controls, work = self._controls, self._work
+    def _mask(self, work: PhotoWork) -> None:
+        controls = self._controls
         controls.begin_row("Mask")
         buttons = (
             (
@@ -110,17 +101,17 @@ class PhotoPanel:
         imgui.end_disabled()
         imgui.same_line()
         if controls.icon("photo.save_mask", icons.ICON_FA_FLOPPY_DISK, "Save the mask"):
-            self._requests.append("save_mask")
+            self._commands.request("save_mask")
         if work.tool == "brush":
-            declared = Setting("number", "radius of the brush", low=SMALLEST, high=LARGEST * max(work.photo.size))
-            most = max(SMALLEST + 1.0, LARGEST * max(work.photo.size))
-            self._number("brush", "Brush", declared, self._brush, Reach(SMALLEST, most, True, "%.0f px"))
+            self._brush(work)
 
-    def _number(self, name: str, label: str, declared: Setting, default: float, reach: Reach) -> None:
-        work = self._work
+    def _brush(self, work: PhotoWork) -> None:
+        most, start = LARGEST * max(work.photo.size), self._start_brush
+        declared = Setting("number", "radius of the brush", low=SMALLEST, high=most)
         new = self._controls.value(
-            f"photo.{name}", label, declared, getattr(work, name), default=default,
-            on_reset=lambda: setattr(work, name, default), reach=reach,
+            "photo.brush", "Brush", declared, work.brush, default=start,
+            on_reset=lambda: setattr(work, "brush", start),
+            reach=Reach(SMALLEST, max(SMALLEST + 1.0, most), True, "%.0f px"),
         )  # fmt: skip
         if new is not None:  # what was typed may lie anywhere
-            setattr(work, name, min(max(new, declared.low or 0.0), declared.high or new))
+            work.brush = min(max(new, SMALLEST), most)

@@ -8,6 +8,7 @@ import numpy as np
 from milkglass.core.errors import InputError
 from milkglass.core.profiles.choose import reflectance
 from milkglass.core.profiles.names import DIPOLE, TABLE
+from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import TYPE_HINT, Controls, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import icons, imgui
@@ -35,10 +36,10 @@ MUCH = 0.02  # share of the flux in the tail of a table that is told
 
 
 class ProfilePanel:
-    """Draws the rows; `requests` takes what needs a file."""
+    """Draws the rows; `commands` are asked for files."""
 
-    def __init__(self, session: Session, controls: Controls, requests: list[str]) -> None:
-        self._session, self._controls, self._requests = session, controls, requests
+    def __init__(self, session: Session, controls: Controls, commands: Commands[Any]) -> None:
+        self._session, self._controls, self._commands = session, controls, commands
 
     def chooser(self, off: str | None) -> None:
         """Draw the choice of the profile, and a table's file; `off` says why it means nothing now."""
@@ -50,7 +51,7 @@ class ProfilePanel:
             on_reset=lambda: session.edit("material", profile=DIPOLE),
         )  # fmt: skip
         if new == TABLE and material.profile_table is None:
-            self._requests.append("open_profile")
+            self._commands.request("open_profile")
         elif new is not None:
             session.edit("material", profile=new)
         if off is not None:
@@ -59,11 +60,11 @@ class ProfilePanel:
             return
         controls.begin_row("Table")
         if imgui.button(f"{material.profile_table.name}##material.profile_table", (_spare(), 0.0)):
-            self._requests.append("open_profile")
+            self._commands.request("open_profile")
         controls.end_row("material.profile_table", "Table", explained(settings_of(material)["profile_table"], None))
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if controls.icon("material.profile_table.reread", icons.ICON_FA_ROTATE, REREAD_TIP, quiet=True):
-            self._requests.append("reread_profile")
+            self._commands.request("reread_profile")
         for note in table_notes(material):
             controls.note(note)
 

@@ -1,13 +1,13 @@
-"""The panel's part for transport: what was asked for, what was chosen for it, the error to expect and the cost."""
+"""The panel's section on light transport: what was asked for, what was chosen, the error to expect, the cost."""
 
 from milkglass.core.stages import AnyStage, Stage, Timings
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import SOURCES
 from milkglass.viewer.assets.quality import DEFAULT_ERROR_TARGET
-from milkglass.viewer.gui.controls import Controls
 from milkglass.viewer.live.job import Finished
-from milkglass.viewer.live.live import Live, solves
+from milkglass.viewer.live.live import solves
 from milkglass.viewer.render.remarks import below_nodes
+from milkglass.viewer.window.panel.section import Section, Seen
 
 NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
 NEW_MATERIAL: tuple[AnyStage, ...] = (Stage.SPECTRA, Stage.CONVOLUTION)
@@ -15,28 +15,35 @@ SOLVED_FOR = (*SOURCES, Stage.SOLUTION)  # likewise, with `diffusion`
 ASSIGNMENT_OFF = "It means nothing to diffusion, which spreads light with quadratic B-splines always."
 
 
-def draw_transport(controls: Controls, live: Live) -> None:
-    """Draw the rows in the current ImGui window."""
-    controls.setting("transport.method", "Method")
-    if live.finished is None:
-        return
-    lit, solution = live.finished.lit, live.finished.solution
-    quality, expects = lit.quality, lit.quality.predicted_error is not None
-    controls.setting("transport.layers", "Layers", lit.grid.n_layers)
-    controls.setting("transport.resolution", "Resolution", quality.resolution)
-    if expects or solves(live):
-        off = ASSIGNMENT_OFF if solves(live) else None
-        controls.setting("transport.error_target", "Error target", quality.error_target or DEFAULT_ERROR_TARGET)
-        controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
-    if quality.fallback is not None:
-        controls.note(quality.fallback, warning=True)
-    if expects:
-        controls.note(quality.warning or quality.expected)
-    if solution is not None:
-        controls.note(solved(solution, live.finished.complete))
-    controls.note(chosen(live.finished, live.stage_times))
-    if (missed := below_nodes(controls.session.scene, lit)) is not None:
-        controls.note(missed)
+class TransportSection(Section):
+    """Draws the method of transport, its discretisation, the error to expect and the cost."""
+
+    title = "Light transport"
+    starts_open = True
+
+    def draw(self, seen: Seen) -> None:
+        """Draw the rows in the current ImGui window."""
+        live, controls = seen.live, self._controls
+        controls.setting("transport.method", "Method")
+        if live.finished is None:
+            return
+        lit, solution = live.finished.lit, live.finished.solution
+        quality, expects = lit.quality, lit.quality.predicted_error is not None
+        controls.setting("transport.layers", "Layers", lit.grid.n_layers)
+        controls.setting("transport.resolution", "Resolution", quality.resolution)
+        if expects or solves(live):
+            off = ASSIGNMENT_OFF if solves(live) else None
+            controls.setting("transport.error_target", "Error target", quality.error_target or DEFAULT_ERROR_TARGET)
+            controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
+        if quality.fallback is not None:
+            controls.note(quality.fallback, warning=True)
+        if expects:
+            controls.note(quality.warning or quality.expected)
+        if solution is not None:
+            controls.note(solved(solution, live.finished.complete))
+        controls.note(chosen(live.finished, live.stage_times))
+        if (missed := below_nodes(self._session.scene, lit)) is not None:
+            controls.note(missed)
 
 
 def solved(solution: AnySolution, complete: bool) -> str:

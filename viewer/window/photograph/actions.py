@@ -1,4 +1,4 @@
-"""What keys, buttons and dropped files do with a photograph in the window."""
+"""What the commands of the window do where it shows a photograph."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,58 +9,61 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.files.images import PixelsInt, write_png
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import Request
-from milkglass.viewer.live.photograph_work import FIXED, PhotoWork
+from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.photograph.geometry import DEPTH_SUFFIXES, read_depth
-from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.photograph.view import PhotoView
-from milkglass.viewer.window.view.actions import SCENE_SUFFIXES, SIDES, Actions, Clipboard
+from milkglass.viewer.window.view.actions import SCENE_SUFFIXES, Actions
 
-OF_CAMERA = (*SIDES, "toggle_orthographic", "copy_view", "paste_view")
-# Answer -> what asks for it: none of these means anything to a photograph.
-REFUSED = {
-    FIXED: OF_CAMERA,
-    "the error is that of a model, not of a photograph": ("toggle_measure",),
-    "a photograph is exposed as it was taken: change the key": ("toggle_exposure_lock",),
-}
 PNG = (".png",)
 
 
-class PhotoActions(Actions):
-    """Runs actions by name, for the person who edits a photograph."""
+class PhotoActions:
+    """Opens, saves and undoes for the person who edits a photograph.
 
-    def __init__(
-        self, session: Session, view: PhotoView, preferences: Preferences, clipboard: Clipboard, work: PhotoWork
-    ) -> None:
-        super().__init__(session, view, preferences, clipboard)
-        self._photo_view, self._work = view, work
+    Parameters
+    ----------
+    session, view, work
+    actions : Actions
+        Those of the window, for its dialog and its folder.
+    """
 
-    def run(self, name: str) -> None:
-        """Do what a name says; the last stroke is what is undone while the mask is painted."""
-        reason = next((reason for reason, names in REFUSED.items() if name in names), None)
-        if reason is not None:
-            self._session.say(reason)
-        elif name == "reset_view":
-            self._photo_view.zoom.reset()
-        elif name == "undo" and self._work.tool is not None and self._work.mask.can_undo:
-            self._work.mask.undo()
-        else:
-            super().run(name)
+    def __init__(self, session: Session, view: PhotoView, work: PhotoWork, actions: Actions) -> None:
+        self._session, self._view, self._work, self._actions = session, view, work, actions
 
     def open(self, path: Path) -> None:
         """Open a light probe, a profile or a scene, whose model and camera mean nothing here."""
         if path.suffix.lower() in supported_suffixes():
             self._session.fail(f"{path.name} is a model, and the window shows a photograph: `milkglass view` shows it")
             return
-        super().open(path)
+        self._actions.open(path)
         if path.suffix.lower() in SCENE_SUFFIXES and self._session.scene.lights is None:
             # The default pair is for models: here is light all around.
             self._session.put(replace(self._session.scene, lights=()))
 
-    def _open_depth(self) -> None:
-        self._ask(Request("Open a depth map", DEPTH_SUFFIXES, self._take_depth))
+    def show_all(self) -> None:
+        """Zoom out until the whole photograph shows."""
+        self._view.zoom.reset()
 
-    def _take_depth(self, path: Path) -> None:
+    @property
+    def can_undo_stroke(self) -> bool:
+        """Whether the mask is being painted and has a stroke to take back."""
+        return self._work.tool is not None and self._work.mask.can_undo
+
+    def undo_stroke(self) -> None:
+        """Take the last stroke of the mask back."""
+        self._work.mask.undo()
+
+    def lay_down_tool(self) -> None:
+        """Stop painting the mask."""
+        self._work.tool = None
+
+    def ask_for_depth(self) -> None:
+        """Ask for a depth map."""
+        self._actions.ask(Request("Open a depth map", DEPTH_SUFFIXES, self.take_depth))
+
+    def take_depth(self, path: Path) -> None:
+        """Read the object's depth from a file."""
         try:
             read_depth(path, self._work.photo)
         except InputError as error:
@@ -68,19 +71,24 @@ class PhotoActions(Actions):
         else:
             self._session.edit("photo", depth=str(path))
 
-    def _save_picture(self) -> None:
+    def ask_where_to_save_picture(self) -> None:
+        """Ask where to write the photograph with its object."""
         suggested = f"{self._work.photo.path.stem}-edited.png"
-        self._ask(Request("Save the photograph", PNG, self._save_picture_to, suggested))
+        self._actions.ask(Request("Save the photograph", PNG, self.save_picture, suggested))
 
-    def _save_mask(self) -> None:
-        self._ask(Request("Save the mask", PNG, self._save_mask_to, f"{self._work.photo.path.stem}-mask.png"))
+    def ask_where_to_save_mask(self) -> None:
+        """Ask where to write the mask."""
+        suggested = f"{self._work.photo.path.stem}-mask.png"
+        self._actions.ask(Request("Save the mask", PNG, self.save_mask, suggested))
 
-    def _screenshot_object(self) -> None:
-        self._save_picture_to(self._free_name())
+    def capture_picture(self) -> None:
+        """Write the photograph with its object to the next free name."""
+        self.save_picture(self._actions.free_name())
 
-    def _save_picture_to(self, path: Path) -> None:
+    def save_picture(self, path: Path) -> None:
+        """Write the photograph with its object as PNG."""
         try:
-            still = self._photo_view.still()
+            still = self._view.still()
         except InputError as error:
             self._session.fail(error)
             return
@@ -89,7 +97,8 @@ class PhotoActions(Actions):
         else:
             self._put(path, *still)
 
-    def _save_mask_to(self, path: Path) -> None:
+    def save_mask(self, path: Path) -> None:
+        """Write the mask as PNG."""
         self._put(path, np.ascontiguousarray(self._work.mask.pixels[..., None]), None)
 
     def _put(self, path: Path, pixels: PixelsInt, profile: bytes | None) -> None:
@@ -101,7 +110,3 @@ class PhotoActions(Actions):
             self._session.fail(error)
         else:
             self._session.say(f"wrote {path}")
-
-    def _dismiss(self) -> None:
-        self._work.tool = None
-        super()._dismiss()

@@ -1,4 +1,4 @@
-"""What keys, buttons and dropped files do, by name."""
+"""What the commands of the window do to a session, its view and its files; `viewer.window.commands` has their table."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,14 +25,6 @@ from milkglass.viewer.window.view.area import ViewArea
 
 SCENE_SUFFIXES = (".toml",)
 PROFILE_SUFFIXES = (".csv",)
-SIDES = {
-    "view_front": (0.0, 0.0),
-    "view_back": (180.0, 0.0),
-    "view_right": (90.0, 0.0),
-    "view_left": (-90.0, 0.0),
-    "view_top": (0.0, 90.0),
-    "view_bottom": (0.0, -90.0),
-}
 
 
 class Clipboard:
@@ -50,36 +42,37 @@ class Clipboard:
 
 
 class Actions:
-    """Runs actions by name: ``actions.run("undo")``.
+    """Opens, saves, exports and toggles for a window.
 
     Attributes
     ----------
+    dialog : FileDialog
+    clipboard : Clipboard
     closing : bool
         Whether the window should close.
     capture : Path or None
         Where the next frame is to be written, as it is seen.
+    help_shown, panel_shown : bool
+        Whether the cheat sheet and the panel show.
     """
 
     def __init__(self, session: Session, view: ViewArea, preferences: Preferences, clipboard: Clipboard) -> None:
         self.dialog = FileDialog()
+        self.clipboard = clipboard
         self.closing = False
         self.capture: Path | None = None
         self.help_shown = False
         self.panel_shown = True
-        self.on_dismiss: Callable[[], object] = lambda: None
-        self._session, self._view = session, view
-        self._preferences, self.clipboard = preferences, clipboard
+        self._session, self._view, self._preferences = session, view, preferences
 
-    def run(self, name: str) -> None:
-        """Do what a name of `viewer.gui.shortcuts` says, or "open PATH"."""
-        if name in SIDES:
-            self._session.look(navigation.seen_from(self._session.scene.camera, *SIDES[name]))
-        elif name.startswith("open "):
-            self.open(Path(name.removeprefix("open ")))
-        elif hasattr(self, f"_{name}"):
-            getattr(self, f"_{name}")()
-        else:  # undo, redo, keep, flip, toggle_split
-            getattr(self._session, name)()
+    @property
+    def recent(self) -> list[str]:
+        """Paths of the files opened last, the newest first."""
+        return self._preferences.recent
+
+    def ask(self, request: Request) -> None:
+        """Open the file dialog in the last folder."""
+        self.dialog.open(request, self._preferences.start_folder())
 
     def open(self, path: Path) -> None:
         """Open a model, a light probe, a profile or a scene; a bad one leaves everything as it was."""
@@ -111,61 +104,58 @@ class Actions:
 
     # view
 
-    def _toggle_orthographic(self) -> None:
+    def see_from(self, azimuth_deg: float, elevation_deg: float) -> None:
+        """Turn the camera to a side."""
+        self._session.look(navigation.seen_from(self._session.scene.camera, azimuth_deg, elevation_deg))
+
+    def toggle_orthographic(self) -> None:
+        """Change between perspective and orthographic projection."""
         camera = self._session.scene.camera
         self._session.look(replace(camera, orthographic=not camera.orthographic))
 
-    def _reset_view(self) -> None:
+    def reset_view(self) -> None:
+        """Put the camera back to where it stands at first."""
         self._session.look(CameraSettings())
 
-    def _copy_view(self) -> None:
+    def copy_view(self) -> None:
+        """Put the camera into the clipboard, as the table of a scene file."""
         self.clipboard.set(self._session.view_text())
         self._session.say("copied the view as text")
 
-    def _paste_view(self) -> None:
+    def paste_view(self) -> None:
+        """Take the camera from the clipboard."""
         self._session.paste_view(self.clipboard.get())
 
-    def _toggle_exposure_lock(self) -> None:
+    def toggle_exposure_lock(self) -> None:
+        """Hold the exposure at what it is now, or let it follow the picture again."""
         view, picture = self._session.view, self._view.picture
         locked = view.exposure_lock is not None or picture is None
         view.exposure_lock = None if locked or picture is None else picture.log_average
 
-    def _toggle_measure(self) -> None:
+    def toggle_measure(self) -> None:
+        """Start or stop measuring the error of what is on screen."""
         view = self._session.view
         view.measure = not view.measure
 
+    def toggle_profiles(self) -> None:
+        """Show or hide the curves of the profile."""
+        self._session.view.profiles = not self._session.view.profiles
+
     # files
 
-    def _open_file(self) -> None:
-        suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *PROFILE_SUFFIXES, *SCENE_SUFFIXES)
-        self._ask(Request("Open a model, a light probe, a profile or a scene", suffixes, self.open))
-
-    def _open_model(self) -> None:
-        self._ask(Request("Open a model", supported_suffixes(), self.open))
-
-    def _open_probe(self) -> None:
-        self._ask(Request("Light with a probe", PROBE_SUFFIXES, self.open))
-
-    def _open_texture(self) -> None:
-        self._ask_for("texture")
-
-    def _open_normal_map(self) -> None:
-        self._ask_for("normal_map")
-
-    def _ask_for(self, key: str) -> None:
-        """Ask for a picture on the model."""
+    def ask_for_map(self, key: str) -> None:
+        """Ask for a picture that lies on the model, its `texture` or its `normal_map`."""
         done = lambda path: self._session.edit("model", **{key: str(path)})  # noqa: E731
-        self._ask(Request(f"Open a {key.replace('_', ' ')}", PICTURE_SUFFIXES, done))
+        self.ask(Request(f"Open a {key.replace('_', ' ')}", PICTURE_SUFFIXES, done))
 
-    def _open_profile(self) -> None:
-        self._ask(Request("Scatter by a profile", PROFILE_SUFFIXES, self.open))
+    def import_materials(self) -> None:
+        """Ask for a file whose materials the user's library takes in."""
+        self.ask(Request("Add a file's materials to your own", SCENE_SUFFIXES, self._exchange(import_from)))
 
-    def _import_materials(self) -> None:
-        self._ask(Request("Add a file's materials to your own", SCENE_SUFFIXES, self._exchange(import_from)))
-
-    def _export_materials(self) -> None:
+    def export_materials(self) -> None:
+        """Ask where to write the materials of the user's library."""
         request = Request("Write your own materials", SCENE_SUFFIXES, self._exchange(export_to), "materials.toml")
-        self._ask(request)
+        self.ask(request)
 
     def _exchange(self, exchange: Callable[[Path], Materials]) -> Callable[[Path], None]:
         def done(path: Path) -> None:
@@ -176,17 +166,20 @@ class Actions:
 
         return done
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write the scene to its file; ask for one where it has none."""
         if self._session.path is None:
-            self._save_as()
+            self.save_as()
         else:
-            self._save_to(self._session.path)
+            self.save_to(self._session.path)
 
-    def _save_as(self) -> None:
+    def save_as(self) -> None:
+        """Ask where to write the scene."""
         suggested = "scene.toml" if self._session.path is None else self._session.path.name
-        self._ask(Request("Save the scene", SCENE_SUFFIXES, self._save_to, suggested))
+        self.ask(Request("Save the scene", SCENE_SUFFIXES, self.save_to, suggested))
 
-    def _save_to(self, path: Path) -> None:
+    def save_to(self, path: Path) -> None:
+        """Write the scene to a file that `milkglass render` makes the picture on screen from."""
         session = self._session
         if session.save(path, self._view.size, self._exposed_key()):
             self._preferences.opened(path)
@@ -212,7 +205,7 @@ class Actions:
             return False
         return self._session.edit("material", profile=TABLE, profile_table=str(path))
 
-    def _reread_profile(self) -> None:
+    def reread_profile(self) -> None:
         """Take a table that was edited meanwhile; one that has gone stays as it was read."""
         kept = self._session.kept
         scenes = (self._session.scene,) if kept is None else (self._session.scene, kept)
@@ -223,15 +216,14 @@ class Actions:
             except InputError as error:
                 self._session.fail(f"{error}; the profile stays what it was")
 
-    def _toggle_profiles(self) -> None:
-        self._session.view.profiles = not self._session.view.profiles
-
-    def _export_profile(self) -> None:
+    def ask_where_to_export_profile(self) -> None:
+        """Ask where to write the curves of the scene's profile."""
         material = self._session.scene.material
         suggested = f"{material.name or 'custom'}-{material.profile}.csv".replace(" ", "-").lower()
-        self._ask(Request("Export the profile's curves", PROFILE_SUFFIXES, self._export_to, suggested))
+        self.ask(Request("Export the profile's curves", PROFILE_SUFFIXES, self.export_profile, suggested))
 
-    def _export_to(self, path: Path) -> None:
+    def export_profile(self, path: Path) -> None:
+        """Write the curves of the scene's profile as CSV."""
         try:
             note = write_profile(path, self._session.scene.material, self._view.live.assets.profile_table)
         except InputError as error:
@@ -239,17 +231,19 @@ class Actions:
         else:
             self._session.say(f"wrote {path}{note}")
 
-    def _screenshot(self) -> None:
-        self.capture = self._free_name()
+    def capture_window(self) -> None:
+        """Have the next frame of the window written as a picture."""
+        self.capture = self.free_name()
 
-    def _screenshot_object(self) -> None:
+    def capture_object(self) -> None:
+        """Write a picture of the object alone, on transparent ground."""
         try:
             picture = self._view.transparent()
         except InputError as error:
             self._session.fail(error)
             return
         if picture is not None:
-            self._write(self._free_name(), read_image(picture))
+            self._write(self.free_name(), read_image(picture))
 
     def _write(self, path: Path, pixels: npt.NDArray[np.uint8]) -> None:
         try:
@@ -259,27 +253,23 @@ class Actions:
         else:
             self._session.say(f"wrote {path}")
 
-    def _free_name(self) -> Path:
-        """Return the first name that is not taken, in the last folder."""
+    def free_name(self) -> Path:
+        """Return the first path of a picture that is not taken, in the last folder."""
         folder = self._preferences.start_folder()
         taken = {path.name for path in folder.glob("milkglass-*.png")}
         number = next(i for i in range(1, len(taken) + 2) if f"milkglass-{i:03d}.png" not in taken)
         return folder / f"milkglass-{number:03d}.png"
 
-    def _ask(self, request: Request) -> None:
-        self.dialog.open(request, self._preferences.start_folder())
-
     # window
 
-    def _toggle_help(self) -> None:
+    def toggle_help(self) -> None:
+        """Show or hide the cheat sheet."""
         self.help_shown = not self.help_shown
 
-    def _toggle_panel(self) -> None:
+    def toggle_panel(self) -> None:
+        """Show or hide the panel."""
         self.panel_shown = not self.panel_shown
 
-    def _dismiss(self) -> None:
-        self.help_shown = False
-        self.on_dismiss()
-
-    def _quit(self) -> None:
+    def quit(self) -> None:
+        """Have the window closed."""
         self.closing = True

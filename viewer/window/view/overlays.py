@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from milkglass.viewer.gui.command import Rows
 from milkglass.viewer.gui.controls import Box
-from milkglass.viewer.gui.shortcuts import MOUSE, SHORTCUTS
 from milkglass.viewer.gui.toolkit import ERROR, MUTED, Gui, icons, imgui
 from milkglass.viewer.session.session import Message
 
@@ -92,27 +92,26 @@ def draw_label(corner: tuple[float, float], text: str, *, from_right: bool = Fal
     draw.add_text((x + 6.0, y + 3.0), imgui.get_color_u32((0.9, 0.9, 0.9, 1.0)), text)
 
 
-def draw_help(gui: Gui, view: Box) -> None:
-    """Draw the cheat sheet in the middle of the view."""
+def draw_help(gui: Gui, view: Box, groups: list[tuple[str, Rows]]) -> None:
+    """Draw the cheat sheet, groups of rows under headings, in the middle of the view: two in a first column."""
     imgui.set_next_window_pos(
         (0.5 * (view[0] + view[2]), 0.5 * (view[1] + view[3])), imgui.Cond_.always.value, (0.5, 0.5)
     )
     imgui.set_next_window_bg_alpha(0.95)
     if imgui.begin("##help", None, _float_flags() | imgui.WindowFlags_.no_inputs.value)[0]:
-        groups = [(title, tuple((s.keys, s.what) for s in group)) for title, group in SHORTCUTS.items()]
         imgui.begin_group()
-        for title, rows in (("Mouse", MOUSE), *groups[:1]):
+        for title, rows in groups[:2]:
             _help_group(gui, title, rows)
         imgui.end_group()
         imgui.same_line(0.0, 2.0 * imgui.get_font_size())
         imgui.begin_group()
-        for title, rows in groups[1:]:
+        for title, rows in groups[2:]:
             _help_group(gui, title, rows)
         imgui.end_group()
     imgui.end()
 
 
-def _help_group(gui: Gui, title: str, rows: tuple[tuple[str, str], ...]) -> None:
+def _help_group(gui: Gui, title: str, rows: Rows) -> None:
     imgui.push_font(gui.bold, 0.0)
     imgui.text_unformatted(title)
     imgui.pop_font()

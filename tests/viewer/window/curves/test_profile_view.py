@@ -162,7 +162,7 @@ def test_the_export_is_a_profile(driver, tmp_path):
     assert driver.app.actions.dialog.request.save_as == "skin1-photon_beam.csv"
     driver.key("escape")
     path = tmp_path / "skin.csv"
-    driver.app.actions._export_to(path)
+    driver.app.actions.export_profile(path)
     driver.frames(2)
     assert driver.app.messages[-1] == f"wrote {path}"
     assert [entry.name for entry in tmp_path.iterdir()] == ["skin.csv"]
@@ -170,7 +170,7 @@ def test_the_export_is_a_profile(driver, tmp_path):
     assert driver.session.scene.material.profile == "table"
     difference = np.abs(driver.picture().astype(int) - before)
     assert difference.max() <= 2
-    driver.app.actions._export_to(tmp_path / "none" / "skin.csv")
+    driver.app.actions.export_profile(tmp_path / "none" / "skin.csv")
     driver.frames(2)
     assert "cannot be written" in driver.app.messages[-1]
 

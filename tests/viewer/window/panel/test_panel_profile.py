@@ -55,16 +55,24 @@ def test_a_wrong_file_leaves_everything_as_it_was(driver, tmp_path):
     assert "skin.csv, line 4: R rises" in driver.app.messages[-1]
 
 
-def test_diffusion_greys_the_choice_with_the_reason(driver):
+def test_diffusion_greys_the_choice_with_the_reason(driver, monkeypatch):
+    controls, reasons = driver.app.panel.controls, {}
+    draw = controls.value
+
+    def noted(name, *given, off=None, **more):
+        reasons[name] = off
+        return draw(name, *given, off=off, **more)
+
+    monkeypatch.setattr(controls, "value", noted)
     choose(driver, "transport.method", "diffusion")
-    assert driver.app.panel._material.no_profile is not None
-    assert "has no profile" in driver.app.panel._material.no_profile
+    assert reasons["material.profile"] is not None
+    assert "has no profile" in reasons["material.profile"]
     before = driver.session.scene
     driver.click("material.profile")
     assert "material.profile=burley" not in driver.app.panel.controls.boxes
     assert driver.session.scene == before
     choose(driver, "transport.method", "layered")
-    assert driver.app.panel._material.no_profile is None
+    assert reasons["material.profile"] is None
 
 
 def test_a_material_by_colour_and_back(driver):

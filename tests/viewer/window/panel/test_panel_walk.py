@@ -252,8 +252,8 @@ def try_toolbar(walker: Walker) -> None:
     assert session.scene.model.path == folder / "other.ply"
     session.undo()
     walker.settle()
-    walker.click("recent")  # lists files, the newest first, where the pointer is
-    x, y = walker.place("recent")
+    walker.click("open")  # lists recent files, the newest first, where the pointer is
+    x, y = walker.place("open")
     walker.press((x + 20.0, y + 18.0))
     walker.settle()
     assert session.scene.model.path == folder / "other.ply"
