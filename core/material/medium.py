@@ -52,7 +52,7 @@ class BoundaryConditionConstants:
     )
     convex_share: float = fitted(0.6, "share of curvature's effect on a convex surface that is nearly flat", "ball")
     sharpest_edge: float = fitted(
-        0.8, "curvature of an edge times mean free path at which second order ends", "box", "cylinder", "cone"
+        0.8, "curvature of an edge times mean free path at which second order ends", "cube", "cylinder", "cone"
     )
     deepest_cavity: float = chosen(2.0, "concave curvature times mean free path, beyond which no more counts", "bowl")
 

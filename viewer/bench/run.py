@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.bench import (
     chain as bench_chain,
@@ -149,7 +150,8 @@ def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
     output : Path, optional
         Folder for CSV files, the tables as Markdown and the plot.
     model : Path, optional
-        Mesh of the frames, whose error is measured too; the frames show the built-in sculpture without one.
+        Mesh of the frames, whose error is measured too, against photons where it is closed; the frames show the
+        built-in sculpture without one.
 
     Raises
     ------
@@ -169,7 +171,7 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     _errors(plan, given, report)
     if plan.occluded_points:
         bench_occlusion.report_occlusion(report, scene, plan.occluded_points)
-    _against_transport(plan, report)
+    _against_transport(plan, given, report)
     report.finish()
 
 
@@ -252,9 +254,12 @@ def _errors(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_repo
         bench_report.report_chain(report, _watched(pictures, count, "error of the renderer"))
 
 
-def _against_transport(plan: Plan, report: bench_report.Report) -> None:
+def _against_transport(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
     if plan.methods:
-        solids = {name: bench_transport.SHAPES[name] for name in plan.solids}
+        closed = {name: make for name, make in given.items() if is_closed(row_sums(make()))}
+        for name in given.keys() - closed:
+            report.say(f"{name} is not closed, so no photons walk in it.")
+        solids = {name: bench_transport.SHAPES[name] for name in plan.solids} | closed
         rows = bench_transport.transport_rows(plan.methods, solids, plan.media, plan.photons)
         count = len(plan.methods) * len(solids) * len(plan.media) * len(bench_transport.LIGHTS)
         bench_transport_report.report_transport(report, _watched(rows, count, "error against transport"))

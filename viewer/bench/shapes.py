@@ -10,6 +10,7 @@ import numpy.typing as npt
 import trimesh
 
 from milkglass.core.arrays import Array
+from milkglass.core.geometry.implicit import Coordinates, Part, Values, polygonise, smooth_max
 from milkglass.core.geometry.mesh import Mesh
 
 Faces = npt.NDArray[np.int64]
@@ -152,6 +153,64 @@ def dish(thickness: float = 3.0) -> Mesh:
 def box(side: float = 8.0, edge: float = 0.7) -> Mesh:
     """A cube, in triangles of `edge` mm at most; flat shading."""
     return faceted(trimesh.creation.box((side, side, side)), edge)
+
+
+def gyroid(diameter: float = 20.0, period: float = 16.0, thickness: float = 3.0, spacing: float = 0.4) -> Mesh:
+    """Return a ball cut from a gyroid (Schoen 1970), a wall between two labyrinths; smooth normals but for its rims.
+
+    g = sin kx cos ky + sin ky cos kz + sin kz cos kx, k = 2 pi / period; the wall is where |g| < 3/4 k thickness, as
+    |grad g| is 3/2 k on g = 0 in the mean. Lengths in mm.
+    """
+    k = np.float32(2.0 * np.pi / period)
+
+    def distance(points: Coordinates) -> Values:
+        sines, cosines = np.sin(k * points), np.cos(k * points)
+        g = (sines * np.roll(cosines, -1, axis=0)).sum(axis=0)
+        wall = np.abs(g) / (np.float32(1.5) * k) - np.float32(0.5 * thickness)
+        return smooth_max(wall, np.linalg.norm(points, axis=0) - np.float32(0.5 * diameter), 0.4)
+
+    size = 0.5 * diameter + 2.0 * spacing
+    vertices, faces, normals = polygonise([Part(distance, spacing)], [-size] * 3, [size] * 3, spacing)
+    return Mesh.of(vertices, normals, faces)
+
+
+def bolt(edge: float = 0.7) -> Mesh:
+    """Return a bolt of 15 mm: a hexagonal head, 10 mm across its flats, on a shank of 6 mm; flat shading."""
+    angle = 2.0 * np.pi * np.arange(48) / 48
+    head = 5.0 / np.cos((angle + np.pi / 6.0) % (np.pi / 3.0) - np.pi / 6.0)
+    rings = [_ring(head, angle, -7.5), _ring(head, angle, -2.5), _ring(3.0, angle, -2.5), _ring(3.0, angle, 7.5)]
+    poles = np.full((1, 48, 3), [0.0, 0.0, -7.5]), np.full((1, 48, 3), [0.0, 0.0, 7.5])
+    return _lofted(np.concatenate([poles[0], rings, poles[1]]), edge)
+
+
+def gear(teeth: int = 10, height: float = 5.0, edge: float = 0.7) -> Mesh:
+    """Return a spur gear of 18 mm around z with trapezoidal teeth and a hole of 6 mm, `height` mm; flat shading."""
+    pitch = 2.0 * np.pi / teeth
+    angle = (pitch * np.arange(teeth)[:, None] + pitch * np.array([0.0, 0.4, 0.55, 0.85])).ravel()
+    radius = np.tile([6.5, 6.5, 9.0, 9.0], teeth)
+    low, high = -0.5 * height, 0.5 * height
+    rings = [_ring(radius, angle, low), _ring(radius, angle, high), _ring(3.0, angle, high), _ring(3.0, angle, low)]
+    return _lofted(np.array([*rings, rings[0]]), edge)
+
+
+def _ring(radius: npt.ArrayLike, angle: Array, z: float) -> Array:
+    """Points around z in cylindrical coordinates, (n, 3)."""
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), z)], axis=1)
+
+
+def _lofted(rings: Array, edge: float) -> Mesh:
+    """Return the surface through rings (k, n, 3) that wind around z, the outer ones from below to above; flat shading.
+
+    It is closed if the first and the last ring are one, or points.
+    """
+    k, n, _ = rings.shape
+    lower = (np.arange(k - 1)[:, None] * n + np.arange(n)).ravel()
+    beside = (np.arange(k - 1)[:, None] * n + np.roll(np.arange(n), -1)).ravel()
+    faces = np.concatenate([np.stack([lower, beside, beside + n], 1), np.stack([lower, beside + n, lower + n], 1)])
+    shape = trimesh.Trimesh(rings.reshape(-1, 3), faces, process=False)
+    shape.merge_vertices()
+    shape.update_faces(shape.nondegenerate_faces())
+    return faceted(shape, edge)
 
 
 def faceted(shape: trimesh.Trimesh, edge: float) -> Mesh:

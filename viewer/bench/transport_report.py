@@ -1,20 +1,27 @@
-"""What the error against transport came to: tables of the model's and of the numbers' error, of cost, a CSV file."""
+"""Tables and a CSV file of the error against transport: of the model, of its numbers, and what each method costs.
+
+Shapes that constants of `diffusion` were fitted to or chosen on, and shapes kept out of that, have a mean each.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 import numpy as np
 
+from milkglass.core.provenance import constants
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.viewer.bench.report import Report
 from milkglass.viewer.bench.schemes import Scheme
-from milkglass.viewer.bench.transport import ALBEDOS, ALL, FINER, LIGHT, LIGHTS, MATERIAL, TransportRow
+from milkglass.viewer.bench.transport import ALBEDOS, ALL, FINER, LIGHT, LIGHTS, MATERIAL, TransportRow, is_in_sample
 
-Value = Callable[[TransportRow, int], str]  # of a channel
+Text = Callable[[TransportRow, int], str]  # of a channel
+Value = Callable[[TransportRow, int], float]
+Worst = Callable[[TransportRow], int]  # channel
 Key = tuple[str, str, int | None]  # shape, material, channel; None: the worst
 
 
 def report_transport(report: Report, rows: Sequence[TransportRow]) -> None:
-    """Rms and the flux of the dark side by shape and medium; then what each method costs."""
+    """Report the rms and the flux of the dark side by shape and medium; then cost, and the constants of `diffusion`."""
     schemes = list(dict.fromkeys(r.scheme for r in rows))
     lights = " / ".join(light for light in LIGHTS if any(r.light == light for r in rows))
     solved = [scheme for scheme in schemes if any(r.scheme == scheme and r.products for r in rows)]
@@ -22,15 +29,19 @@ def report_transport(report: Report, rows: Sequence[TransportRow]) -> None:
     headings = [f"{scheme}" for scheme in schemes]
     report.table(
         f"Error against photons: rms over the whole surface, % of the rms exitance; light: {lights}",
-        ["object", *headings, *(f"{s} against {FINER} x its nodes" for s in solved)],
-        (
-            [
-                _name(key),
-                *(_cell(rows, scheme, key, rms_text, _largest_rms) for scheme in schemes),
-                *(_cell(rows, scheme, key, _numerical_text, _largest_numerical) for scheme in solved),
-            ]
-            for key in keys
-        ),
+        ["object", "in the fit", *headings, *(f"{s} against {FINER} x its nodes" for s in solved)],
+        [
+            *(
+                [
+                    _name(key),
+                    "yes" if is_in_sample(key[0]) else "no",
+                    *(_cell(rows, scheme, key, rms_text, _largest_rms) for scheme in schemes),
+                    *(_cell(rows, scheme, key, _numerical_text, _largest_numerical) for scheme in solved),
+                ]
+                for key in keys
+            ),
+            *_means(rows, keys, schemes, solved),
+        ],
     )
     report.table(
         f"Error against photons: flux of the surface that no light enters, %; light: {lights}",
@@ -42,6 +53,12 @@ def report_transport(report: Report, rows: Sequence[TransportRow]) -> None:
         ["method", "new light, ms", "new material, ms", "all anew, ms", "nodes", "convolutions", "residual"],
         ([str(scheme), *_costs([r for r in rows if r.scheme == scheme])] for scheme in schemes),
     )
+    if solved:
+        report.table(
+            "Constants of `diffusion`, and the shapes that they were fitted to or chosen on",
+            ["constant", "value", "", "shapes", "meaning"],
+            ([c.name, f"{c.value:g}", c.kind, ", ".join(c.shapes), c.meaning] for c in constants(CONSTANTS)),
+        )
     report.csv("transport.csv", [csv_row(r) for r in rows])
 
 
@@ -53,6 +70,7 @@ def csv_row(row: TransportRow) -> dict[str, object]:
         "scheme": str(row.scheme),
         "resolution": row.resolution,
         "shape": row.shape,
+        "in_fit": int(is_in_sample(row.shape)),
         "material": row.material,
         "light": row.light,
         **{
@@ -94,6 +112,31 @@ def _largest_dark(row: TransportRow) -> int:
     return int(np.argmax(np.nan_to_num(np.abs(row.error.dark))))
 
 
+def _means(
+    rows: Sequence[TransportRow], keys: Sequence[Key], schemes: Sequence[Scheme], solved: Sequence[Scheme]
+) -> list[list[str]]:
+    """Return the last lines of the first table: means over the lines of shapes in the fit, and of those kept out."""
+    lines = []
+    for in_sample, name in ((True, "in the fit"), (False, "kept out of it")):
+        chosen = [key for key in keys if is_in_sample(key[0]) == in_sample]
+        if chosen:
+            count = len({shape for shape, _, _ in chosen})
+            rms = (_mean(rows, scheme, chosen, lambda r, c: r.error.rms[c], _largest_rms) for scheme in schemes)
+            numerical = (_mean(rows, s, chosen, lambda r, c: r.numerical[c], _largest_numerical, 2) for s in solved)
+            lines.append([f"mean of {count} shapes {name}", "yes" if in_sample else "no", *rms, *numerical])
+    return lines
+
+
+def _mean(
+    rows: Sequence[TransportRow], scheme: Scheme, keys: Sequence[Key], value: Value, worst: Worst, digits: int = 1
+) -> str:
+    """Return the mean over lines in per cent, light by light."""
+    found = [
+        [value(row, worst(row) if key[2] is None else key[2]) for row in _of_lights(rows, scheme, key)] for key in keys
+    ]
+    return " / ".join(f"{100.0 * mean:.{digits}f}" for mean in np.nanmean(found, axis=0))
+
+
 def _keys(rows: Sequence[TransportRow]) -> list[Key]:
     """Lines of the tables: a material's worst channel, but each of the albedos."""
     pairs = dict.fromkeys((r.shape, r.material) for r in rows)
@@ -105,13 +148,14 @@ def _name(key: Key) -> str:
     return f"{shape}; {material if channel is None else f'albedo {ALBEDOS.alpha_prime[channel]:g}'}"
 
 
-def _cell(
-    rows: Sequence[TransportRow], scheme: Scheme, key: Key, text: Value, worst: Callable[[TransportRow], int]
-) -> str:
-    shape, material, channel = key
-    found = {r.light: r for r in rows if (r.scheme, r.shape, r.material) == (scheme, shape, material)}
-    own = [found[light] for light in LIGHTS if light in found]
-    return " / ".join(text(row, worst(row) if channel is None else channel) for row in own)
+def _cell(rows: Sequence[TransportRow], scheme: Scheme, key: Key, text: Text, worst: Worst) -> str:
+    found = _of_lights(rows, scheme, key)
+    return " / ".join(text(row, worst(row) if key[2] is None else key[2]) for row in found)
+
+
+def _of_lights(rows: Sequence[TransportRow], scheme: Scheme, key: Key) -> list[TransportRow]:
+    found = {r.light: r for r in rows if (r.scheme, r.shape, r.material) == (scheme, *key[:2])}
+    return [found[light] for light in LIGHTS if light in found]
 
 
 def _costs(rows: Sequence[TransportRow]) -> list[str]:

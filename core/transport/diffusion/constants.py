@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from milkglass.core.material.medium import BOUNDARY_CONDITION, BoundaryConditionConstants
 from milkglass.core.provenance import chosen, fitted
 
-CONVEX_EDGES = "box", "cylinder", "cone"
+CONVEX_EDGES = "cube", "cylinder", "cone"
 # Shapes of the benchmark whose errors against photons were in view while thresholds were chosen.
-BENCHMARK = "ball", "plate", "bowl", "knot", "torus", "washer", "dish", "box"
-SCANS = "scan", "sculpture"
+BENCHMARK = "ball", "plate", "bowl", "knot", "torus", "washer", "dish", "cube"
+SCANS = "dragon", "buddha", "sculpture"
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from milkglass.core.geometry.mesh import face_cross, flaws
 from milkglass.core.reference.regions import find_regions
 from milkglass.core.reference.transport_error import TransportError
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.bench import run as bench
+from milkglass.viewer.bench.report import Report
 from milkglass.viewer.bench.schemes import Scheme
-from milkglass.viewer.bench.shapes import ball, bowl
+from milkglass.viewer.bench.shapes import ball, bolt, bowl, gear, gyroid
 from milkglass.viewer.bench.transport import (
     ALBEDOS,
     ALL,
@@ -22,11 +24,12 @@ from milkglass.viewer.bench.transport import (
     METHODS,
     SHAPES,
     TransportRow,
+    is_in_sample,
     material_of,
     numerical_error,
     transport_rows,
 )
-from milkglass.viewer.bench.transport_report import rms_text
+from milkglass.viewer.bench.transport_report import report_transport, rms_text
 from tests.viewer.bench.test_bench import NOTHING, assert_finite
 
 SMALL = Scheme("layered", 8, 64), Scheme("diffusion", resolution=24)
@@ -93,6 +96,59 @@ def test_a_bowl_is_half_a_shell():
     assert np.einsum("ij,ij->i", cross, mesh.normals[mesh.faces].mean(axis=1)).min() > 0.99
 
 
+def test_kept_out_shapes_have_the_volumes_of_their_closed_forms():
+    hexagon, circle = 0.5 * np.sqrt(3.0) * 10.0**2, 0.5 * 48 * 3.0**2 * np.sin(2.0 * np.pi / 48)
+    assert bolt().volume == pytest.approx(5.0 * hexagon + 10.0 * circle, rel=1e-5)
+    steps = 2.0 * np.pi / 10 * np.array([0.4, 0.15, 0.3, 0.15])
+    outline = np.array([6.5 * 6.5, 6.5 * 9.0, 9.0 * 9.0, 9.0 * 6.5]) - 3.0**2
+    assert gear().volume == pytest.approx(5.0 * 10 * 0.5 * np.sum(outline * np.sin(steps)), rel=1e-5)
+    mesh = gyroid()
+    assert 2.0 * mesh.volume / mesh.area == pytest.approx(3.0, rel=0.25)  # rims and saddles are thinner
+    for mesh in (bolt(), gear(), gyroid()):
+        assert flaws(mesh).solid
+
+
+def test_shapes_kept_out_are_in_no_fit():
+    kept_out = [name for name in SHAPES if not is_in_sample(name)]
+    assert kept_out == ["gyroid, 3 mm", "bolt, 15 mm", "gear, 5 mm"]
+    assert is_in_sample("dragon_100k, 100 mm")
+    assert not is_in_sample("teapot, 100 mm")
+
+
+def test_both_means_are_told(capsys):
+    nothing = (0.0, 0.0, 0.0)
+
+    def row(shape, light, rms):
+        return TransportRow(
+            SMALL[1], shape, "marble", light, TransportError((rms,) * 3, *[nothing] * 6), ALL, 1.0, 64, 9
+        )
+
+    rms = {"ball, 4 mm": (0.01, 0.02), "cube, 8 mm": (0.03, 0.05), "gear, 5 mm": (0.06, 0.08)}
+    rows = [row(shape, *pair) for shape, both in rms.items() for pair in zip(LIGHTS, both, strict=True)]
+    report_transport(Report(None), rows)
+    lines = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
+    assert ["", "cube, 8 mm; marble", "yes", "3.0 / 5.0", "0.00 / 0.00", ""] in lines
+    assert ["", "mean of 2 shapes in the fit", "yes", "2.0 / 3.5", "0.00 / 0.00", ""] in lines
+    assert ["", "mean of 1 shapes kept out of it", "no", "6.0 / 8.0", "0.00 / 0.00", ""] in lines
+    assert sum(line[1:2] == ["boundary_condition.anisotropy"] for line in lines) == 1
+
+
+def test_a_model_is_compared_with_photons_where_it_is_closed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(bench.bench_transport, "REGIONS", 12)
+    monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))
+    plan = replace(NOTHING, methods=SMALL[1:], solids=(), media=("albedos",), photons=500)
+    block = trimesh.creation.box()
+    block.export(tmp_path / "brick.ply")
+    bench.run_plan(plan, None, tmp_path / "brick.ply")
+    assert "| brick, 100 mm; albedo 0.99 " in capsys.readouterr().out
+    block.update_faces(np.arange(10))
+    block.export(tmp_path / "crate.ply")
+    bench.run_plan(replace(plan, solids=("ball, 4 mm",)), None, tmp_path / "crate.ply")
+    told = capsys.readouterr().out
+    assert "crate, 100 mm is not closed, so no photons walk in it." in told
+    assert "| crate" not in told
+
+
 def test_albedos_share_a_mean_free_path():
     np.testing.assert_allclose(material_of("albedos").sigma_t_prime, 1.0)
     np.testing.assert_allclose(ALBEDOS.alpha_prime, [0.9, 0.99, 0.999])
@@ -114,6 +170,7 @@ def test_tables_and_file_are_written(tmp_path, monkeypatch, capsys):
     with (tmp_path / "transport.csv").open(newline="") as file:
         found = list(csv.DictReader(file))
     assert len(found) == len(SMALL) * 2 * len(LIGHTS)
+    assert {row["in_fit"] for row in found} == {"1"}
     assert_finite(found)
     text = (tmp_path / "bench.md").read_text()
     assert "| ball, 4 mm; albedo 0.99 " in text

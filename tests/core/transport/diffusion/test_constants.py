@@ -17,7 +17,7 @@ def test_every_constant_has_a_meaning_and_shapes():
 def test_the_boundary_condition_is_fitted_to_balls_slabs_and_convex_edges():
     assert CONSTANTS.boundary_condition is medium.BOUNDARY_CONDITION
     fits = [constant for constant in constants(CONSTANTS) if constant.kind == "fitted"]
-    assert {shape for constant in fits for shape in constant.shapes} == {"ball", "plate", "box", "cylinder", "cone"}
+    assert {shape for constant in fits for shape in constant.shapes} == {"ball", "plate", "cube", "cylinder", "cone"}
     assert {"gyroid", "bolt", "gear"}.isdisjoint(shapes_in_sample(CONSTANTS))
 
 
