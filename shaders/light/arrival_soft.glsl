@@ -1,5 +1,5 @@
 // With the switch SOFT in place of arrival.glsl: a light with a size as sub-lights, equal shares of it; and the cone of
-// a spot light. Mirrors viewer/scene/sub_lights.py.
+// a spot light. Mirrors viewer/scene/lights/sub_lights.py.
 #include "shadows_soft.glsl"
 
 uniform int u_sub_lights;

@@ -24,15 +24,8 @@ from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.photograph.edit import Edited, edit
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import (
-    START,
-    DirectionalLight,
-    EnvironmentSettings,
-    ModelSettings,
-    PhotoSettings,
-    Scene,
-    apply_set,
-)
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import START, EnvironmentSettings, ModelSettings, PhotoSettings, Scene, apply_set
 
 FRONT, SIDE = DirectionalLight((0.5, 0.5, 0.7), (2.0, 2.0, 2.0)), DirectionalLight((0.8, 0.2, -0.2), (2.0, 2.0, 2.0))
 CASES: dict[str, tuple[str, DirectionalLight | str]] = {

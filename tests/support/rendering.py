@@ -16,7 +16,8 @@ from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.render.lit_scene import Model
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import DirectionalLight, Light, Scene, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight, Light
+from milkglass.viewer.scene.scene import Scene, apply_set
 
 FRONT, BACK = (0.3, 0.4, 1.0), (-0.3, 0.2, -1.0)  # towards the light; the cameras stand near +z
 OUTLIERS = 0.0025  # share of the pixels that may differ, as GPUs do at edges

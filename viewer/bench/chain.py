@@ -20,8 +20,9 @@ from milkglass.viewer.bench.shapes import SHAPES
 from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DirectionalLight, DisplaySettings, MaterialSettings, ModelSettings
+from milkglass.viewer.scene.settings import DisplaySettings, MaterialSettings, ModelSettings
 
 IMAGE = 512
 EDGE_PIXELS = 2  # left out along outlines, where a pixel's mean position is no surface point

@@ -23,7 +23,8 @@ from milkglass.core.profiles.names import PROFILES, TABLE
 from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DirectionalLight, MaterialSettings
+from milkglass.viewer.scene.settings import MaterialSettings
+from milkglass.viewer.session.navigation import turn_matrix
 
 Kernel = tuple[npt.NDArray[np.float32], ...]
 
@@ -156,15 +157,8 @@ def _turned(scene: Scene, i: int) -> Scene:
 
 
 def _relit(scene: Scene, i: int) -> Scene:
-    lights = scene.effective_lights()
-    turn = np.radians(5.0 * (i + 1))
-    turned = []
-    for light in lights:
-        assert isinstance(light, DirectionalLight)  # the default pair
-        x, y, z = light.direction
-        direction = float(np.cos(turn) * x + np.sin(turn) * z), y, float(np.cos(turn) * z - np.sin(turn) * x)
-        turned.append(replace(light, direction=direction))
-    return replace(scene, lights=tuple(turned))
+    turn = turn_matrix(np.array([0.0, 1.0, 0.0]), 5.0 * (i + 1))
+    return replace(scene, lights=tuple(light.turned(turn) for light in scene.effective_lights()))
 
 
 def _thinned(scene: Scene, i: int) -> Scene:

@@ -47,7 +47,7 @@ from milkglass.viewer.bench.shapes import (
 from milkglass.viewer.error.point_exitance import Evaluate, RayLights, diffusion_exitance, dipole_exitance
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.scene.camera import place_camera
-from milkglass.viewer.scene.settings import DirectionalLight
+from milkglass.viewer.scene.lights import DirectionalLight
 
 REGIONS = 100
 FINER = 2  # times as many nodes along the object, for the error of diffusion's numbers

@@ -9,9 +9,10 @@ import typer
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.scene.declaration import Setting, nearest, settings_of
+from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
 from milkglass.viewer.scene.material_settings import ADDED
 from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed, parse_set
-from milkglass.viewer.scene.settings import BUILTIN_PROBES, LIGHT_KINDS, TABLES, Light
+from milkglass.viewer.scene.settings import BUILTIN_PROBES, TABLES
 
 
 class Flag(NamedTuple):
@@ -197,9 +198,9 @@ def _parameters(also: Sequence[Flag]) -> list[inspect.Parameter]:
     )
     light = typer.Option(
         "--light", metavar="KIND:x,y,z...", rich_help_panel="Light",
-        help="KIND:x,y,z[:r,g,b][:key=value]; directional (towards the light; irradiance), or point, sphere, "
-        "rectangle, spot (position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be "
-        "repeated, replaces the scene's lights.",
+        help=f"KIND:x,y,z[:r,g,b][:key=value]; {_kinds(True)} (towards the light; irradiance), or {_kinds(False)} "
+        "(position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be repeated, replaces the "
+        "scene's lights.",
     )  # fmt: skip
     return [
         _parameter("model", str, model),
@@ -209,6 +210,10 @@ def _parameters(also: Sequence[Flag]) -> list[inspect.Parameter]:
         _parameter("light", list[str], light),
         *named[first_of_light:],
     ]
+
+
+def _kinds(distant: bool) -> str:
+    return ", ".join(name for name, kind in LIGHT_KINDS.items() if distant == kind.DISTANT)
 
 
 def _declaration(flag: Flag) -> tuple[type, Any]:

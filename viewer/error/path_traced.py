@@ -34,8 +34,8 @@ from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DirectionalLight
 
 SUN = 6.0  # degrees, half the angle of a light's disc: smaller is noisier
 FAR = 50.0  # radii of the object, to the discs
@@ -79,9 +79,9 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
     if scene.environment.given or not scene.effective_lights():
         raise InputError("--path-traced knows directional lights only; give the scene one, and no environment")
     for light in scene.effective_lights():
-        if not isinstance(light, DirectionalLight):
+        if not light.DISTANT:
             raise InputError(f"--path-traced knows directional lights only; remove the {light.KIND} lights")
-        if light.angle_deg > 0.0:
+        if not light.is_sharp:
             raise InputError("--path-traced knows sharp lights only; set angle_deg of the directional ones to 0")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
@@ -187,13 +187,13 @@ def _description(mi: Any, scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Arra
     }
 
 
-def _sun(mi: Any, light: Any, radius: float) -> dict[str, Any]:
+def _sun(mi: Any, light: Light, radius: float) -> dict[str, Any]:
     """Return a disc of even radiance that gives the light's irradiance."""
-    towards = np.asarray(light.direction, np.float64) / np.linalg.norm(light.direction)
+    towards = np.asarray(light.vector, np.float64) / np.linalg.norm(light.vector)
     up = np.eye(3)[np.abs(towards).argmin()]
     distance, angle = FAR * radius, np.radians(SUN)
     place = mi.ScalarTransform4f().look_at(origin=(distance * towards).tolist(), target=[0, 0, 0], up=up.tolist())
-    radiance = np.asarray(light.irradiance) / (np.pi * np.sin(angle) ** 2)
+    radiance = np.asarray(light.brightness) / (np.pi * np.sin(angle) ** 2)
     emitter = {"type": "area", "radiance": {"type": "rgb", "value": radiance.tolist()}}
     return {
         "type": "disk",

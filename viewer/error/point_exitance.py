@@ -25,7 +25,6 @@ from milkglass.core.transport.diffusion.separate import AnySolution, SeparateSol
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.scene.settings import DirectionalLight
 
 Bools = npt.NDArray[np.bool_]
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
@@ -45,20 +44,20 @@ class RayLights:
     def __init__(self, mesh: Mesh, illumination: Illumination, eta: float) -> None:
         self._illumination, self.eta = illumination, eta
         self._occluder, self._rays = Occluder(mesh), SheetRays(mesh)
-        self._lamps = [light for light in illumination.lights if isinstance(light, DirectionalLight)]
+        self._lamps = [light for light in illumination.lights if light.DISTANT]
 
     def irradiance(self, points: Array, normals: Array) -> list[Array]:
         """E of each light, the environment last: (n, 3) each."""
         lamps = (
-            self._occluder.irradiance(points, normals, normals, a.direction, a.irradiance, self.eta)
-            for a in self._lamps
+            self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
+            for lamp in self._lamps
         )
         around = () if self._illumination.table is None else (self._illumination.surrounding(normals, points),)
         return [*lamps, *around]
 
     def directions(self) -> list[tuple[float, float, float] | None]:
         """Way that each light travels, unit; None: from all around."""
-        ways = [-np.asarray(lamp.direction) / np.linalg.norm(lamp.direction) for lamp in self._lamps]
+        ways = [-np.asarray(lamp.vector) / np.linalg.norm(lamp.vector) for lamp in self._lamps]
         around = [] if self._illumination.table is None else [None]
         return [*((float(x), float(y), float(z)) for x, y, z in ways), *around]
 
@@ -71,12 +70,12 @@ class RayLights:
         """
         found = []
         for lamp in self._lamps:
-            towards = np.asarray(lamp.direction, np.float64) / np.linalg.norm(lamp.direction)
+            towards = np.asarray(lamp.vector, np.float64) / np.linalg.norm(lamp.vector)
             other = self._rays.other_side(points, normals, towards, reach)
             entering = transmittance(self.eta, other.cosine) * other.cosine * other.share * (other.thickness > 0.0)
             if own is not None:
                 entering = entering * own[other.face]
-            found.append((other, np.asarray(entering[:, None] * np.asarray(lamp.irradiance))))
+            found.append((other, np.asarray(entering[:, None] * np.asarray(lamp.brightness))))
         return found
 
     def at(self, points: Array, normals: Array, reach: float, thin: bool, own: Bools | None = None) -> list[PointLight]:

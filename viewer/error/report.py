@@ -36,7 +36,6 @@ from milkglass.viewer.render.picture import read_frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DirectionalLight
 
 REGIONS = 150  # of the surface, over which photons and the picture are compared
 
@@ -65,7 +64,7 @@ def transport_content(
     start = time.perf_counter()
     reason = obstacle(scene, lit)
     if reason is None:
-        beams = [Beam(a.direction, a.irradiance) for a in illumination.lights if isinstance(a, DirectionalLight)]
+        beams = [Beam(light.vector, light.brightness) for light in illumination.lights if light.DISTANT]
         try:
             truth = find_truth(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
         except InputError as problem:
@@ -88,9 +87,9 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
     if scene.environment.given:
         return "photons come from directional lights only, and the scene has an environment"
     for light in scene.effective_lights():
-        if not isinstance(light, DirectionalLight):
+        if not light.DISTANT:
             return f"photons come from directional lights only, and the scene has a {light.KIND} light"
-        if light.angle_deg > 0.0:
+        if not light.is_sharp:
             return "photons come from sharp lights only, and the scene has one with an angle_deg"
     if not scene.effective_lights():
         return "the scene has no light"

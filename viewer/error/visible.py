@@ -24,9 +24,8 @@ from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
 from milkglass.core.reference.sources import Sources, graded_sources, resolved_length
-from milkglass.viewer.scene.lights import is_sharp
-from milkglass.viewer.scene.settings import DirectionalLight, Light, PointLight
-from milkglass.viewer.scene.sub_lights import DIRECTIONAL, sub_lights
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 
 DEFAULT_POINTS = 300
 BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
@@ -103,12 +102,12 @@ class Illumination:
             sources, factors = self.detail(sources)  # type: ignore[assignment]
         where = sources.points, sources.normals, sources.face_normals
         for light in self.lights:
-            if not is_sharp(light):
+            if not light.is_sharp:
                 entering += _soft_irradiance(occluder, sources, light, eta)
-            elif isinstance(light, DirectionalLight):
-                entering += occluder.irradiance(*where, light.direction, light.irradiance, eta)
-            elif isinstance(light, PointLight):
-                entering += occluder.point_irradiance(*where, light.position_mm, light.intensity, eta)
+            elif light.DISTANT:
+                entering += occluder.irradiance(*where, light.vector, light.brightness, eta)
+            else:
+                entering += occluder.point_irradiance(*where, light.vector, light.brightness, eta)
         if self.table is not None:
             entering += self.surrounding(sources.normals, sources.points)
         return np.asarray(factors * entering)
@@ -125,8 +124,8 @@ class Illumination:
 def _soft_irradiance(occluder: Occluder, sources: Sources, light: Light, eta: float) -> Array:
     """E of a light with a size, or a spot light, at sources (n, 3): a ray to each of many sub-lights."""
     where = sources.points, sources.normals, sources.face_normals
-    wanted = SUB_LIGHTS_A_DEGREE * light.angle_deg if isinstance(light, DirectionalLight) else np.inf
-    parts = sub_lights(light, int(np.clip(wanted, SUB_LIGHTS_A_DEGREE, SUB_LIGHTS)))
+    wanted = SUB_LIGHTS_A_DEGREE * light.apparent_deg(0.0) if light.DISTANT else np.inf
+    parts = light.sub_lights(int(np.clip(wanted, SUB_LIGHTS_A_DEGREE, SUB_LIGHTS)))
     share, entering = np.array(parts.colour) / len(parts), np.zeros((len(sources), 3))
     for i, vector in enumerate(parts.vectors):
         if parts.kind == DIRECTIONAL:

@@ -11,7 +11,7 @@ from milkglass.core.reference import sheet
 from milkglass.core.reference.equation import NEAREST_LIGHT
 from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
 from milkglass.core.transport.diffusion.points import LEAST_SPLIT
-from milkglass.viewer.scene import sub_lights
+from milkglass.viewer.scene.lights import sub_lights
 from milkglass.viewer.scene.settings import BEHIND
 
 CUBE_VIEWS = 6  # of a shadow map around a light that stands amid the object

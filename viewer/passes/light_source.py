@@ -12,8 +12,8 @@ from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.passes.shadows import ShadowMap
 from milkglass.viewer.passes.soft_shadows import SoftShadow
 from milkglass.viewer.scene.camera import world_to_probe
-from milkglass.viewer.scene.settings import DirectionalLight, PointLight
-from milkglass.viewer.scene.sub_lights import DIRECTIONAL, ENVIRONMENT, POINT
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, ENVIRONMENT, POINT
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,15 +45,12 @@ class LightSource:
     occlusion: Occlusion | None = None
 
     def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
-        """Values for irradiance.glsl, at one of a pixel's samples."""
-        shadow = self.shadow
-        seen = shadow.uniforms(sample, samples) if isinstance(shadow, SoftShadow) else shadow.uniforms()
-        return self._uniforms(eta, seen)
+        """Return the values for irradiance.glsl, at one of a pixel's samples; eta is the object's relative index."""
+        return self._uniforms(eta, self.shadow.uniforms(sample, samples))
 
     def sample_uniforms(self, eta: float) -> dict[str, object]:
-        """The same for surface samples."""
-        shadow = self.shadow
-        return self._uniforms(eta, shadow.sample_uniforms() if isinstance(shadow, SoftShadow) else shadow.uniforms())
+        """Return the values for irradiance.glsl, at surface samples."""
+        return self._uniforms(eta, self.shadow.sample_uniforms())
 
     def _uniforms(self, eta: float, shadow: dict[str, object]) -> dict[str, object]:
         return {
@@ -69,12 +66,12 @@ class LightSource:
     @property
     def is_soft(self) -> bool:
         """Whether it is for the shaders of lights with a size."""
-        return isinstance(self.shadow, SoftShadow)
+        return self.shadow.is_soft
 
     @property
     def sub_lights(self) -> int:
-        """How many points or directions it shines from."""
-        return len(self.shadow.lights) if isinstance(self.shadow, SoftShadow) else 1
+        """Number of points or directions from which it shines."""
+        return self.shadow.sub_light_count
 
     def entering(self, flux: Float32) -> EnteringLight:
         """Light of this source that enters with a flux (n, 3) at the surface samples."""
@@ -84,19 +81,10 @@ class LightSource:
         return EnteringLight(flux, position=self.vector if self.kind == POINT else None)
 
 
-def soft_lamp(shadow: SoftShadow, table: moderngl.Texture) -> LightSource:
-    """Make the source of a light with a size, or a spot light; `table` is any texture."""
-    lights = shadow.lights
-    return LightSource(lights.kind, lights.vector, lights.colour, shadow, table, np.eye(3))
-
-
-def lamp(light: DirectionalLight | PointLight, shadow: ShadowMap, table: moderngl.Texture) -> LightSource:
-    """Make the source of a directional or point light, sharp; `table` is any texture."""
-    if isinstance(light, DirectionalLight):
-        direction = np.asarray(light.direction, np.float64)
-        x, y, z = (direction / np.linalg.norm(direction)).tolist()
-        return LightSource(DIRECTIONAL, (x, y, z), light.irradiance, shadow, table, np.eye(3))
-    return LightSource(POINT, light.position_mm, light.intensity, shadow, table, np.eye(3))
+def lamp(light: Light, shadow: ShadowMap | SoftShadow, table: moderngl.Texture) -> LightSource:
+    """Make the source of a light of a scene, in world space, from its shadow; `table` is any texture."""
+    parts = shadow.lit(light)
+    return LightSource(parts.kind, parts.vector, parts.colour, shadow, table, np.eye(3))
 
 
 def surround(

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.viewer.scene.sub_lights import CONE, DIRECTIONAL, SubLights
+from milkglass.viewer.scene.lights.sub_lights import CONE, DIRECTIONAL, SubLights
 
 CUBE_MARGIN = 1.05  # of the bounding sphere: nearer lights need all six faces of a cube
 # Bounding-sphere radii beyond which a point light's rays are parallel to a fifth of a texel; beyond a thousand times as

@@ -1,6 +1,7 @@
 """Shadow maps: one depth texture a light, fitted to the object."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import moderngl
 import numpy as np
@@ -12,7 +13,8 @@ from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.constants import CUBE_VIEWS
 from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.shadow_views import CUBE_MARGIN, FAR, cube_views, directional_view, frustum_view
-from milkglass.viewer.scene.settings import DirectionalLight, PointLight
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import SubLights
 
 SIZE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 mm
 
@@ -46,8 +48,19 @@ class ShadowMap:
     bodies: moderngl.Texture
     tells_bodies: bool = False
 
-    def uniforms(self) -> dict[str, object]:
-        """Values for shadows.glsl."""
+    is_soft: ClassVar[bool] = False
+    sub_light_count: ClassVar[int] = 1
+
+    def lit(self, light: Light) -> SubLights:
+        """Return the one sub-light of a light that this map was cast for."""
+        return light.sub_lights(1)
+
+    def sample_uniforms(self) -> dict[str, object]:
+        """Return the values for surface samples, the same as for pixels."""
+        return self.uniforms()
+
+    def uniforms(self, sample: int = 0, samples: int = 1) -> dict[str, object]:
+        """Return the values for shadows.glsl, the same at all of a pixel's samples."""
         return {
             "t_shadow": self.texture,
             "u_shadow_views": self.views,
@@ -56,7 +69,7 @@ class ShadowMap:
         }
 
     def depth_uniforms(self) -> dict[str, object]:
-        """Values for sheet.glsl."""
+        """Return the values for sheet.glsl."""
         views = self.world_to_clip[: self.views]
         clip_to_world = np.zeros((CUBE_VIEWS, 4, 4))
         clip_to_world[: self.views] = np.linalg.inv(views)
@@ -83,22 +96,22 @@ class ShadowsPass:
         self,
         buffers: MeshBuffers,
         mesh: Mesh,
-        light: DirectionalLight | PointLight,
+        light: Light,
         bodies: moderngl.Buffer | None = None,
     ) -> ShadowMap:
         """Render the mesh's depth as the light sees it, and its bodies if given: one float a vertex."""
         tiles = (1, 1)
         side = self._size
-        if isinstance(light, DirectionalLight):
-            matrices, texel = directional_view(mesh, light.direction, side)
-        elif (distance := float(np.linalg.norm(light.position_mm))) > FAR * mesh.radius:
-            matrices, texel = directional_view(mesh, light.position_mm, side)
+        if light.DISTANT:
+            matrices, texel = directional_view(mesh, light.vector, side)
+        elif (distance := float(np.linalg.norm(light.vector))) > FAR * mesh.radius:
+            matrices, texel = directional_view(mesh, light.vector, side)
             texel /= distance
         elif distance > CUBE_MARGIN * mesh.radius:
-            matrices, texel = frustum_view(mesh, light.position_mm, side)
+            matrices, texel = frustum_view(mesh, light.vector, side)
         else:
             tiles, side = (3, 2), self._size // 2
-            matrices, texel = cube_views(mesh, light.position_mm, side)
+            matrices, texel = cube_views(mesh, light.vector, side)
         size = side * tiles[0], side * tiles[1]
         texture = self._texture(size)
         seen = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))

@@ -1,6 +1,7 @@
 """Shadow maps of lights with a size: the depth that every sub-light sees, as tiles of one texture."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import moderngl
 import numpy as np
@@ -12,8 +13,8 @@ from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import float_texture
 from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.shadow_views import FAR, SoftViews, soft_views
-from milkglass.viewer.scene.lights import Light, brightness
-from milkglass.viewer.scene.sub_lights import PARTS, SubLights, sub_lights
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import PARTS, SubLights
 
 TEXELS = 2560  # a side of all tiles together, about
 LARGEST, SMALLEST = 2048, 448  # texels a side of a tile
@@ -60,13 +61,20 @@ class SoftShadow:
     bodies: moderngl.Texture
     tells_bodies: bool
 
-    def brightened(self, light: Light) -> "SoftShadow":
-        """Return the same maps for a light that differs in its brightness only; they were cast for one of 1."""
-        red, green, blue = (a * b for a, b in zip(self.lights.colour, brightness(light), strict=True))
-        return replace(self, lights=replace(self.lights, colour=(red, green, blue)))
+    is_soft: ClassVar[bool] = True  # for the shaders of lights with a size
+
+    @property
+    def sub_light_count(self) -> int:
+        """Number of points or directions from which the light shines."""
+        return len(self.lights)
+
+    def lit(self, light: Light) -> SubLights:
+        """Return the sub-lights of a light that these maps were cast for, as if its brightness were 1."""
+        red, green, blue = (a * b for a, b in zip(self.lights.colour, light.brightness, strict=True))
+        return replace(self.lights, colour=(red, green, blue))
 
     def uniforms(self, sample: int = 0, samples: int = 1) -> dict[str, object]:
-        """Values for arrival_soft.glsl and shadows_soft.glsl.
+        """Return the values for arrival_soft.glsl and shadows_soft.glsl.
 
         Samples of a pixel share the sub-lights out among them: all of them together see each as often.
         """
@@ -91,12 +99,12 @@ class SoftShadow:
         }
 
     def sample_uniforms(self) -> dict[str, object]:
-        """The same for surface samples: what steps from sub-light to sub-light show, transport smooths anyway."""
+        """Return the values for surface samples: steps from sub-light to sub-light are smoothed by transport anyway."""
         taps = max(FEWEST_TAPS, SAMPLE_TAPS // len(self.lights))
         return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
 
     def depth_uniforms(self) -> dict[str, object]:
-        """Values for sheet.glsl."""
+        """Return the values for sheet.glsl."""
         return {"u_separate_shadow": self.tells_bodies, "t_shadow_body": self.bodies}
 
 
@@ -149,9 +157,9 @@ class SoftShadowsPass:
 def divided(light: Light, count: int, mesh: Mesh) -> tuple[SubLights, SoftViews]:
     """Divide a light with a size into sub-lights, at most `count`, and find the views of the object from each."""
     far = FAR * mesh.radius  # from there on its rays count as parallel
-    lights = sub_lights(light, count, far)
+    lights = light.sub_lights(count, far)
     placed = soft_views(mesh, lights)
     if count > MOST_CUBES and placed.matrices.shape[1] > 1:
-        lights = sub_lights(light, MOST_CUBES, far)
+        lights = light.sub_lights(MOST_CUBES, far)
         placed = soft_views(mesh, lights)
     return lights, placed

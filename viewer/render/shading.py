@@ -22,8 +22,8 @@ from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.render.remarks import below_nodes, beyond_object
 from milkglass.viewer.scene.camera import jittered, pixel_offsets
+from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.sub_lights import PARTS
 
 LARGE = 16  # sub-lights of a light of which a picture may show some first
 

@@ -11,14 +11,13 @@ from milkglass.core.stages import NumberedStage, Stage, Stages, Steps
 from milkglass.viewer.assets.keeper import Assets, PartedProbe
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import latlong_texture
-from milkglass.viewer.passes.light_source import LightSource, lamp, soft_lamp, surround
+from milkglass.viewer.passes.light_source import LightSource, lamp, surround
 from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.passes.shadows import ShadowMap, ShadowsPass
 from milkglass.viewer.passes.soft_shadows import SoftShadow, SoftShadowsPass, divided
 from milkglass.viewer.scene.camera import world_to_probe
-from milkglass.viewer.scene.lights import DirectionalLight, Light, PointLight, brightened, is_sharp
+from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.settings import EnvironmentSettings
-from milkglass.viewer.scene.sub_lights import sub_light_count
 
 MAX_IRRADIANCE = 1e9  # that a light may have
 SHADOWS = {Stage.LIGHT: Stage.LIGHT_SHADOW, Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW}
@@ -50,28 +49,21 @@ class Lamps:
 
         Its shadow knows no brightness: a brighter light casts it no second time.
         """
-        count = 0 if is_sharp(light) else sub_light_count(light, mesh.radius, draft)
-        unit = brightened(light, (1.0, 1.0, 1.0))
+        count = 0 if light.is_sharp else light.sub_light_count(mesh.radius, draft)
+        unit = light.brightened((1.0, 1.0, 1.0))
         shadow = self._spread(
             SHADOWS[name.stage].of(name.number),
             [mesh, unit, bodies, count],
             lambda: self._cast(unit, count, mesh, buffers, bodies),
         )
-        return self._run(name, [shadow, light], lambda: self._lit(light, shadow))
+        return self._run(name, [shadow, light], lambda: lamp(light, shadow, self.no_probe))
 
     def _cast(
         self, light: Light, count: int, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None
     ) -> Steps[ShadowMap | SoftShadow]:
         if count == 0:
-            assert isinstance(light, DirectionalLight | PointLight)
             return self._shadows.render(buffers, mesh, light, bodies)
         return (yield from self._soft_shadows.steps(buffers, mesh, *divided(light, count, mesh), bodies))
-
-    def _lit(self, light: Light, shadow: ShadowMap | SoftShadow) -> LightSource:
-        if isinstance(shadow, SoftShadow):
-            return soft_lamp(shadow.brightened(light), self.no_probe)
-        assert isinstance(light, DirectionalLight | PointLight)
-        return lamp(light, shadow, self.no_probe)
 
 
 class Surround:

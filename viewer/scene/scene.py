@@ -18,20 +18,11 @@ from typing import Any, NamedTuple
 
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
-from milkglass.viewer.scene import lights as kinds
 from milkglass.viewer.scene import toml_files
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
 from milkglass.viewer.scene.keys import Key, values_moving
-from milkglass.viewer.scene.lights import (
-    LIGHT_KINDS,
-    DirectionalLight,
-    Light,
-    PointLight,
-    RectangleLight,
-    SphereLight,
-    SpotLight,
-)
+from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
 from milkglass.viewer.scene.material_settings import RIVALS
 from milkglass.viewer.scene.settings import (
     DEFAULT_LIGHTS,
@@ -48,9 +39,8 @@ from milkglass.viewer.scene.settings import (
 )
 
 __all__ = [
-    "CameraSettings", "Change", "DetailSettings", "DirectionalLight", "DisplaySettings", "EnvironmentSettings", "Light",
-    "MaterialSettings", "ModelSettings", "PhotoSettings", "PointLight", "RectangleLight", "Scene", "SpecularSettings",
-    "SphereLight", "SpotLight", "TransportSettings", "apply_set", "changed",
+    "CameraSettings", "Change", "DetailSettings", "DisplaySettings", "EnvironmentSettings", "MaterialSettings",
+    "ModelSettings", "PhotoSettings", "Scene", "SpecularSettings", "TransportSettings", "apply_set", "changed",
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
@@ -87,7 +77,8 @@ class Scene:
         if self.lights is not None:
             lights: object = self.lights
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
-                raise InputError(f"lights must be a tuple of {kinds.NAMES}, or None")
+                names = ", ".join(kind.__name__ for kind in LIGHT_KINDS.values())
+                raise InputError(f"lights must be a tuple of {names}, or None")
             object.__setattr__(self, "lights", tuple(lights))
         if self.display.background == "environment" and not self.environment.given:
             fix = "set environment.path or environment.builtin too"
@@ -95,10 +86,10 @@ class Scene:
 
     def effective_lights(self) -> tuple[Light, ...]:
         """Return the lights that shine, as they are in the world: on, and not black."""
-        shining = tuple(light for light in self.all_lights() if light.on and any(kinds.brightness(light)))
+        shining = tuple(light for light in self.all_lights() if light.on and any(light.brightness))
         if all(light.fixed_to == "world" for light in shining):
             return shining
-        return tuple(kinds.in_world(light, place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
+        return tuple(light.in_world(place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
 
     def key(self, part: Part, *, without: Collection[str] = ()) -> Key:
         """Return what a part of the pipeline depends on, hashable: all settings that move it or what it reads.

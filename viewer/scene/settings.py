@@ -12,13 +12,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.core.transport.methods import DEFAULT_METHOD, METHODS, Method
 from milkglass.viewer.scene.declaration import check_fields, setting
-from milkglass.viewer.scene.lights import LIGHT_KINDS as LIGHT_KINDS
-from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
-from milkglass.viewer.scene.lights import Light as Light
-from milkglass.viewer.scene.lights import PointLight as PointLight
-from milkglass.viewer.scene.lights import RectangleLight as RectangleLight
-from milkglass.viewer.scene.lights import SphereLight as SphereLight
-from milkglass.viewer.scene.lights import SpotLight as SpotLight
+from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
 
 # fmt: off

@@ -5,7 +5,8 @@ from dataclasses import Field
 from typing import Any
 
 from milkglass.viewer.scene.declaration import Setting, is_required
-from milkglass.viewer.scene.settings import LIGHT_KINDS, TABLES
+from milkglass.viewer.scene.lights import LIGHT_KINDS
+from milkglass.viewer.scene.settings import TABLES
 
 
 def settings_markdown() -> str:

@@ -6,7 +6,6 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.viewer.scene.camera import place_camera
-from milkglass.viewer.scene.lights import turned
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import CameraSettings
 
@@ -62,7 +61,7 @@ def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
     if lights:
         of_camera = rotation.T @ turn @ rotation  # the same, of vectors in its axes
         turns = {"world": turn, "camera": of_camera}
-        scene = replace(scene, lights=tuple(turned(light, turns[light.fixed_to]) for light in lights))
+        scene = replace(scene, lights=tuple(light.turned(turns[light.fixed_to]) for light in lights))
     if scene.environment.given:
         degrees = wrapped(scene.environment.rotation_deg + step * dx)
         scene = replace(scene, environment=replace(scene.environment, rotation_deg=degrees))

@@ -14,8 +14,9 @@ import tomli_w
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Change, Scene, changed
-from milkglass.viewer.scene.settings import CameraSettings, Light
+from milkglass.viewer.scene.settings import CameraSettings
 
 HISTORY = 200  # steps that can be undone
 DEFAULT_ERROR_POINTS = 300  # as `milkglass render --report`

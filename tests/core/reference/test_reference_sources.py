@@ -15,7 +15,8 @@ from milkglass.core.reference.sources import Sources, graded_sources
 from milkglass.viewer.error.report import illumination_of
 from milkglass.viewer.error.visible import Illumination, measure
 from milkglass.viewer.files import images
-from milkglass.viewer.scene.scene import DirectionalLight, EnvironmentSettings, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import EnvironmentSettings
 from tests.support.rendering import (
     BACK,
     FRONT,

@@ -20,7 +20,8 @@ from milkglass.core.stages import Stages
 from milkglass.core.transport.ewald import WINDOW, EwaldTransport, long_range
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.error.report import error_report
-from milkglass.viewer.scene.scene import DirectionalLight, MaterialSettings
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import MaterialSettings
 from milkglass.viewer.scene.settings import TransportSettings
 from tests.support.lit import Lit
 from tests.support.rendering import BACK, FRONT, MeshRenderer, relative_rms, scene_of

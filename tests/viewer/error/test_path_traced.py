@@ -10,7 +10,8 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.commands import cli
 from milkglass.viewer.error import path_traced
 from milkglass.viewer.files import images
-from milkglass.viewer.scene.settings import DirectionalLight, MaterialSettings, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.settings import MaterialSettings
 from tests.support.rendering import FRONT, scene_of
 from tests.support.shapes import ball
 

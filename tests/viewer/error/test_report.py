@@ -19,13 +19,8 @@ from milkglass.viewer.error.map import FOOT, error_map
 from milkglass.viewer.error.report import error_report, map_path
 from milkglass.viewer.error.visible import Illumination, VisiblePoints, measure, visible_points
 from milkglass.viewer.files import images
-from milkglass.viewer.scene.scene import (
-    DirectionalLight,
-    EnvironmentSettings,
-    MaterialSettings,
-    PointLight,
-    TransportSettings,
-)
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import EnvironmentSettings, MaterialSettings, TransportSettings
 from tests.support.rendering import BACK, FRONT, MeshRenderer, scene_of, seen_at, surface_points
 from tests.support.shapes import ball
 from tests.support.solids import mesh_of, sheet

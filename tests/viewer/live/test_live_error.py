@@ -15,8 +15,9 @@ from milkglass.viewer.error.visible import DEFAULT_POINTS, measure
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.live.error import LARGEST, Cancelled, LiveError
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import apply_set
-from milkglass.viewer.scene.settings import DirectionalLight, MaterialSettings, ModelSettings, TransportSettings
+from milkglass.viewer.scene.settings import MaterialSettings, ModelSettings, TransportSettings
 from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
 from tests.support.driving import Driver, small_scene, write_knot
 from tests.support.solids import ball, mesh_of

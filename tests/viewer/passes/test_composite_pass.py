@@ -7,7 +7,7 @@ import pytest
 
 from milkglass.core.material.fresnel import transmittance
 from milkglass.viewer.render.picture import Frame, read_frame, read_image
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from tests.support.rendering import (
     BACK,
     FRONT,

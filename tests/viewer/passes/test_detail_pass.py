@@ -10,7 +10,8 @@ from milkglass.core.geometry.texture import linear
 from milkglass.core.material.fresnel import transmittance
 from milkglass.viewer.error.report import error_report
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import DirectionalLight, Scene
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import ModelSettings
 from tests.support.rendering import inside, relative_rms, scene_of
 from tests.support.skins import FLAT, ball_with_map, picture, write_ball, write_slab

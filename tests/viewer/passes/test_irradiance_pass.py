@@ -16,7 +16,8 @@ from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.light_source import lamp, surround
 from milkglass.viewer.passes.shadows import ShadowsPass
 from milkglass.viewer.scene.camera import world_to_probe
-from milkglass.viewer.scene.scene import DirectionalLight, EnvironmentSettings, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import EnvironmentSettings
 from tests.support.rendering import (
     BACK,
     FRONT,

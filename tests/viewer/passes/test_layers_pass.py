@@ -10,7 +10,7 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.render.picture import read_frame
-from milkglass.viewer.scene.scene import DirectionalLight
+from milkglass.viewer.scene.lights import DirectionalLight
 from tests.support.rendering import (
     FRONT,
     METHODS,

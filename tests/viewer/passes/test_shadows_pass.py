@@ -11,7 +11,7 @@ from milkglass.viewer.gl.context import latlong_texture
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.light_source import lamp
 from milkglass.viewer.passes.shadows import SIZE, ShadowsPass
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from tests.support.rendering import random_samples
 from tests.support.shapes import ball, plate
 

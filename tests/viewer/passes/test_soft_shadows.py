@@ -21,19 +21,14 @@ from milkglass.viewer.passes.soft_shadows import SoftShadow
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.render.sources import Lamps
-from milkglass.viewer.scene.scene import (
-    DirectionalLight,
-    PointLight,
-    RectangleLight,
-    SphereLight,
-    SpotLight,
-    apply_set,
-)
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight
+from milkglass.viewer.scene.lights.sub_lights import PARTS
+from milkglass.viewer.scene.scene import apply_set
 from milkglass.viewer.scene.settings import ModelSettings
-from milkglass.viewer.scene.sub_lights import sub_light_count
 from tests.support import area_lights
 from tests.support.occluding import Places
 from tests.support.rendering import inside, random_samples, relative_rms, scene_of
+from tests.support.ring_light import RingLight
 from tests.support.shapes import ball, cube
 from tests.support.skins import picture, write_ball
 
@@ -131,6 +126,25 @@ def test_a_ball_has_no_acne(irradiance_of, light):
     expected = facing * cosine * transmittance(ETA, np.clip(cosine, 0.0, 1.0))
     np.testing.assert_allclose(actual[clear], expected[clear], rtol=0.06, atol=0.01 * expected.max())
     assert np.all(actual[np.arcsin(np.clip(cosine, -1.0, 1.0)) < -half - np.radians(1.0)] == 0.0)
+
+
+def test_a_new_kind_shines_from_its_sub_lights(irradiance_of):
+    """A ball before a ring that the shaders know nothing of: the sum of its patches, where all are seen or none."""
+    light, mesh = RingLight((10.0, 20.0, 80.0), radius_mm=25.0), ball(20.0, 6)
+    samples, _ = random_samples(mesh, 2_000)
+    count = light.sub_light_count(mesh.radius)
+    assert count > PARTS
+    expected, lowest, highest = np.zeros(len(samples)), np.ones(len(samples)), -np.ones(len(samples))
+    for place in light.sub_lights(count).vectors:
+        towards = place - samples.points
+        distance = np.linalg.norm(towards, axis=1)
+        cosine = np.einsum("ij,ij->i", samples.normals, towards) / distance
+        lowest, highest = np.minimum(lowest, cosine), np.maximum(highest, cosine)
+        facing, along = np.maximum(cosine, 0.0), -(towards @ light.axes[2]) / distance
+        expected += light.intensity[0] / count * transmittance(ETA, facing) * facing * along / distance**2
+    actual = irradiance_of(mesh, samples, light)[:, 0]
+    np.testing.assert_allclose(actual[lowest > 0.15], expected[lowest > 0.15], rtol=1e-3)
+    assert np.all(actual[highest < 0.0] == 0.0)
 
 
 # Pictures
@@ -281,7 +295,7 @@ def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkey
 
     monkeypatch.setattr(DepthTiles, "steps", counted)
     first, second = (RectangleLight((x, 0.0, 62.0), size_mm=(90.0, 90.0)) for x in (10.0, -10.0))
-    few, whole = (sub_light_count(first, 50.0, draft) for draft in (True, False))
+    few, whole = (first.sub_light_count(50.0, draft) for draft in (True, False))
     assert whole > 4 * STEPS_A_FRAME
 
     def frame():

@@ -18,7 +18,8 @@ from milkglass.viewer.photograph.edit import edit
 from milkglass.viewer.photograph.enlarge import enlarged, sampled
 from milkglass.viewer.photograph.framing import PICTURE, frame_object
 from milkglass.viewer.photograph.geometry import make_geometry
-from milkglass.viewer.scene.scene import START, DirectionalLight, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import START, apply_set
 from tests.support.photo_errors import Case
 from tests.support.photographing import ball_photo, small_photo, write_photo
 

@@ -17,7 +17,8 @@ from milkglass.viewer.live.photograph_work import FIXED, PhotoWork
 from milkglass.viewer.photograph.composite import Compositor
 from milkglass.viewer.photograph.edit import edit
 from milkglass.viewer.render.picture import read_image
-from milkglass.viewer.scene.scene import START, DirectionalLight, EnvironmentSettings, PhotoSettings, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import START, EnvironmentSettings, PhotoSettings, apply_set
 from tests.support.driving import Driver
 from tests.support.photographing import ball_photo, small_photo, write_photo
 

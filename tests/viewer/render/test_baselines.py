@@ -11,7 +11,8 @@ import pytest
 
 from milkglass.viewer.files.images import read_image, write_png
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight, Scene
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import Scene
 from tests.support.paths import ROOT
 from tests.support.rendering import BACK, FRONT, scene_of
 

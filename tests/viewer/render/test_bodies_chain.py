@@ -12,7 +12,7 @@ from milkglass.viewer.error.report import error_report, illumination_of
 from milkglass.viewer.error.visible import measure
 from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.render.bodies import bodies_warnings
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from tests.support.rendering import (
     BACK,
     FRONT,

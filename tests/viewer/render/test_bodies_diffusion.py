@@ -11,7 +11,8 @@ from milkglass.viewer.error.point_exitance import scene_exitance
 from milkglass.viewer.error.report import illumination_of, obstacle
 from milkglass.viewer.files import images
 from milkglass.viewer.render.renderer import render
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight, Scene, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.rendering import MeshRenderer, inside, relative_rms
 from tests.support.solids import ball, block, mesh_of, plates, rings, scattered, tubes
 

@@ -8,7 +8,8 @@ import pytest
 from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import direct_exitance
-from milkglass.viewer.scene.scene import DirectionalLight, Scene, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.rendering import BACK, FRONT, RayCaster, inside, relative_rms, scene_of
 
 LAYERS = (8, 16, 32, 64)

@@ -11,10 +11,10 @@ from milkglass.core.reference.photon_shapes import Sphere
 from milkglass.core.reference.photons import walk
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
     CameraSettings,
-    DirectionalLight,
     DisplaySettings,
     EnvironmentSettings,
     MaterialSettings,

@@ -10,7 +10,8 @@ from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import direct_exitance
 from milkglass.viewer.error.report import error_report
-from milkglass.viewer.scene.scene import DirectionalLight, PointLight, Scene, apply_set
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.rendering import BACK, FRONT, MeshRenderer, RayCaster, inside, relative_rms
 from tests.support.shapes import plate
 

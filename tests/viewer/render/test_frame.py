@@ -9,14 +9,8 @@ from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.files import images
 from milkglass.viewer.render.renderer import render, render_image
-from milkglass.viewer.scene.scene import (
-    CameraSettings,
-    DirectionalLight,
-    MaterialSettings,
-    PointLight,
-    SpecularSettings,
-    apply_set,
-)
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import CameraSettings, MaterialSettings, SpecularSettings, apply_set
 from tests.support.rendering import BACK, FRONT, METHODS, MeshRenderer, inside, outliers, relative_rms, scene_of
 
 LAMPS = (DirectionalLight(FRONT, (3.0, 2.0, 1.0)), PointLight((-40.0, 30.0, -60.0), (2e4, 3e4, 4e4)))

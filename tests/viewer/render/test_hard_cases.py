@@ -12,7 +12,8 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import direct_exitance
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import DirectionalLight, MaterialSettings, ModelSettings, PointLight
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
+from milkglass.viewer.scene.scene import MaterialSettings, ModelSettings
 from tests.support.rendering import BACK, FRONT, METHODS, MeshRenderer, RayCaster, inside, relative_rms, scene_of
 from tests.support.shapes import ball
 

@@ -1,26 +1,30 @@
 """Kinds of light: what they are made of, how they are written, what they turn with, and their sub-lights."""
 
+import inspect
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.commands.options import parse_light
+from milkglass.viewer.commands.options import parse_light, scene_options
 from milkglass.viewer.scene.camera import place_camera
-from milkglass.viewer.scene.lights import LIGHT_KINDS, as_fixed, as_kind, axes, brightness, in_world, turned
-from milkglass.viewer.scene.scene import (
+from milkglass.viewer.scene.lights import (
+    LIGHT_KINDS,
     DirectionalLight,
     PointLight,
     RectangleLight,
-    Scene,
     SphereLight,
     SpotLight,
-    apply_set,
+    as_kind,
 )
-from milkglass.viewer.scene.sub_lights import CONE, DIRECTIONAL, PARTS, apparent_deg, sub_light_count, sub_lights
+from milkglass.viewer.scene.lights.sub_lights import CONE, DIRECTIONAL, PARTS
+from milkglass.viewer.scene.scene import Scene, apply_set
+from milkglass.viewer.scene.settings_docs import settings_markdown
 from milkglass.viewer.session.navigation import lights_turned, turn_matrix
 from tests.support.rendering import scene_of
+from tests.support.ring_light import RingLight
 
 LIGHTS = (
     DirectionalLight((0.3, 0.4, 1.0), (1.0, 2.0, 3.0), angle_deg=12.0, fixed_to="camera"),
@@ -97,23 +101,23 @@ def test_a_light_fixed_to_the_camera_is_where_it_is_in_the_view():
 
 def test_a_turn_takes_the_sides_of_a_rectangle_with_it():
     turn = turn_matrix(np.array([0.6, 0.0, 0.8]), 50.0) @ turn_matrix(np.array([0.0, 1.0, 0.0]), 130.0)
-    np.testing.assert_allclose(axes(turned(LIGHTS[3], turn)), axes(LIGHTS[3]) @ turn, atol=1e-12)
+    np.testing.assert_allclose(LIGHTS[3].turned(turn).axes, LIGHTS[3].axes @ turn, atol=1e-12)
 
 
 @pytest.mark.parametrize("light", [LIGHTS[0], *LIGHTS[2:]], ids=lambda light: light.KIND)
 def test_fixing_it_to_something_else_leaves_it_where_it_is(light):
     rotation = place_camera(Scene().camera, 1.0, (1, 1)).rotation
-    expected = sub_lights(in_world(light, rotation), 4).vectors
+    expected = light.in_world(rotation).sub_lights(4).vectors
     for to in ("camera", "world"):
-        fixed = as_fixed(light, to, rotation)
+        fixed = light.refixed(to, rotation)
         assert fixed.fixed_to == to
-        np.testing.assert_allclose(sub_lights(in_world(fixed, rotation), 4).vectors, expected, rtol=1e-4, atol=1e-3)
+        np.testing.assert_allclose(fixed.in_world(rotation).sub_lights(4).vectors, expected, rtol=1e-4, atol=1e-3)
 
 
 def test_a_drag_turns_lights_of_the_camera_as_those_of_the_world():
     rotation = place_camera(Scene().camera, 1.0, (1, 1)).rotation
     world = replace(LIGHTS[0], fixed_to="world")
-    of_camera = as_fixed(world, "camera", rotation)
+    of_camera = world.refixed("camera", rotation)
     moved = lights_turned(Scene(lights=(world, of_camera)), 40.0, 25.0, 800.0)
     one, other = (light.direction for light in moved.effective_lights())
     assert moved.lights[1].fixed_to == "camera"
@@ -127,7 +131,7 @@ def test_a_light_of_another_kind_shines_about_the_same(light, kind):
     other = as_kind(light, kind)
     assert (other.KIND, other.on, other.fixed_to) == (kind, light.on, light.fixed_to)
     distance = [1.0 if each.KIND == "directional" else np.linalg.norm(each.position_mm) for each in (light, other)]
-    irradiance = [np.array(brightness(each)) / d**2 for each, d in zip((light, other), distance, strict=True)]
+    irradiance = [np.array(each.brightness) / d**2 for each, d in zip((light, other), distance, strict=True)]
     np.testing.assert_allclose(irradiance[1], irradiance[0], rtol=1e-4)
 
 
@@ -138,14 +142,14 @@ def test_a_light_of_another_kind_shines_about_the_same(light, kind):
 @pytest.mark.parametrize("light", [LIGHTS[0], LIGHTS[2], LIGHTS[4]], ids=lambda light: light.KIND)
 def test_a_surface_that_faces_a_light_gets_what_the_light_says(light, count):
     """E = irradiance, or I / d^2 whatever the radius of a sphere."""
-    parts = sub_lights(light, count)
+    parts = light.sub_lights(count)
     point = np.zeros((1, 3))
     ways = parts.vectors if parts.kind == DIRECTIONAL else parts.vectors - point
     cosines = ways @ np.array(parts.vector) / np.linalg.norm(ways, axis=1) / np.linalg.norm(parts.vector)
     factors = [float(parts.emission(i, point)[0]) for i in range(len(parts))]
     distance = 1.0 if parts.kind == DIRECTIONAL else np.linalg.norm(light.position_mm)
     found = np.mean(cosines * factors) * np.array(parts.colour)
-    np.testing.assert_allclose(found, np.array(brightness(light)) / distance**2, rtol=1e-3)
+    np.testing.assert_allclose(found, np.array(light.brightness) / distance**2, rtol=1e-3)
 
 
 def test_a_sphere_close_by_lights_all_places_as_a_sphere_does():
@@ -154,7 +158,7 @@ def test_a_sphere_close_by_lights_all_places_as_a_sphere_does():
     centre = np.array(light.position_mm)
 
     def found(count, point):
-        parts = sub_lights(light, count)
+        parts = light.sub_lights(count)
         ways = parts.vectors - point
         towards = (centre - point) / np.linalg.norm(centre - point)
         cosines = np.maximum(ways @ towards / np.linalg.norm(ways, axis=1), 0.0)
@@ -168,7 +172,7 @@ def test_a_sphere_close_by_lights_all_places_as_a_sphere_does():
 
 def test_a_rectangle_shines_as_the_integral_over_it():
     light = LIGHTS[3]
-    width, height, way = axes(light)
+    width, height, way = light.axes
     steps = (np.arange(200) + 0.5) / 200.0 - 0.5
     u, v = (side.ravel() for side in np.meshgrid(*[steps] * 2))
     points = np.array([[0.0, 0.0, 0.0], [10.0, -20.0, 5.0], [-90.0, 0.0, -300.0]])  # the last one behind it
@@ -178,7 +182,7 @@ def test_a_rectangle_shines_as_the_integral_over_it():
         ways = point - places
         distance = np.linalg.norm(ways, axis=1)
         expected.append(np.mean(np.maximum(ways @ way / distance, 0.0) / distance**2))
-    parts = sub_lights(light, 24)
+    parts = light.sub_lights(24)
     found = np.mean([parts.emission(i, points) for i in range(24)], axis=0)
     np.testing.assert_allclose(found, expected, rtol=2e-3)
     assert found[2] == 0.0
@@ -186,7 +190,7 @@ def test_a_rectangle_shines_as_the_integral_over_it():
 
 def test_a_spot_light_ends_at_its_cone():
     light = LIGHTS[4]
-    parts = sub_lights(light, 1)
+    parts = light.sub_lights(1)
     assert parts.shape == CONE
     way = -np.array(light.position_mm) / np.linalg.norm(light.position_mm)
     side = np.cross(way, [1.0, 0.0, 0.0])
@@ -199,19 +203,36 @@ def test_a_spot_light_ends_at_its_cone():
 
 
 def test_lights_get_as_many_sub_lights_as_they_look_large():
-    counts = [sub_light_count(DirectionalLight((0, 1, 0), angle_deg=angle), 50.0) for angle in (0.5, 3, 10, 25, 90)]
+    counts = [DirectionalLight((0, 1, 0), angle_deg=angle).sub_light_count(50.0) for angle in (0.5, 3, 10, 25, 90)]
     assert counts == [1, 4, 8, 16, 60]
     assert all(count % PARTS == 0 for count in counts[1:])
-    assert sub_light_count(SphereLight((0, 1e4, 0), radius_mm=40.0), 50.0) == 1
+    assert SphereLight((0, 1e4, 0), radius_mm=40.0).sub_light_count(50.0) == 1
     large = RectangleLight((0.0, 60.0, 0.0), size_mm=(10.0, 90.0))
-    assert apparent_deg(large, 50.0) > 100.0
-    assert 1 < sub_light_count(large, 50.0, draft=True) < sub_light_count(large, 50.0)
+    assert large.apparent_deg(50.0) > 100.0
+    assert 1 < large.sub_light_count(50.0, draft=True) < large.sub_light_count(50.0)
 
 
 @pytest.mark.parametrize("light", LIGHTS[2:], ids=lambda light: light.KIND)
 def test_far_lights_are_directions(light):
     far = replace(light, position_mm=tuple(1e6 * np.array(light.position_mm)))
-    parts = sub_lights(far, 4, far=1e6)
+    parts = far.sub_lights(4, far=1e6)
     assert parts.kind == DIRECTIONAL
-    facing = np.array(brightness(far)) / np.square(far.position_mm).sum()
+    facing = np.array(far.brightness) / np.square(far.position_mm).sum()
     np.testing.assert_allclose(parts.colour, facing, rtol=1e-3)
+
+
+def test_a_kind_in_the_registry_is_in_scene_files_options_and_tables(tmp_path, monkeypatch):
+    monkeypatch.setitem(LIGHT_KINDS, RingLight.KIND, RingLight)
+    scene = Scene(lights=(RingLight((0.0, 0.0, 150.0), radius_mm=30.0, fixed_to="camera"), *LIGHTS))
+    scene.save(tmp_path / "scene.toml")
+    assert Scene.load(tmp_path / "scene.toml") == scene
+    assert parse_light("ring:0,0,150:radius_mm=30:fixed_to=camera") == scene.lights[0]
+    assert "point, sphere, rectangle, spot, ring (position in mm; intensity)" in light_help()
+    assert "| `lights.radius_mm (ring)` | 50.0 | mm | a number from 0.001 to 1e9 | radius of" in settings_markdown()
+    for light in LIGHTS:
+        assert as_kind(as_kind(light, "ring"), light.KIND).brightness == pytest.approx(light.brightness, rel=1e-4)
+
+
+def light_help():
+    options = inspect.signature(scene_options(lambda scene: None)).parameters
+    return get_args(options["light"].annotation)[1].help

@@ -8,16 +8,15 @@ import pytest
 
 from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import (
     DEFAULT_LIGHTS,
     CameraSettings,
-    DirectionalLight,
     DisplaySettings,
     EnvironmentSettings,
     MaterialSettings,
     ModelSettings,
-    PointLight,
     SpecularSettings,
     TransportSettings,
 )

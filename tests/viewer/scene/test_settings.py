@@ -9,15 +9,13 @@ from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import setting, settings_of
 from milkglass.viewer.scene.keys import taken_anew, version
+from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
-    LIGHT_KINDS,
     TABLES,
     CameraSettings,
-    DirectionalLight,
     MaterialSettings,
     ModelSettings,
-    PointLight,
     SpecularSettings,
     TransportSettings,
 )

@@ -11,8 +11,8 @@ from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Reach, explaine
 from milkglass.viewer.gui.toolkit import ACCENT, icons, imgui
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, plain, settings_of
-from milkglass.viewer.scene.lights import as_fixed, as_kind, brightened, brightness
-from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, LIGHT_KINDS, DirectionalLight, Light
+from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, Light, as_kind
+from milkglass.viewer.scene.settings import DEFAULT_LIGHTS
 from milkglass.viewer.session.navigation import direction_angles, direction_of, turn_matrix
 from milkglass.viewer.window.panel.section import Section, Seen
 
@@ -47,20 +47,21 @@ def _colour(red: float, green: float, blue: float) -> Any:
 SPHERE = 4.0  # diameter, in rows
 NEW_LIGHT = DirectionalLight((0.5, 0.7, 0.5))
 BRIGHT = {"irradiance": Reach(0.01, 100.0, True, "%.2f"), "intensity": Reach(100.0, 1e7, True, "%.0f")}
-_KIND = Setting(
-    "text", "directional is the sun, the others are near and weaker with distance: a point, a ball or a panel with a "
-    "size, a spot light with a cone", choices=tuple(LIGHT_KINDS),
-)  # fmt: skip
-# What is left after direction or place, colour and brightness: label and reach of each.
-MORE = {
+KIND_HELP = (
+    "directional is the sun, the others are near and weaker with distance: a point, a ball or a panel with a size, a "
+    "spot light with a cone"
+)
+# Of keys whose label is not their name, or whose slider spans less than they may be: label and reach.
+ROWS = {
     "angle_deg": ("Size", Reach(0.0, 40.0, False, "%.1f")),
     "radius_mm": ("Radius", Reach(1.0, 500.0, True, "%.1f")),
     "cone_deg": ("Cone", Reach(1.0, 120.0, False, "%.1f")),
     "softness": ("Soft edge", Reach(0.0, 1.0, False, "%.2f")),
     "roll_deg": ("Roll", Reach(-180.0, 180.0, False, "%.1f")),
-    "fixed_to": ("Fixed to", None),
 }
-SIZE = Reach(1.0, 1000.0, True, "%.1f")
+AXES = {"position_mm": ("X", "Y", "Z"), "target_mm": ("Target X", "Target Y", "Target Z")}
+SIDES = "Width", "Height"
+SIDE_REACH = Reach(1.0, 1000.0, True, "%.1f")
 
 
 class LightsSection(Section):
@@ -108,7 +109,7 @@ class LightsSection(Section):
         if action == "duplicate":
             return [light, light]
         if action == "toggle":
-            return [replace(light, on=not light.on)]
+            return [light.with_values(on=not light.on)]
         return None if new == light else [new]
 
     def _buttons(self, name: str, light: Light, right: float) -> str:
@@ -136,30 +137,29 @@ class LightsSection(Section):
     def _rows(self, name: str, light: Light) -> Light:
         controls = self._controls
         chosen: list[str] = []
+        kinds = Setting("text", KIND_HELP, choices=tuple(LIGHT_KINDS))
         kind = controls.value(
-            f"{name}.kind", "Kind", _KIND, light.KIND, default=DirectionalLight.KIND,
+            f"{name}.kind", "Kind", kinds, light.KIND, default=DirectionalLight.KIND,
             on_reset=lambda: chosen.append(DirectionalLight.KIND),
         )  # fmt: skip
         chosen += [] if kind is None else [kind]
         if chosen:
             light = as_kind(light, chosen[-1])
-        new = self._direction(name, light) if isinstance(light, DirectionalLight) else light
-        if not isinstance(new, DirectionalLight):
-            new = self._point(name, new, "position_mm", ("X", "Y", "Z"))
-        if hasattr(new, "target_mm"):
-            new = self._point(name, new, "target_mm", ("Target X", "Target Y", "Target Z"))
-        return self._more(name, self._colour(name, new))
+        for key in light.VECTORS:
+            light = self._direction(name, light) if light.DISTANT else self._point(name, light, key)
+        return self._more(name, self._colour(name, light))
 
     def _more(self, name: str, light: Light) -> Light:
-        """Size, cone and what it turns with."""
+        """Draw the rows of what is left after place, colour and brightness, such as the size and the cone."""
         chosen: dict[str, Any] = {}
-        defaults = {each.name: each.default for each in fields(light)}
+        defaults = {field.name: field.default for field in fields(light)}
         for key, declared in settings_of(light).items():
-            if key == "size_mm":
-                chosen |= self._sides(name, declared, getattr(light, key), defaults[key])
-            if key not in MORE:
+            if key in (*light.VECTORS, light.BRIGHTNESS, "on"):
                 continue
-            label, reach = MORE[key]
+            if declared.length is not None:
+                chosen |= self._sides(name, key, declared, getattr(light, key), defaults[key])
+                continue
+            label, reach = ROWS.get(key, (_label(key), None))
             reset = partial(chosen.__setitem__, key, defaults[key])
             new = self._controls.value(
                 f"{name}.{key}",
@@ -171,47 +171,50 @@ class LightsSection(Section):
                 reach=reach,
             )
             if new is not None:
-                chosen[key] = new if isinstance(new, str) else plain(new)
+                chosen[key] = plain(new) if isinstance(new, float) else new
         fixed_to = chosen.pop("fixed_to", light.fixed_to)
         if fixed_to != light.fixed_to:
-            return as_fixed(light, fixed_to, place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation)
-        return replace(light, **chosen) if chosen else light
+            return light.refixed(fixed_to, place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation)
+        return light.with_values(**chosen) if chosen else light
 
-    def _sides(self, name: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
+    def _sides(self, name: str, key: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
         sides, side = list(value), replace(declared, length=None)
-        for i, label in enumerate(("Width", "Height")):
+        for i, label in enumerate(SIDES):
             reset = partial(sides.__setitem__, i, default[i])
             new = self._controls.value(
-                f"{name}.{label}", label, side, value[i], default=default[i], on_reset=reset, reach=SIZE
+                f"{name}.{label}", label, side, value[i], default=default[i], on_reset=reset, reach=SIDE_REACH
             )
             if new is not None:
                 sides[i] = plain(new)
-        return {"size_mm": tuple(sides)} if tuple(sides) != value else {}
+        return {key: tuple(sides)} if tuple(sides) != value else {}
 
-    def _direction(self, name: str, light: DirectionalLight) -> DirectionalLight:
-        default = _default(name, DirectionalLight, "direction", NEW_LIGHT.direction)
+    def _direction(self, name: str, light: Light) -> Light:
+        """Draw the rows of a distant light's direction."""
+        (key,) = light.VECTORS
+        default = _default(name, light.KIND, key, NEW_LIGHT.direction)
         self._controls.begin_row("Direction", True)
         dragged = self._sphere(f"{name}.sphere", light)
 
-        new = light if dragged is None else replace(light, direction=dragged)
+        new = light if dragged is None else light.with_values(**{key: dragged})
         was_reset: list[bool] = []
-        tip = explained(settings_of(light)["direction"], None)
+        tip = explained(settings_of(light)[key], None)
         tip += "\nDrag the sphere: it shows the light as the camera sees it; hollow is behind.\n" + RESET_HINT
         self._controls.end_row(
-            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), new.direction != default
+            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), new.vector != default
         )
         if was_reset:
-            new = replace(light, direction=default)
-        azimuth, elevation = direction_angles(new.direction)
-        for key, label, value, default_angle in (
+            new = light.with_values(**{key: default})
+        azimuth, elevation = direction_angles(new.vector)
+        for angle, label, value, default_angle in (
             ("azimuth", "Azimuth", azimuth, direction_angles(default)[0]),
             ("elevation", "Elevation", elevation, direction_angles(default)[1]),
         ):
-            turned = self._angle(f"{name}.{key}", label, value, default_angle)
+            turned = self._angle(f"{name}.{angle}", label, value, default_angle)
             if turned is not None:
-                angles = (turned, elevation) if key == "azimuth" else (azimuth, turned)
+                angles = (turned, elevation) if angle == "azimuth" else (azimuth, turned)
                 # straight up has no azimuth: stay a hair off, so that it is kept
-                new = replace(light, direction=direction_of(angles[0], min(89.99, max(-89.99, angles[1]))))
+                direction = direction_of(angles[0], min(89.99, max(-89.99, angles[1])))
+                new = light.with_values(**{key: direction})
         return new
 
     def _angle(self, name: str, label: str, value: float, default: float) -> float | None:
@@ -226,11 +229,11 @@ class LightsSection(Section):
         self._controls.end_row(name, label, tip, lambda: result.append(default), differs)
         return result[-1] if result else None
 
-    def _point(self, name: str, light: Any, key: str, labels: tuple[str, str, str]) -> Any:
-        """Draw the rows of a point, one an axis."""
+    def _point(self, name: str, light: Light, key: str) -> Light:
+        """Draw the rows of a near light's place or target, one an axis."""
         declared, position = settings_of(light)[key], list(getattr(light, key))
         defaults = getattr(as_kind(NEW_LIGHT, light.KIND), key)
-        for axis, label in enumerate(labels):
+        for axis, label in enumerate(AXES[key]):
             reset: list[float] = []
             self._controls.begin_row(label, True)
             flags = imgui.SliderFlags_.none.value
@@ -242,16 +245,16 @@ class LightsSection(Section):
             self._controls.end_row(f"{name}.{label}", label, tip, partial(reset.append, defaults[axis]), differs)
             position[axis] = reset[-1] if reset else position[axis]
         try:
-            return replace(light, **{key: tuple(position)})
+            return light.with_values(**{key: tuple(position)})
         except InputError as error:  # a light that would face itself
             self._session.fail(error)
             return light
 
     def _colour(self, name: str, light: Light) -> Light:
         """Colour and brightness, whose product is what the scene keeps."""
-        key = "irradiance" if isinstance(light, DirectionalLight) else "intensity"
-        declared, value = settings_of(light)[key], brightness(light)
-        default = _default(name, type(light), key, getattr(as_kind(NEW_LIGHT, light.KIND), key))
+        key = light.BRIGHTNESS
+        declared, value = settings_of(light)[key], light.brightness
+        default = _default(name, light.KIND, key, getattr(as_kind(NEW_LIGHT, light.KIND), key))
         default_colour = tuple(plain(channel / max(default)) for channel in default)
         brightest = max(value)
         colour = tuple(channel / brightest for channel in value) if brightest > 0.0 else (1.0, 1.0, 1.0)
@@ -277,9 +280,9 @@ class LightsSection(Section):
             return light
         bright = chosen.get("brightness", brightest)
         red, green, blue = (plain(bright * channel) for channel in chosen.get("colour", colour))
-        return brightened(light, (red, green, blue))
+        return light.brightened((red, green, blue))
 
-    def _sphere(self, name: str, light: DirectionalLight) -> tuple[float, float, float] | None:
+    def _sphere(self, name: str, light: Light) -> tuple[float, float, float] | None:
         """Draw the light on a ball seen by the camera; a drag turns it, as a trackball."""
         side = SPHERE * imgui.get_frame_height()
         corner = imgui.get_cursor_screen_pos()
@@ -287,7 +290,7 @@ class LightsSection(Section):
         rotation = place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation
         if light.fixed_to == "camera":
             rotation = np.eye(3)
-        direction = np.array(light.direction) / np.linalg.norm(light.direction)
+        direction = np.array(light.vector) / np.linalg.norm(light.vector)
         draw_ball((corner.x, corner.y), side, direction @ rotation, light)
         if not imgui.is_item_active():
             return None
@@ -300,9 +303,14 @@ class LightsSection(Section):
         return plain(x), plain(y), plain(z)
 
 
-def _default(name: str, kind: type, key: str, otherwise: Any) -> Any:
+def _label(key: str) -> str:
+    """Return a key as a label: without its unit."""
+    return key.removesuffix("_mm").removesuffix("_deg").replace("_", " ").capitalize()
+
+
+def _default(name: str, kind: str, key: str, otherwise: Any) -> Any:
     """Return what a light's value is reset to: the default light's of the same place in the list."""
     i = int(name.split(".")[1])
-    if i < len(DEFAULT_LIGHTS) and isinstance(DEFAULT_LIGHTS[i], kind):
+    if i < len(DEFAULT_LIGHTS) and kind == DEFAULT_LIGHTS[i].KIND:
         return getattr(DEFAULT_LIGHTS[i], key)
     return otherwise

@@ -16,7 +16,8 @@ from milkglass.viewer.error.visible import visible_points
 from milkglass.viewer.files import images
 from milkglass.viewer.render.picture import read_frame
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.scene import DirectionalLight, EnvironmentSettings, Scene
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import EnvironmentSettings, Scene
 from tests.support.diffusing import MARBLE, SKIM_MILK, WHOLE_MILK, diffuse, samples_of
 from tests.support.rendering import BACK, FRONT, MeshRenderer, inside, scene_of
 from tests.support.shapes import ball, plate

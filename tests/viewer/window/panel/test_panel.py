@@ -7,10 +7,12 @@ import pytest
 
 from milkglass.viewer.gui.controls import default_of, explained
 from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, PointLight, as_kind
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, DirectionalLight, PointLight
+from milkglass.viewer.scene.settings import DEFAULT_LIGHTS
 from milkglass.viewer.session.session import SHOWN
 from milkglass.viewer.window.panel.transport import chosen
+from tests.support.ring_light import RingLight
 
 SECTIONS = ("Environment", "Highlights", "Tone mapping", "Model", "Camera")
 
@@ -190,6 +192,18 @@ def test_light_is_turned_on_the_sphere_and_by_angles_and_brightened(driver):
         pictures.append(driver.picture())
     assert len({picture.tobytes() for picture in pictures}) == len(pictures)
     assert all(isinstance(light, DirectionalLight) for light in driver.session.scene.lights)
+
+
+def test_a_kind_in_the_registry_is_chosen_and_edited_in_the_panel(driver, monkeypatch):
+    monkeypatch.setitem(LIGHT_KINDS, RingLight.KIND, RingLight)
+    driver.click("lights.0.kind")
+    driver.click("lights.0.kind=ring", 0.3)
+    assert driver.session.scene.lights[0] == as_kind(DEFAULT_LIGHTS[0], "ring")
+    for key in ("radius_mm", "tube_mm"):
+        light, picture = driver.session.scene.lights[0], driver.picture()
+        driver.click(f"lights.0.{key}", 0.4)
+        assert getattr(driver.session.scene.lights[0], key) != getattr(light, key)
+        assert np.any(driver.picture() != picture), key
 
 
 def test_point_light_shines_about_as_the_directional_one_did(driver):

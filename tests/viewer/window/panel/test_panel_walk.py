@@ -15,16 +15,9 @@ from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.gui.controls import default_of
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.lights import LIGHT_KINDS, PointLight
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import (
-    DEFAULT_LIGHTS,
-    LIGHT_KINDS,
-    TABLES,
-    MaterialSettings,
-    PhotoSettings,
-    PointLight,
-    TransportSettings,
-)
+from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, TABLES, MaterialSettings, PhotoSettings, TransportSettings
 from milkglass.viewer.session.session import SHOWN
 from milkglass.viewer.window.curves.view import PER_RADIUS
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by

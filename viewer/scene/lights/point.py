@@ -1,0 +1,26 @@
+"""Point lights."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from milkglass.viewer.scene.lights.base import NearLight, fixed_to_setting
+from milkglass.viewer.scene.lights.sub_lights import POINT, SubLights
+
+
+@dataclass(frozen=True)
+class PointLight(NearLight):
+    """A near light: E = I cos / d^2."""
+
+    KIND: ClassVar[str] = "point"
+
+    fixed_to: str = fixed_to_setting()
+
+    @property
+    def is_sharp(self) -> bool:
+        """See `Light.is_sharp`."""
+        return True
+
+    def _divided(self, count: int) -> SubLights:
+        return SubLights(POINT, self.position_mm, np.array([self.position_mm], np.float64), self.intensity, 0.0)

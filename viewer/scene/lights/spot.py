@@ -1,0 +1,36 @@
+"""Spot lights."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from milkglass.viewer.scene.lights.base import AimedLight, fixed_to_setting, intensity_setting, light_setting
+from milkglass.viewer.scene.lights.sub_lights import CONE, POINT, SubLights, Vector
+
+# fmt: off
+# ruff: noqa: RUF009  (light_setting() makes a dataclasses.field, fresh for each class)
+
+
+@dataclass(frozen=True)
+class SpotLight(AimedLight):
+    """A point light that shines into a cone only."""
+
+    KIND: ClassVar[str] = "spot"
+
+    intensity: Vector = intensity_setting(" along its axis")
+    cone_deg: float = light_setting(
+        "number", 30.0, unit="deg", low=0.1, high=170, why="full angle of the cone, where it is dark"
+    )
+    softness: float = light_setting(
+        "number", 0.2, low=0, high=1, why="share of that angle over which light fades; 0 is a sharp edge"
+    )
+    fixed_to: str = fixed_to_setting()
+
+    def _divided(self, count: int) -> SubLights:
+        x, y, z = self.axes[2].tolist()
+        half = 0.5 * np.radians(self.cone_deg)
+        inner = float(np.cos(half * (1.0 - self.softness)))
+        cone = float(np.cos(half)), max(inner, float(np.cos(half)) + 1e-6)
+        centre = np.array([self.position_mm], np.float64)
+        return SubLights(POINT, self.position_mm, centre, self.intensity, 0.0, CONE, (x, y, z), cone)

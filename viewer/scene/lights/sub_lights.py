@@ -1,0 +1,106 @@
+"""Lights with a size as sub-lights: points or directions spread evenly over it, each with an equal share.
+
+The same places for the same light, so that nothing flickers; the first tell of all of it as well as their number lets
+them (a spiral over a disc, a Fibonacci lattice over a rectangle). Mirrors shaders/light/arrival_soft.glsl.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.normals import across
+
+Vector = tuple[float, float, float]
+
+DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # kinds of light; the last has no sub-lights
+EVEN, SPHERE, FACE, CONE, BALL = range(5)  # shapes
+GOLDEN = 0.6180339887498949  # turns: 1 - this is the golden angle's share
+PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out
+
+
+@dataclass(frozen=True, eq=False)
+class SubLights:
+    """What stands for one light with a size.
+
+    Attributes
+    ----------
+    kind : int
+        DIRECTIONAL or POINT.
+    vector : 3 floats
+        Unit, towards its middle; or where that is, mm.
+    vectors : (n, 3) float64
+        The same of each sub-light.
+    colour : 3 floats
+        Irradiance or intensity of all together, so that a surface that faces the light and sees it all gets it.
+    cell : float
+        Radius of the disc that has a sub-light's share of the light: radians or mm.
+    shape : int
+        EVEN, SPHERE, FACE, CONE or BALL, a sphere in patches of its surface.
+    axis : 3 floats
+        Unit, the way it shines; of FACE and CONE.
+    cone : 2 floats
+        Cosines to the axis where a CONE is dark, and from where on it is not dimmed.
+    radius : float
+        Of a SPHERE or a BALL, mm.
+    """
+
+    kind: int
+    vector: Vector
+    vectors: Array
+    colour: Vector
+    cell: float
+    shape: int = EVEN
+    axis: Vector = (0.0, 0.0, 1.0)
+    cone: tuple[float, float] = (0.0, 1.0)
+    radius: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.vectors)
+
+    def emission(self, i: int, points: npt.ArrayLike) -> Array:
+        """Irradiance of a sub-light over its share of `colour`, on surfaces at points (n, 3) that face it: (n,)."""
+        points = np.asarray(points, np.float64)
+        if self.kind == DIRECTIONAL:
+            return np.ones(len(points))
+        way = self.vectors[i] - points
+        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), 1e-12)
+        along = -(way @ np.array(self.axis)) / np.sqrt(distance2)
+        if self.shape == FACE:
+            return np.asarray(np.maximum(along, 0.0) / distance2)
+        if self.shape == CONE:
+            low, high = self.cone
+            t = np.clip((along - low) / (high - low), 0.0, 1.0)
+            return np.asarray(t * t * (3.0 - 2.0 * t) / distance2)
+        if self.shape == BALL:
+            normal = (self.vectors[i] - np.array(self.vector)) / self.radius
+            return np.asarray(4.0 * np.maximum(-(way @ normal), 0.0) / distance2**1.5)
+        centre2 = np.maximum(np.square(np.array(self.vector) - points).sum(axis=1), max(self.radius**2, 1e-12))
+        return np.asarray(2.0 / (1.0 + np.sqrt(1.0 - self.radius**2 / centre2)) / centre2)
+
+    def as_directions(self) -> "SubLights":
+        """Return places that are far away as directions: their rays are parallel at the object about the origin."""
+        distance = np.linalg.norm(self.vectors, axis=1)
+        factors = [float(self.emission(i, np.zeros((1, 3)))[0]) for i in range(len(self))]
+        red, green, blue = (float(np.mean(factors)) * channel for channel in self.colour)
+        x, y, z = (np.array(self.vector) / np.linalg.norm(self.vector)).tolist()
+        cell = self.cell / float(distance.mean())
+        return SubLights(DIRECTIONAL, (x, y, z), self.vectors / distance[:, None], (red, green, blue), cell)
+
+
+def spiral(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.floating]) -> Array:
+    """Return the points (n, 3) of a golden spiral about a unit axis (3,), at `radii` (n,) in the plane across it.
+
+    `i` (n,) counts them from 1/2 on.
+    """
+    first, second = across(axis[None])
+    angle = 2.0 * np.pi * GOLDEN * i
+    circle = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+    return np.asarray(radii[:, None] * circle)
+
+
+def lattice(count: int) -> Array:
+    """Return the points of a Fibonacci lattice in the square [-1/2, 1/2]^2: (n, 2)."""
+    i = np.arange(count) + 0.5
+    return np.stack([i / count, (i * GOLDEN) % 1.0], axis=1) - 0.5
