@@ -193,6 +193,135 @@ class NumberedStage(str):
         words.stage, words.number = stage, number
         return words
 
+    @property
+    def part(self) -> Part:
+        """The part that all of them belong to."""
+        return self.stage.part
+
+
+AnyStage = Stage | NumberedStage
+Timings = dict[AnyStage, float]  # ms
+
+
+class Stage(StrEnum):
+    """Every stage of the pipeline, by the words that tables of times and CSV files show, in the order that it runs."""
+
+    # The object
+    MODEL = "model"
+    BODIES_FOUND = "find bodies"
+    ROUGHNESS = "roughness"
+    TRANSPORT_MADE = "transport"
+    SAMPLES = "samples"
+    # Colours and relief of its surface
+    DETAIL = "detail"
+    SAMPLE_DETAIL = "detail of samples"
+    SAMPLE_RELIEF = "relief of samples"
+    SAMPLE_TINTS = "tints of samples"
+    SAMPLE_WEIGHTS = "weights of samples"
+    NODE_TINTS = "tints at nodes"
+    SAMPLE_BUFFERS = "sample buffers"
+    # Its bodies
+    BODY_MARKS = "body marks"
+    BODY_LAYERS = "body layers"
+    SEPARATE_TRANSPORT = "separate transport"
+    # Light that enters
+    PROBE = "probe"
+    PROBE_SOURCES = "probe sources"
+    VISIBILITY = "visibility"
+    REFINED_MESH = "refined mesh"
+    OCCLUSION = "occlusion"
+    LIGHT = "light"
+    LIGHT_SHADOW = "shadow of light"
+    PROBE_SOURCE = "probe source"
+    PROBE_SOURCE_SHADOW = "shadow of probe source"
+    ENVIRONMENT_TABLE = "environment table"
+    ENVIRONMENT_LIGHT = "environment light"
+    HIGHLIGHT_LOBES = "highlight lobes"
+    OCCLUDED_SAMPLES = "occluded samples"
+    IRRADIANCE = "irradiance of light"
+    FLUX = "flux"
+    LIGHT_FLUX = "flux of light"
+    LAYER_DEPTH = "layer depth"
+    # Transport on layers
+    BODY_SAMPLES = "body samples"
+    BODY_FLUX = "body flux"
+    WEIGHTS = "weights"
+    DEPOSIT = "deposit"
+    SPECTRA = "spectra"
+    CONVOLUTION = "convolution"
+    BODIES = "bodies"
+    # Transport by diffusion
+    BODY_LIGHT_FLUX = "body flux of light"
+    COARSE_SOLUTION = "coarse solution"
+    RAYS = "rays"
+    BOUNDARY = "boundary"
+    ENTRY = "entry of light"
+    SOURCES_R = "sources of R"
+    SOURCES_G = "sources of G"
+    SOURCES_B = "sources of B"
+    SOLUTION = "solution"
+    # What pixels read of it
+    LAYER_VOLUME = "layer volume"
+    LOCAL = "local"
+    LOCAL_TABLE = "local table"
+    PIXEL_TERMS = "pixel terms"
+    MEAN_FLUENCE = "mean fluence"
+    BENDING = "bending"
+    PIXEL_TABLES = "pixel tables"
+    BODY_WINDOWS = "body windows"
+    GATHER = "gather"
+    # Pixels
+    DEPTH = "depth"
+    COMPOSITE_TARGETS = "composite targets"
+    OCCLUSION_BEHIND = "occlusion behind"
+    BLOCKED_HIGHLIGHTS = "blocked highlights"
+    OCCLUDED_HIGHLIGHTS = "occluded highlights"
+    GBUFFER_TARGETS = "gbuffer targets"
+    LIGHT_TARGETS = "light targets"
+    REFINED_MARKS = "refined marks"
+    GBUFFER = "gbuffer"
+    DETAIL_TARGETS = "detail targets"
+    PIXEL_DETAIL = "detail of pixels"
+    ENVIRONMENT_HIGHLIGHTS = "environment highlights"
+    COMPOSITE = "composite"
+    # The picture
+    EXPOSURE = "exposure"
+    BACKGROUND = "background"
+    IMAGE = "image"
+    TONE_MAP = "tone map"
+    # A photograph
+    DEPTH_AND_SURFACE = "depth and surface"
+    RENDERING = "rendering"
+    PHOTO_TEXTURES = "photograph's textures"
+    PYRAMID_TARGETS = "pyramid targets"
+    PYRAMID = "pyramid"
+    BACKDROP = "photograph's backdrop"
+    PHOTOGRAPH = "photograph"
+
+    def of(self, number: int) -> "NumberedStage":
+        """Return one of several stages alike, of the light with this number, from 1."""
+        return NumberedStage(self, number)
+
+
+class NumberedStage(str):
+    """One of several stages alike: "shadow of light 3".
+
+    Attributes
+    ----------
+    stage : Stage
+    number : int
+        From 1.
+    """
+
+    stage: Stage
+    number: int
+
+    def __new__(cls, stage: Stage, number: int) -> Self:
+        """Make the words of both."""
+        words = super().__new__(cls, f"{stage} {number}")
+        words.stage, words.number = stage, number
+        return words
+
 
 AnyStage = Stage | NumberedStage
 Timings = dict[AnyStage, float]  # ms
