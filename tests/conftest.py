@@ -1,9 +1,6 @@
 """Fixtures that several test files share."""
 
 import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `milkglass` does, which may come after NumPy here
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +9,7 @@ import pytest
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.viewer.gl.context import driver_name, headless_context, leave_framebuffer
+from milkglass.viewer.gl.context import current, driver_name, free_dropped, headless_context, leave_framebuffer
 from tests.support.paths import PACKAGES, ROOT
 from tests.support.rendering import MeshRenderer
 from tests.support.shapes import ball, cube, plate, torus_knot
@@ -51,14 +48,16 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="session")
-def context() -> moderngl.Context:
-    """The process's one OpenGL context; continuous integration must have one."""
+def context() -> Iterator[moderngl.Context]:
+    """The process's one OpenGL context, the main thread's to the end; continuous integration must have one."""
     try:
-        return headless_context()
+        context = headless_context()
     except InputError as problem:
         if os.environ.get("CI"):
             raise
         pytest.skip(str(problem))
+    with current(context):
+        yield context
 
 
 @pytest.fixture(scope="session")
@@ -76,6 +75,7 @@ def no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
     assert context.error == "GL_NO_ERROR"
     yield
     assert context.error == "GL_NO_ERROR"
+    free_dropped(context)
     leave_framebuffer(context)
 
 

@@ -3,27 +3,27 @@
 >>> import milkglass as mg
 >>> frame = mg.render(mg.Scene.load("jade.toml"))  # doctest: +SKIP
 
-Importing this package makes no OpenGL context and loads no numerics: each name is imported when it is asked for.
+Importing this package makes no OpenGL context, loads no numerics and changes nothing for the rest of the process: each
+name is imported when it is asked for.
 """
 
-import os
 from typing import TYPE_CHECKING, Any
 
-# Before NumPy is there: threads of its matrix products wait for one another where cores are busy, up to ten times as
-# long as one alone would work, and wake in the way of the transforms'. What is worth several has threads of its own.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 if TYPE_CHECKING:
+    from milkglass.core.errors import InputError
     from milkglass.viewer.render.picture import Frame
-    from milkglass.viewer.render.renderer import render
+    from milkglass.viewer.render.renderer import Renderer, render, render_image
     from milkglass.viewer.scene.scene import Scene
 
-__all__ = ["Frame", "Scene", "render"]
+__all__ = ["Frame", "InputError", "Renderer", "Scene", "render", "render_image"]
 
 _HOMES = {
     "Frame": "viewer.render.picture",
+    "InputError": "core.errors",
+    "Renderer": "viewer.render.renderer",
     "Scene": "viewer.scene.scene",
     "render": "viewer.render.renderer",
+    "render_image": "viewer.render.renderer",
 }
 
 

@@ -20,7 +20,7 @@ import pyfftw
 
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import each
 
 Complex64 = npt.NDArray[np.complex64]
 
@@ -87,7 +87,7 @@ class LayerConvolver:
             for item in items[w::n]:
                 task(self._workers[w], item)
 
-        list(thread_pool().map(share, range(n)))
+        each(share, range(n))
 
 
 def _parts(count: int, most: int, threads: int) -> list[slice]:

@@ -7,7 +7,7 @@ from typing import Any
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import each
 
 Spectra = tuple[Float32, ...]
 Kernel = tuple[Any, ConvolutionShape, float, float]  # what it is of, its shape, texel and layer distance
@@ -50,7 +50,7 @@ class Kernels:
             of, shape, *_ = kernel
             return prepared(shape, make(of, shape))
 
-        self._spectra |= zip(new, thread_pool().map(prepare, new), strict=True)
+        self._spectra |= zip(new, each(prepare, new), strict=True)
         for kernel in kernels:  # the latest last
             if kernel is not None:
                 self._spectra[kernel] = self._spectra.pop(kernel)

@@ -15,7 +15,7 @@ from milkglass.core.grid.layers import LayerGrid, deposit
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.profiles.base import Profile, Profiles
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import each, one_blas_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,7 @@ class Transport(Protocol):
 class FftTransport(Kernels):
     """Deposit, kernels and convolution; what differs between the methods is left to them."""
 
+    @one_blas_thread()
     def exitance(
         self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
     ) -> Float32:
@@ -107,8 +108,8 @@ class FftTransport(Kernels):
                 return convolvers[i].convolve(layers[i], spectrum) if done is None else done
 
             # Layers that mix pair by pair have all threads in one convolution; others are convolved side by side.
-            run = map if convolvers[0].shape.mixes_pairs else thread_pool().map
-            found = dict(zip(known, run(convolved, known), strict=True))
+            shared = convolvers[0].shape.mixes_pairs
+            found = dict(zip(known, map(convolved, known) if shared else each(convolved, known), strict=True))
             dark = np.zeros_like(layers[0])
             return np.stack([found[twins[i]] if i in twins else dark for i in range(len(layers))])
 

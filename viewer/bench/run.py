@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.bench import (
@@ -161,6 +162,7 @@ def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
     run_plan(QUICK if quick else FULL, output, model)
 
 
+@one_blas_thread()
 def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None:
     """Measure what `plan` says; see `run`."""
     report = bench_report.Report(output)

@@ -20,7 +20,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.profiles.names import PROFILES, TABLE
-from milkglass.viewer.gl.context import headless_context
+from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import MaterialSettings
@@ -142,8 +142,9 @@ def frame_rows(scene: Scene, setting: str, repeats: int) -> Iterator[FrameRow]:
         for i in range(1, repeats + 1):
             changed = apply(scene, i)
             start = time.perf_counter()
-            renderer.draw(changed)
-            renderer.context.finish()
+            with current(renderer.context) as context:
+                renderer.draw(changed)
+                context.finish()
             totals.append(1e3 * (time.perf_counter() - start))
             for stage, milliseconds in renderer.timings.items():
                 stages.setdefault(stage, []).append(milliseconds)

@@ -5,7 +5,7 @@ Frames are timed from the event that causes them until OpenGL has drawn them; wh
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from milkglass.core.stages import exhausted
 from milkglass.viewer.bench.report import Report
 from milkglass.viewer.bench.speed import Timing
+from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.gui.events import MouseButton, MouseMoved
 from milkglass.viewer.passes.gbuffer import GBufferPass
 from milkglass.viewer.passes.irradiance import PixelIrradiancePass
@@ -148,12 +149,9 @@ class Plain:
 
 def window_rows(scene: Scene, setting: str, repeats: int) -> Iterator[WindowRow]:
     """Measure the window of a scene: orbit, sliders and the user interface by itself."""
-    desk = Desk(scene)
-    try:
+    with current(headless_context()), closing(Desk(scene)) as desk:
         for what, times in _measured(desk, repeats):
             yield WindowRow(setting, what, Timing(tuple(times)))
-    finally:
-        desk.close()
 
 
 def _measured(desk: Desk, repeats: int) -> Iterator[tuple[str, list[float]]]:

@@ -24,6 +24,7 @@ from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
 from milkglass.core.reference.transport_error import Beam, find_truth, transport_error
 from milkglass.core.stages import Timings
+from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.viewer.assets.keeper import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
@@ -193,6 +194,7 @@ def check_report_path(path: str | Path) -> None:
     check_output(map_path(path), (".png",))
 
 
+@one_blas_thread()
 def error_report(
     renderer: Renderer,
     scene: Scene,

@@ -1,8 +1,11 @@
 """OpenGL: the one place that makes a context, and the textures and framebuffers that passes share."""
 
+import os
 import sys
-from collections.abc import Callable
-from functools import lru_cache
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import moderngl
@@ -15,17 +18,78 @@ T = TypeVar("T")
 
 INSTALL_HINT = "apt-get install libegl1 libgl1 libgl1-mesa-dri"
 GLSL_VERSION = 330
+FORKED = (
+    "OpenGL was in use before this process was forked, which its drivers do not survive: start the process with "
+    'multiprocessing\'s method "spawn", or fork before anything is drawn'
+)
 
 
-@lru_cache(maxsize=1)
+@dataclass(eq=False)
+class _Turns:
+    """Which thread has a context: one at a time, each as often as it likes (`moderngl.Context.extra`).
+
+    Attributes
+    ----------
+    framebuffer : moderngl.Framebuffer
+        Of one pixel.
+    of_window : bool
+        Whether a window's toolkit keeps the context current in the thread that made it.
+    depth : int
+        How many blocks of `current` the thread that has the context is in.
+    """
+
+    framebuffer: moderngl.Framebuffer
+    of_window: bool
+    process: int = field(default_factory=os.getpid)
+    thread: int = field(default_factory=threading.get_ident)
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    depth: int = 0
+
+
+class _Process:
+    """The context without a window of this process, and whether its parent has used OpenGL."""
+
+    def __init__(self, parent_used_opengl: bool) -> None:
+        self.making = threading.Lock()
+        self.context: moderngl.Context | None = None
+        self.has_window = False
+        self.parent_used_opengl = parent_used_opengl
+
+    def forked(self) -> "_Process":
+        """Return that of a child: its lock is free, whichever thread of the parent held the parent's."""
+        return _Process(self.parent_used_opengl or self.has_window or self.context is not None)
+
+
+_process = _Process(parent_used_opengl=False)
+
+
+def _after_fork() -> None:
+    global _process
+    _process = _process.forked()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
 def headless_context() -> moderngl.Context:
-    """Return the process's context without a window: EGL on Linux, the platform's own elsewhere.
+    """Return the process's context without a window, current in no thread: EGL on Linux, the platform's own elsewhere.
 
     Raises
     ------
     InputError
-        If there is no EGL or no driver for OpenGL 3.3; the sentence says what to install.
+        If there is no EGL or no driver for OpenGL 3.3; the sentence says what to install. Also in a process that was
+        forked from one that had a context.
     """
+    with _process.making:
+        if _process.context is None:
+            if _process.parent_used_opengl:
+                raise InputError(FORKED)
+            _process.context = _made_headless()
+        return _process.context
+
+
+def _made_headless() -> moderngl.Context:
     options: dict[str, Any] = {}
     if sys.platform.startswith("linux"):
         # The versioned names: the bare ones exist only where development packages are installed.
@@ -37,11 +101,13 @@ def headless_context() -> moderngl.Context:
         raise InputError(
             f"cannot create an OpenGL 3.3 context ({reason}); install a driver, on Debian and Ubuntu: {INSTALL_HINT}"
         ) from None
-    return prepare_context(context)
+    prepare_context(context)
+    context.mglo.__exit__(None, None, None)  # making it made it current
+    return context
 
 
 def window_context() -> moderngl.Context:
-    """Return a context for the window whose own context is current in this thread.
+    """Return a context for the window whose own context is current in this thread, and stays so.
 
     Raises
     ------
@@ -52,14 +118,62 @@ def window_context() -> moderngl.Context:
         context = moderngl.create_context(require=GLSL_VERSION)
     except Exception as problem:  # glcontext raises bare Exception
         raise InputError(f"the window has no OpenGL 3.3 ({problem}); install a driver") from None
-    return prepare_context(context)
+    _process.has_window = True
+    return prepare_context(context, of_window=True)
 
 
-def prepare_context(context: moderngl.Context) -> moderngl.Context:
-    """Set what every pass takes for granted; for windows' contexts too."""
-    context.gc_mode = "auto"
-    context.extra = context.simple_framebuffer((1, 1))
+def prepare_context(context: moderngl.Context, of_window: bool = False) -> moderngl.Context:
+    """Set what every pass takes for granted on a context that is current in this thread, and return it."""
+    # The last reference to a texture may go in any thread, and the garbage collector runs in all of them: what is
+    # dropped waits in a queue for the thread that has the context, see `free_dropped`.
+    context.gc_mode = "context_gc"
+    context.extra = _Turns(context.simple_framebuffer((1, 1)), of_window)
     return context
+
+
+@contextmanager
+def current(context: moderngl.Context) -> Iterator[moderngl.Context]:
+    """Make a context current in this thread until the block ends; other threads wait for their turn.
+
+    Blocks nest. A window's context is current already, in one thread for good.
+
+    Raises
+    ------
+    InputError
+        In a process that was forked from the context's, or where another library's context cannot be replaced.
+    """
+    turns: _Turns = context.extra
+    if turns.process != os.getpid():
+        raise InputError(FORKED)
+    if turns.of_window and turns.thread != threading.get_ident():
+        raise RuntimeError("the window's OpenGL context is used outside the window's thread")
+    with turns.lock:
+        if turns.depth == 0 and not turns.of_window:
+            _enter(context)
+        turns.depth += 1
+        try:
+            yield context
+        finally:
+            turns.depth -= 1
+            if turns.depth == 0 and not turns.of_window:
+                _leave(context)
+
+
+def _enter(context: moderngl.Context) -> None:
+    context.mglo.__enter__()
+    try:
+        context.buffer(reserve=4).release()  # nothing else tells whether it is current now
+    except moderngl.Error:
+        raise InputError(
+            "another OpenGL context is current in this thread and cannot be replaced; draw in another thread"
+        ) from None
+    free_dropped(context)
+
+
+def _leave(context: moderngl.Context) -> None:
+    free_dropped(context)
+    leave_framebuffer(context)
+    context.mglo.__exit__(None, None, None)
 
 
 def leave_framebuffer(context: moderngl.Context) -> None:
@@ -68,11 +182,11 @@ def leave_framebuffer(context: moderngl.Context) -> None:
     Making a framebuffer, moderngl binds the one that was bound before; if that is gone, it is GL_INVALID_OPERATION.
     So leave a framebuffer before it is released.
     """
-    context.extra.use()
+    context.extra.framebuffer.use()
 
 
 def free_dropped(context: moderngl.Context) -> None:
-    """Free what was dropped while `gc_mode` is "context_gc", by whichever thread; for the one that draws."""
+    """Free what was dropped by whichever thread; for the thread that has the context."""
     while context.objects:
         dropped = context.objects.popleft()
         if hasattr(dropped, "release"):  # moderngl queues what was released by hand too, and its own gc() trips over it
@@ -120,19 +234,27 @@ def read_rgba(texture: moderngl.Texture) -> npt.NDArray[np.float32]:
     """Read a float texture back: (height, width, 4) float32, top row first."""
     width, height = texture.size
     values = np.empty((height, width, 4), np.float32)
-    texture.read_into(values)
+    with current(texture.ctx):
+        texture.read_into(values)
     return values[::-1]
 
 
 def checked(context: moderngl.Context, allocate: Callable[[], T], what: str) -> T:
-    """Allocate on the GPU; running out of memory becomes an `InputError`."""
+    """Allocate on the GPU, after what was dropped; what fails becomes an `InputError`, of memory if it is that."""
+    free_dropped(context)
     try:
         result = allocate()
     except Exception as problem:  # moderngl.Error and what drivers add
-        raise InputError(f"the GPU cannot hold {what} ({problem}); ask for fewer pixels, layers or texels") from None
+        if context.error == "GL_OUT_OF_MEMORY":
+            raise InputError(_no_memory(what)) from None
+        raise InputError(f"the GPU cannot make {what}: {problem}") from None
     if context.error == "GL_OUT_OF_MEMORY":
-        raise InputError(f"the GPU has no memory left for {what}; ask for fewer pixels, layers or texels")
+        raise InputError(_no_memory(what))
     return result
+
+
+def _no_memory(what: str) -> str:
+    return f"the GPU has no memory left for {what}; ask for fewer pixels, layers or texels"
 
 
 def latlong_texture(context: moderngl.Context, pixels: npt.NDArray[np.float32]) -> moderngl.Texture:

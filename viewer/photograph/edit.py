@@ -23,7 +23,7 @@ from milkglass.core.light.probe import Probe, irradiance_table, lookup
 from milkglass.core.photograph.light import Shading, light_around
 from milkglass.core.photograph.surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
 from milkglass.core.stages import Stage, Timings
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import one_blas_thread, thread_pool
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.files.model import FileModel
 from milkglass.viewer.files.photograph import Photo, Region
@@ -103,6 +103,7 @@ class PhotoAssets(Assets):
         return FileModel(self._mesh)
 
 
+@one_blas_thread()
 def edit(
     photo: Photo,
     scene: Scene,

@@ -11,7 +11,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.stages import Timings
 from milkglass.viewer.assets.quality import Quality
 from milkglass.viewer.files.images import check_output, write_exr, write_png
-from milkglass.viewer.gl.context import read_rgba
+from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import Composite
 
 SUFFIXES = (".png", ".exr")
@@ -115,14 +115,16 @@ class Frame:
 
 def read_frame(picture: Picture, timings: Timings, last: bool = False) -> Frame:
     """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
-    alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
-    planes = {}
-    if last:
-        picture.composite.framebuffer.release()
-    for name, texture in picture.composite.textures.items():
-        planes[name] = np.ascontiguousarray(read_rgba(texture)[..., :3])
+    with current(picture.image.ctx) as context:
+        free_dropped(context)
+        alpha = np.ascontiguousarray(read_rgba(picture.composite.textures["radiance"])[..., 3])
+        planes = {}
         if last:
-            texture.release()
+            picture.composite.framebuffer.release()
+        for name, texture in picture.composite.textures.items():
+            planes[name] = np.ascontiguousarray(read_rgba(texture)[..., :3])
+            if last:
+                texture.release()
     # Sums over the samples that hit the object become their means; most pixels are hit by all or none.
     edge = (alpha > 0.0) & (alpha < 1.0)
     for name in ("position", "normal", "irradiance", "exitance"):
@@ -145,5 +147,6 @@ def read_image(picture: Picture) -> npt.NDArray[np.uint8]:
     """Read the tone-mapped image back: (H, W, 3 or 4) uint8, top row first."""
     width, height = picture.image.size
     components = 4 if picture.transparent else 3
-    data = picture.image.read(components=components, alignment=1)
+    with current(picture.image.ctx):
+        data = picture.image.read(components=components, alignment=1)
     return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, components)[::-1])

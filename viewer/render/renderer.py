@@ -5,8 +5,10 @@ stage inside states what it depends on and runs only when that changed, so a ren
 benchmark's) computes only what a new scene needs.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Concatenate, ParamSpec, TypeVar
 
 import moderngl
 import numpy as np
@@ -16,10 +18,11 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stages, Timings
+from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.viewer.assets.keeper import Assets, PartedProbe
-from milkglass.viewer.gl.context import check_image_size, headless_context, leave_framebuffer
+from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render import memory
 from milkglass.viewer.render.lighting import Lighting, Progress
@@ -30,9 +33,12 @@ from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 
 def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
-    """Render a scene without a window.
+    """Render a scene without a window, in any thread: several take turns.
 
     Parameters
     ----------
@@ -51,30 +57,46 @@ def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress 
     Raises
     ------
     InputError
-        Unusable files or values, GPU limits, no OpenGL driver; one sentence each.
+        Unusable files or values, GPU limits, no OpenGL driver; one sentence each. Also in a process that was forked
+        from one that had drawn: drivers do not survive that.
     """
-    return read_frame(*_drawn(scene, samples, seed, progress, parts=True), last=True)
+    with current(headless_context()):
+        return read_frame(*_drawn(scene, samples, seed, progress, parts=True), last=True)
 
 
 def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Still:
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
-    picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-    return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
+    with current(headless_context()):
+        picture, timings = _drawn(scene, samples, seed, progress, parts=False)
+        return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
 
 
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, parts: bool) -> tuple[Picture, Timings]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
-    renderer = Renderer(headless_context())
+    renderer = Renderer()
     picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
     return picture, renderer.timings
 
 
+def _in_turn(method: Callable[Concatenate["Renderer", P], T]) -> Callable[Concatenate["Renderer", P], T]:
+    """Have the renderer's context current while a method runs, and no longer: the next call may be another thread's."""
+
+    @functools.wraps(method)
+    @one_blas_thread()
+    def run(self: "Renderer", /, *args: P.args, **kwargs: P.kwargs) -> T:
+        with current(self.context):
+            return method(self, *args, **kwargs)
+
+    return run
+
+
 class Renderer:
-    """Renders scenes in one OpenGL context and keeps what the next scene can use again.
+    """Renders scenes in one OpenGL context and keeps what the next scene can use again, in any thread.
 
     Parameters
     ----------
-    context : moderngl.Context
+    context : moderngl.Context, optional
+        The process's own without a window if not given.
     effort : str
         FFTW's planner flag, see `core.grid.convolution.LayerConvolver`.
     assets : Assets, optional
@@ -86,12 +108,15 @@ class Renderer:
         Whether `shade` makes an image of radiance. Without one a photograph is drawn, which has its own exposure.
     """
 
-    def __init__(self, context: moderngl.Context, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None) -> None:
-        self.context = context
+    def __init__(
+        self, context: moderngl.Context | None = None, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None
+    ) -> None:
+        self.context = context = context or headless_context()
         # Two sets of stages, because transport may run in a thread of its own.
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
-        self._lighting = Lighting(context, self.stages, effort, assets or Assets())
-        self._shading = Shading(context, self.stages)
+        with current(context):
+            self._lighting = Lighting(context, self.stages, effort, assets or Assets())
+            self._shading = Shading(context, self.stages)
         self.develops = True
 
     @property
@@ -99,11 +124,13 @@ class Renderer:
         """Times of the stages that ran for the last picture."""
         return {**self.stages.timings, **self.transport_stages.timings}
 
+    @_in_turn
     def render(self, scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
         """Render a scene and read everything back; see `render`."""
         picture = self.draw(scene, samples=samples, seed=seed, parts=True, progress=progress)
         return read_frame(picture, self.timings)
 
+    @_in_turn
     def draw(
         self,
         scene: Scene,
@@ -148,16 +175,19 @@ class Renderer:
             lit.transport.release()
         if lit.separated is not None:
             lit.separated.transport.release()
+        free_dropped(self.context)
         none = np.empty((0, 3), np.float32)
         samples = SurfaceSamples(none, none, none[:, 0])
         return replace(lit, coordinates=none, flux=none, lights=(), samples=samples)
 
+    @_in_turn
     def light(self, scene: Scene, progress: Progress = lambda _: None, draft: bool = False) -> LitScene:
         """Load, sample and light a scene, as a draft with fewer sub-lights: all that transport needs, on the CPU."""
         check_image_size(self.context, scene.display.image_size)
         leave_framebuffer(self.context)  # what was drawn last may be replaced
         return self._lighting.light(scene, progress, draft)
 
+    @one_blas_thread()
     def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] | None = None) -> Float32 | AnySolution:
         """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
 
@@ -175,10 +205,12 @@ class Renderer:
             lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
         )
 
+    @_in_turn
     def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
         """Upload what `scatter` returned as the volume that pixels read."""
         return self._lighting.gather(lit, scattered)
 
+    @_in_turn
     def shade(
         self,
         scene: Scene,
@@ -203,6 +235,7 @@ class Renderer:
             return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
         return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
+    @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
         return self._shading.advance(scene, lit, gather, pixel_offsets(samples), parts)
@@ -215,6 +248,7 @@ class Renderer:
         """Return the sources of an environment's probe that shine as lamps, and the rest; None where no light is."""
         return self._lighting.parted(environment)
 
+    @_in_turn
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""
         return self._shading.pick(pixel)

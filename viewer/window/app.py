@@ -65,6 +65,7 @@ class App:
     Parameters
     ----------
     context : moderngl.Context
+        Current in this thread, see `viewer.gl.context.current`.
     scene : Scene
     path : Path, optional
         The scene file that it came from.
@@ -89,8 +90,6 @@ class App:
         clock: Callable[[], float] = time.monotonic,
         photo: PhotoWork | None = None,
     ) -> None:
-        # Objects are freed by the thread that draws, whichever thread drops them.
-        context.gc_mode = "context_gc"
         self.session = Session(scene, path)
         self.preferences = preferences or Preferences()
         self.clock = clock
@@ -228,7 +227,6 @@ class App:
         self._painter.release()
         self._gui.close()
         free_dropped(self._context)
-        self._context.gc_mode = "auto"
 
     def mouse_cursor(self) -> str:
         """Return which pointer fits, by its name in `imgui.MouseCursor_`."""

@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from pathlib import Path
 
 import moderngl
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.gl.context import headless_context, leave_framebuffer
+from milkglass.core.threads import one_blas_thread
+from milkglass.viewer.gl.context import current, headless_context, leave_framebuffer
 from milkglass.viewer.gui.command import find
 from milkglass.viewer.gui.events import Closed, Drawn, Event, Invoked, Resized, read_recording
 from milkglass.viewer.live.photograph_work import PhotoWork
@@ -16,6 +18,7 @@ from milkglass.viewer.window import commands
 from milkglass.viewer.window.app import App
 
 
+@one_blas_thread()
 def play(path: Path, *, in_window: bool) -> Scene:
     """Replay a recording and return the scene that it ends with.
 
@@ -36,12 +39,9 @@ def play(path: Path, *, in_window: bool) -> Scene:
             return window.app.session.scene
         finally:
             window.close()
-    replay = Headless(scene)
-    try:
+    with current(headless_context()), closing(Headless(scene)) as replay:
         replay.feed(events)
         return replay.app.session.scene
-    finally:
-        replay.close()
 
 
 def _check_commands(path: Path, events: Iterable[Event]) -> None:
@@ -55,6 +55,8 @@ def _check_commands(path: Path, events: Iterable[Event]) -> None:
 
 class Headless:
     """The window's contents in a framebuffer, driven by events: for replays and tests.
+
+    To be used while the context without a window is current, see `viewer.gl.context.current`.
 
     Attributes
     ----------

@@ -8,6 +8,7 @@ from typing import Any
 import glfw
 
 from milkglass.core.errors import InputError
+from milkglass.core.threads import one_blas_thread
 from milkglass.viewer.gl.context import window_context
 from milkglass.viewer.gui.events import (
     Closed,
@@ -41,6 +42,7 @@ _untyped: Any = glfw  # some of its annotations are those of the C functions tha
 FASTEST = 60.0  # frames a second where the display does not say
 
 
+@one_blas_thread()
 def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: PhotoWork | None = None) -> None:
     """Show a scene in a window until it is closed.
 

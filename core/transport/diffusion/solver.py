@@ -28,7 +28,7 @@ from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import each, one_blas_thread, thread_pool
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, depths_of, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, lit
 from milkglass.core.transport.diffusion.entry import EnteringLight, Entry, enter
@@ -109,6 +109,7 @@ class DiffusionTransport(Kernels):
         reach = SHEET_REACH * self.window_width(grid)
         return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
 
+    @one_blas_thread()
     def solve(
         self,
         mesh: Mesh,
@@ -274,14 +275,14 @@ class DiffusionTransport(Kernels):
             start = begin(channel, new[channel], self._last, coarse, samples)
             return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
 
-        ways = dict(zip(new, thread_pool().map(started, new), strict=True))
+        ways = dict(zip(new, each(started, new), strict=True))
         solution = reached(boundary, media, channels, ways)
         while max(solution.residuals) > self.tolerance and (go_on is None or go_on(solution)):
             # All of them: each takes its steps.
-            if not any(list(thread_pool().map(Iteration.advance, [*ways.values()] * ROUND))):
+            if not any(each(Iteration.advance, [*ways.values()] * ROUND)):
                 break
             solution = reached(boundary, media, channels, ways)
-        list(thread_pool().map(Reached.settle, {at for at in solution.channels if at is not None}))
+        each(Reached.settle, {at for at in solution.channels if at is not None})
         iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
         self._last = End(boundary, tuple(channels), iterates, coarse)
         return solution

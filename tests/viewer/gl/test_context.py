@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from collections import deque
 from types import SimpleNamespace
 
 import moderngl
@@ -47,8 +48,9 @@ def test_a_machine_without_egl_is_told_what_to_install(monkeypatch, reason):
         raise Exception(reason)
 
     monkeypatch.setattr(gl.moderngl, "create_context", fail)
+    monkeypatch.setattr(gl, "_process", gl._Process(parent_used_opengl=False))
     with pytest.raises(InputError) as caught:
-        gl.headless_context.__wrapped__()
+        gl.headless_context()
     sentence = str(caught.value)
     assert sentence.startswith(f"cannot create an OpenGL 3.3 context ({reason.rstrip('.') or 'Exception'});")
     assert "apt-get install libegl1 libgl1 libgl1-mesa-dri" in sentence
@@ -132,8 +134,16 @@ def test_a_failed_allocation_is_one_sentence(context):
     def fail():
         raise moderngl.Error("cannot create texture")
 
-    with pytest.raises(InputError, match=r"^the GPU cannot hold a volume \(cannot create texture\); ask for fewer"):
+    with pytest.raises(InputError, match=r"^the GPU cannot make a volume: cannot create texture$"):
         gl.checked(context, fail, "a volume")
-    full = SimpleNamespace(error="GL_OUT_OF_MEMORY")
+
+
+@pytest.mark.parametrize("raises", [True, False])
+def test_only_a_lack_of_memory_is_called_one(raises):
+    def allocate():
+        if raises:
+            raise moderngl.Error("cannot create texture")
+
+    full = SimpleNamespace(error="GL_OUT_OF_MEMORY", objects=deque())
     with pytest.raises(InputError, match=r"^the GPU has no memory left for a volume; ask for fewer"):
-        gl.checked(full, lambda: None, "a volume")
+        gl.checked(full, allocate, "a volume")

@@ -1,0 +1,144 @@
+"""The pool of threads, and how many of them BLAS has."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier, get_ident
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from milkglass.core.grid.convolution import LayerConvolver, prepared
+from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.threads import each, one_blas_thread, thread_pool
+
+
+def blas_threads():
+    return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+
+
+def test_each_keeps_the_order_and_uses_the_pool():
+    found = each(lambda i: (i, get_ident()), range(20))
+    assert [i for i, _ in found] == list(range(20))
+    assert get_ident() not in {thread for _, thread in found}
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_single_item_needs_no_thread(count):
+    assert each(lambda i: (i, get_ident()), range(count)) == [(i, get_ident()) for i in range(count)]
+
+
+def test_within_the_pool_each_goes_through_its_items_by_itself():
+    inner = each(lambda i: each(lambda k: (i, k, get_ident()), range(5)), range(16))
+    for i, found in enumerate(inner):
+        assert [(a, b) for a, b, _ in found] == [(i, k) for k in range(5)]
+        assert len({thread for *_, thread in found}) == 1
+
+
+def test_work_in_the_pool_that_asks_the_pool_for_more_is_refused():
+    """With all threads waiting like that, they would wait for good."""
+    pool = thread_pool()
+    for ask in (lambda _: list(pool.map(str, range(3))), lambda _: pool.submit(str, 1).result()):
+        with pytest.raises(RuntimeError, match=r"must not wait for the thread pool; use core\.threads\.each$"):
+            list(pool.map(ask, range(32)))
+    assert list(pool.map(str, range(3))) == ["0", "1", "2"]
+
+
+def test_convolutions_that_share_threads_may_run_side_by_side():
+    """Few layers take all threads for one convolution; several of them in the pool give the same bits."""
+    rng, shape = np.random.default_rng(3), ConvolutionShape(4, 20, 24)
+    layers = rng.random((6, 4, 20, 24), np.float32)
+    spectra = prepared(shape, rng.random(shape.quadrant, np.float32))
+    convolvers = [LayerConvolver(shape, 2, "FFTW_ESTIMATE") for _ in layers]
+    alone = [c.convolve(x, spectra) for c, x in zip(convolvers, layers, strict=True)]
+    together = thread_pool().map(lambda c, x: c.convolve(x, spectra), convolvers, layers)
+    for found, expected in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_failure_is_the_callers():
+    with pytest.raises(ZeroDivisionError):
+        each(lambda i: 1 / i, range(-2, 3))
+
+
+# BLAS
+
+
+def test_products_take_one_thread_in_a_block_and_in_the_pool_only():
+    before = blas_threads()
+    with one_blas_thread():
+        with one_blas_thread():
+            assert blas_threads() == [1] * len(before)
+        assert blas_threads() == [1] * len(before)
+    assert blas_threads() == before
+    assert thread_pool().submit(blas_threads).result() == [1] * len(before)
+    assert blas_threads() == before
+
+
+def test_blocks_of_several_threads_end_with_the_last_one():
+    before, inside, checked = blas_threads(), Barrier(4, timeout=60), Barrier(4, timeout=60)
+
+    @one_blas_thread()
+    def work(i):
+        inside.wait()
+        found = blas_threads()
+        checked.wait()
+        return found
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(work, range(4))) == [[1] * len(before)] * 4
+    assert blas_threads() == before
+
+
+def test_limits_of_ones_own_hold_around_a_block_and_in_it():
+    with threadpool_limits(1):
+        thread_pool().submit(blas_threads).result()
+        assert set(blas_threads()) == {1}
+    before = blas_threads()
+    with one_blas_thread(), threadpool_limits(2):
+        assert set(blas_threads()) == {min(2, os.cpu_count())}
+    assert blas_threads() == before
+
+
+def test_a_block_that_fails_ends_too():
+    before = blas_threads()
+    with pytest.raises(ZeroDivisionError), one_blas_thread():
+        _ = 1 / 0
+    assert blas_threads() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_child_has_a_pool_of_its_own_and_blas_as_it_was():
+    """Also where other threads of the parent were in the middle of something."""
+    code = """
+import os, threading
+import numpy as np
+from threadpoolctl import threadpool_info
+from milkglass.core.threads import each, one_blas_thread
+def blas():
+    return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+before = blas()
+each(str, range(8))
+entered, end = threading.Event(), threading.Event()
+def hold():
+    with one_blas_thread():
+        entered.set()
+        end.wait()
+holder = threading.Thread(target=hold)
+holder.start()
+entered.wait()
+child = os.fork()
+if child == 0:
+    same = each(str, range(8)) == [str(i) for i in range(8)] and blas() == before
+    with one_blas_thread():
+        same = same and set(blas()) == {1}
+    os._exit(0 if same and blas() == before else 1)
+end.set()
+holder.join()
+assert os.waitpid(child, 0)[1] == 0
+assert blas() == before
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
