@@ -1,4 +1,4 @@
-"""Fresnel reflection of unpolarised light at a smooth dielectric, and its diffuse averages."""
+"""Fresnel reflectance of unpolarised light at a smooth dielectric, and its averages over diffuse light."""
 
 import functools
 
@@ -9,7 +9,7 @@ from milkglass.core.arrays import Array
 
 
 def reflectance(eta: float, cos_i: npt.ArrayLike) -> Array:
-    """Unpolarised reflectance F_r for light arriving from the outside (Born and Wolf, section 1.5).
+    """Return the unpolarised reflectance F_r of light from the outside (Born and Wolf, section 1.5).
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ def reflectance(eta: float, cos_i: npt.ArrayLike) -> Array:
 
 
 def transmittance(eta: float, cos_i: npt.ArrayLike) -> Array:
-    """F_t = 1 - F_r, the share of arriving flux that enters; same arguments as `reflectance`."""
+    """Return the transmittance F_t = 1 - F_r, the share of arriving flux that enters; arguments as `reflectance`."""
     return 1.0 - reflectance(eta, cos_i)
 
 
 def diffuse_reflectance_fit(eta: float) -> float:
-    """F_dr, the average of F_r over diffuse light from the inside (fit of Egan and Hilgeman 1973).
+    """Return F_dr, the average of F_r over diffuse light from the inside (fit of Egan and Hilgeman 1973).
 
     The polynomial of Jensen et al. 2001 for eta >= 1, the one of Donner and Jensen 2005 below. The published
     reflectances of measured materials were computed with it, so we keep it although it is up to 10 % high in A.
@@ -51,13 +51,13 @@ def diffuse_reflectance_fit(eta: float) -> float:
 
 
 def internal_moments(eta: float) -> tuple[float, float]:
-    """2 C1 = 2 int F_r mu dmu and 3 C2 = 3 int F_r mu^2 dmu over [0, 1], F_r from the inside, eta >= 1; exact."""
+    """Return R1 = 2 int F_r mu dmu and R2 = 3 int F_r mu^2 dmu over [0, 1], F_r from the inside, eta >= 1; exact."""
     return internal_moment(eta, 1), internal_moment(eta, 2)
 
 
 @functools.cache
 def internal_moment(eta: float, power: int) -> float:
-    """(n + 1) int F_r mu^n dmu over [0, 1] for n = `power`, F_r from the inside, eta >= 1; in [0, 1], exact."""
+    """Return R_n = (n + 1) int F_r mu^n dmu over [0, 1], n = `power`, F_r from the inside, eta >= 1; exact."""
     critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))  # cosine below which all is reflected
     nodes, weights = np.polynomial.legendre.leggauss(64)
     t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
@@ -68,7 +68,7 @@ def internal_moment(eta: float, power: int) -> float:
 
 
 def hemispherical_transmittance(eta: float) -> float:
-    """2 int_0^1 F_t(mu) mu dmu: the share of uniform diffuse light that enters, in [0, 1]."""
+    """Return 2 int_0^1 F_t(mu) mu dmu, the share of uniform diffuse light that enters, in [0, 1]."""
     # Gauss-Legendre in t = sqrt(mu), which resolves the steep rise of F_t near grazing incidence.
     nodes, weights = np.polynomial.legendre.leggauss(64)
     t = 0.5 * (nodes + 1.0)

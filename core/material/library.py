@@ -1,4 +1,4 @@
-"""Coefficients of translucent materials: measured ones, published, and a few of our own.
+"""Library of translucent materials: scattering and absorption coefficients, measured or chosen.
 
 Units are 1/mm; sigma_s_prime is the reduced scattering coefficient, already multiplied by (1 - g). Sources,
 as the column `source` of materials.csv names them:
@@ -36,7 +36,7 @@ MAX_COEFFICIENT = 1e6  # 1/mm, a mean free path of a nanometre: beyond any mater
 CHANNELS = ("r", "g", "b")
 # Below this albedo most light is absorbed before it scatters twice, and diffusion does not describe it.
 MIN_DIFFUSE_ALBEDO = 0.5
-LONG_PATH = 10.0  # mm, a mean free path that few objects are many of
+LONG_PATH = 10.0  # mm, a mean free path of which few objects hold many
 DECIMETRE = 100.0  # mm
 
 
@@ -136,13 +136,13 @@ def lookup(name: str, more: Sequence[Material] = ()) -> Material:
 
 
 def diffusion_holds(material: Material) -> bool:
-    """Tell whether all channels scatter, with an albedo of at least 1/2, and none `is_thin`."""
+    """Return whether all channels scatter, with an albedo of at least 1/2, and none `is_thin`."""
     scatters = np.asarray(material.sigma_s_prime) > 0.0
     return bool((scatters & (material.alpha_prime >= MIN_DIFFUSE_ALBEDO)).all()) and not is_thin(material)
 
 
 def is_thin(material: Material) -> bool:
-    """Tell whether an object in the hand is optically thin in a channel: a mean free path of at least `LONG_PATH`."""
+    """Return whether an object in the hand is optically thin in a channel: a mean free path >= `LONG_PATH`."""
     return bool((material.mean_free_path >= LONG_PATH).any())
 
 
@@ -173,7 +173,7 @@ def _named(channels: npt.NDArray[np.bool_]) -> str:
 
 
 def key_of(name: str) -> str:
-    """Return what all spellings of a name have in common."""
+    """Return the key of a name: lower case, without spaces, hyphens and underscores."""
     return re.sub(r"[\s_-]+", "", name).casefold()
 
 

@@ -1,4 +1,4 @@
-"""What diffusion needs to know of a material, one colour channel at a time.
+"""Diffusion coefficient and boundary condition of a material, one colour channel at a time.
 
 The diffusion coefficient is the one with which fluence falls as it does in transport, deep inside and whatever the
 albedo. Grosjean's (2 s_a + s_s') / (3 s_t'^2) is its first order, within 1.2 % at an albedo of 0.9, which is yet 6 % of
@@ -18,10 +18,9 @@ with it the condition that what goes down is F_r of what comes up, as a mean ove
 Photons from deep inside a shell or a ball tell z_b by where they leave: without a boundary it is 0.779 mean free paths
 around a cavity of radius 7, 0.577 in a ball of radius 4 and 0.710 on a plane, and gamma = 1/4 makes 0.071 and -0.125 of
 that. It holds where the surface is concave, as inside a bowl. On smooth convex ones lit from outside it is too much, as
-light that has just entered is held back there by total reflection, and what is left of it was fitted to balls. At an
-edge it is let out by the other face (`core.transport.diffusion.edges.crossing`), and curvature counts up to where
-second order ends, which was fitted to boxes, cylinders and cones, as was how far from the edge it does
-(`core.transport.diffusion.edges.pairs`).
+light that has just entered is held back there by total reflection, and the share that is left was fitted to balls. At
+an edge it is let out by the other face (`core.transport.diffusion.edges.crossing`), and curvature counts up to where
+second order ends, which was fitted to boxes, cylinders and cones (`BoundaryConditionConstants`).
 """
 
 import functools
@@ -62,12 +61,12 @@ BOUNDARY_CONDITION = BoundaryConditionConstants()
 
 @dataclass(frozen=True)
 class Medium:
-    """One channel of a material.
+    """Coefficients of one colour channel of a material.
 
     Attributes
     ----------
     sigma_s_prime, sigma_a : float
-        1/mm, >= 0.
+        Reduced scattering and absorption, 1/mm, >= 0.
     eta : float
         Relative index of refraction, >= 1.
     """
@@ -83,42 +82,47 @@ class Medium:
 
     @property
     def sigma_t_prime(self) -> float:
-        """Reduced extinction, 1/mm."""
+        """Reduced extinction s_t' = s_s' + s_a, 1/mm."""
         return self.sigma_s_prime + self.sigma_a
 
     @property
     def albedo(self) -> float:
-        """Reduced, a' = s_s' / s_t', in [0, 1]."""
+        """Reduced albedo a' = s_s' / s_t', in [0, 1]; 0 without matter."""
         return self.sigma_s_prime / self.sigma_t_prime if self.sigma_t_prime > 0.0 else 0.0
 
     @property
     def mean_free_path(self) -> float:
-        """1 / s_t', mm; inf where there is nothing to meet."""
+        """Mean free path l = 1 / s_t', mm; inf without matter."""
         return 1.0 / self.sigma_t_prime if self.sigma_t_prime > 0.0 else float("inf")
 
     @property
     def diffusion(self) -> float:
-        """D = s_a / sigma^2, mm."""
+        """Diffusion coefficient D = s_a / sigma^2, mm: the asymptotic one of transport."""
         return _diffusion(self.sigma_a / self.sigma_t_prime) / self.sigma_t_prime
 
     @property
     def attenuation(self) -> float:
-        """Sigma = sqrt(s_a / D), 1/mm: fluence falls by e over 1 / sigma."""
+        """Effective attenuation sigma = sqrt(s_a / D), 1/mm: fluence falls by e over 1 / sigma."""
         return float(np.sqrt(self.sigma_a / self.diffusion))
 
     @property
     def extrapolation_factor(self) -> float:
-        """A, >= 1."""
+        """A >= 1 of a flat surface: the extrapolation length is z_b = 2 A D."""
         return extrapolation_factor(self.eta) * float(1.0 + BOUNDARY_CONDITION.anisotropy * np.sqrt(1.0 - self.albedo))
 
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
-        """A on a curved surface over `extrapolation_factor`, > 0.
+        """Return b > 0, the extrapolation length on a curved surface over that on a flat one.
 
-        `curvature` is 2 H, 1/mm, above 0 where convex, any shape, and `edges` what convex edges add to it, >= 0.
+        Parameters
+        ----------
+        curvature : (...) array
+            2 H, 1/mm, above 0 where the surface is convex; without edges.
+        edges : (...) array
+            What convex edges add to it, >= 0.
         """
-        far = min(self.mean_free_path, LONGEST_PATH)
-        sharp = np.asarray(edges, np.float64) * far
-        bent = np.clip(np.asarray(curvature, np.float64) * far, -BOUNDARY_CONDITION.deepest_cavity, LONGEST_PATH)
+        mfp = min(self.mean_free_path, LONGEST_PATH)
+        sharp = np.asarray(edges, np.float64) * mfp
+        bent = np.clip(np.asarray(curvature, np.float64) * mfp, -BOUNDARY_CONDITION.deepest_cavity, LONGEST_PATH)
         bent = np.where(bent > 0.0, BOUNDARY_CONDITION.convex_share * bent / (1.0 + np.abs(bent)), bent)
         bent = bent + sharp / np.hypot(1.0, sharp / BOUNDARY_CONDITION.sharpest_edge)
         extrapolated = 2.0 * self.extrapolation_factor * self.diffusion / self.mean_free_path
@@ -129,7 +133,7 @@ NO_ABSORPTION = Medium(1.0, 0.0, 1.0)  # of a mean free path of 1 mm
 
 
 def media(material: Material) -> tuple[Medium, Medium, Medium]:
-    """Return R, G and B."""
+    """Return the media of R, G and B."""
     pairs = zip(material.sigma_s_prime, material.sigma_a, strict=True)
     red, green, blue = (Medium(*pair, material.eta) for pair in pairs)
     return red, green, blue
@@ -137,7 +141,7 @@ def media(material: Material) -> tuple[Medium, Medium, Medium]:
 
 @functools.lru_cache(maxsize=1024)
 def _diffusion(absorbed: float) -> float:
-    """D in mean free paths for 1 - a': (1 - a') / k^2, k the root of a' = k / artanh k (Case and Zweifel 1967)."""
+    """Return D / l for 1 - a': (1 - a') / k^2, k the root of a' = k / artanh k (Case and Zweifel 1967)."""
     if absorbed < 1e-5:
         return 1.0 / 3.0 + 4.0 / 15.0 * absorbed
     if absorbed > 1.0 - SMALLEST_ALBEDO:
@@ -147,12 +151,12 @@ def _diffusion(absorbed: float) -> float:
 
 
 def extrapolation_factor(eta: float) -> float:
-    """A = (1 + R2) / (1 - R1), with the exact moments of `core.material.fresnel.internal_moments`."""
+    """Return A = (1 + R2) / (1 - R1) without absorption, R1 and R2 of `core.material.fresnel.internal_moments`."""
     r1, r2 = fresnel.internal_moments(eta)
     return (1.0 + r2) / (1.0 - r1)
 
 
 def curvature_factor(eta: float) -> float:
-    """Gamma of the above, > 0."""
+    """Return gamma = (1 + 2 R1 - 3 R3) / (4 (1 - R1)) > 0, by which curvature changes the extrapolation length."""
     r1, r3 = fresnel.internal_moment(eta, 1), fresnel.internal_moment(eta, 3)
     return (1.0 + 2.0 * r1 - 3.0 * r3) / (4.0 * (1.0 - r1))

@@ -1,7 +1,7 @@
-"""Mixtures of materials by volume, and their dilution in water.
+"""Mixtures of materials by volume, and their dilution in water, by independent scattering.
 
-Independent scattering: every particle and molecule scatters and absorbs as it did before, there are only fewer of them
-in each mm^3 (Narasimhan et al. 2006, whose measurements rest on it). Coefficients are then weighted by volume,
+Every particle and molecule scatters and absorbs as before; there are only fewer of them in each mm^3 (Narasimhan et al.
+2006, whose measurements rest on it). Coefficients are then weighted by volume,
 
     sigma(m) = sum f_i sigma_i,   sum f_i = 1,   for sigma_s' and sigma_a alike,
 
@@ -16,7 +16,7 @@ from milkglass.core.material.library import MAX_ETA, MIN_ETA, Material
 # Absorption at 610, 550 and 460 nm (Pope and Fry, Applied Optics 36(33), 1997); it scatters 1e-6 / mm, which is left
 # out. The published coefficients of diluted liquids hold none of it: milk's red is a hundredth of water's own.
 WATER = Material("Water", (0.0, 0.0, 0.0), (2.644e-4, 5.65e-5, 9.79e-6), 1.333, "Pope and Fry 1997")
-LEAST_WATER = -1e5  # more than any measurement's tank
+LEAST_WATER = -1e5  # lower bound of `water`, beyond any measured dilution
 
 
 def mix(one: Material, other: Material, share: float) -> Material:

@@ -1,8 +1,8 @@
-"""Where light first scatters: an exponential source along the refracted ray, as two points a surface sample.
+"""Refraction into an object, and the first scattering along the refracted ray as two point sources.
 
-A ray that has entered meets its first scattering after a depth z, in mean free paths, of density exp(-z); of what
-scatters there a' goes on. Two Gauss nodes stand for the density on [0, chord], so that in thin parts no source lies
-outside and the weights leave out exactly the light that crosses without scattering, exp(-chord).
+Light that has entered scatters first at a depth z, in mean free paths, of density exp(-z); a share a' of it goes on.
+Two Gauss nodes stand for that density on [0, chord], so that in thin parts no source lies outside, and the weights
+leave out exactly the light that crosses without scattering, exp(-chord).
 """
 
 import functools
@@ -13,14 +13,14 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 
-LONGEST_CHORD = 60.0  # chord, in mean free paths: beyond, exp(-z) has ended
-TABLE_SIZE = 2048
+LONGEST_CHORD = 60.0  # mean free paths: beyond, exp(-z) has ended
+TABLE_SIZE = 2048  # of Gauss rules over the chord
 
 
 def refract(directions: npt.ArrayLike, normals: npt.ArrayLike, eta: float) -> Array:
-    """Direction inside of light that travels along `directions` (n, 3), unit, and meets outward normals (n, 3).
+    """Return unit directions inside, (n, 3), of light along unit `directions` (n, 3) at outward unit normals (n, 3).
 
-    Light from behind a normal, as an interpolated one may have it, is taken to graze.
+    Light from behind a normal, as an interpolated normal may have it, is taken to graze. `eta` is inside over outside.
     """
     d, n = np.asarray(directions, np.float64), np.asarray(normals, np.float64)
     mu = np.maximum(-np.einsum("ij,ij->i", np.broadcast_to(d, n.shape), n), 0.0)
@@ -31,7 +31,7 @@ def refract(directions: npt.ArrayLike, normals: npt.ArrayLike, eta: float) -> Ar
 
 @functools.cache
 def mean_cosine(eta: float) -> float:
-    """Mean cosine to the normal, inside, of diffuse light that has entered: what environments' depths are times."""
+    """Return the mean cosine to the normal, inside, of diffuse light that has entered: its depth over its length."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
     t = 0.5 * (nodes + 1.0)
     mu = t * t  # F_t rises steeply near grazing incidence
@@ -40,7 +40,7 @@ def mean_cosine(eta: float) -> float:
 
 
 def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
-    """Two-point Gauss rule of exp(-z) on [0, chord], chord (n,) >= 0 in mean free paths, inf allowed.
+    """Return the two-point Gauss rule of exp(-z) on [0, chord], chord (n,) >= 0 in mean free paths, inf allowed.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
 
 @functools.cache
 def _table() -> tuple[Array, Array]:
-    """Over chord / (1 + chord): both depths, divided by it, and the first one's share of the weight."""
+    """Return x = chord / (1 + chord), (TABLE_SIZE,), and over it both depths / x and the first node's share."""
     at = np.linspace(0.0, LONGEST_CHORD / (1.0 + LONGEST_CHORD), TABLE_SIZE)
     chord = np.maximum(at / (1.0 - at), 1e-6)
     nodes, weights = np.polynomial.legendre.leggauss(64)

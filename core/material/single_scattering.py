@@ -1,4 +1,4 @@
-"""How much of the light that leaves a material has scattered only once, which diffusion knows nothing of.
+"""Share of single scattering in the light that leaves a half space, which diffusion does not describe.
 
 A half space with a smooth dielectric boundary, lit along its normal, isotropic scattering with the reduced coefficients
 (as `core.reference.photons`), fluxes relative to what has entered. Light that scatters once, at a depth of z mean free
@@ -23,7 +23,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import Material
 
-NODES = 24  # cosines on either side of the critical angle
+NODES = 24  # of the Gauss rule in cosine on either side of the critical angle
 NOTABLE_SHARE = 1.0 / 3.0  # share above which a picture without single scattering is another picture
 # Double-exponential nodes in (0, 1): the integrand has logarithms at both ends.
 _V = np.arange(-3.2, 3.2, 0.05)
@@ -32,16 +32,16 @@ _WEIGHT = 0.05 * np.pi * np.cosh(_V) * _SHARE * (1.0 - _SHARE)
 
 
 def share(material: Material) -> Array:
-    """R_1 / R per channel, (3,), in [0, 1]; 0 where nothing scatters and so nothing leaves."""
+    """Return R_1 / R of R, G and B, (3,), in [0, 1]; 0 where nothing scatters."""
     return np.array([_share(float(albedo), material.eta) for albedo in material.alpha_prime])
 
 
 def statement(material: Material) -> str:
-    """Say what a picture misses without single scattering, and how much that is; nothing where nothing scatters."""
+    """Return a sentence on the share of single scattering, which pictures lack, or that nothing scatters."""
     shares = share(material)
     if not shares.any():
         return "nothing scatters"
-    listed = ", ".join(f"{100.0 * each:.0f} %" for each in shares)
+    listed = ", ".join(f"{100.0 * value:.0f} %" for value in shares)
     return (
         f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and "
         "is drawn as if it had often"
@@ -49,7 +49,7 @@ def statement(material: Material) -> str:
 
 
 def reflected_once(albedo: float, eta: float) -> float:
-    """R_1, the share of the entered flux that leaves after one scattering; albedo in [0, 1], eta >= 1."""
+    """Return R_1, the share of the entered flux that leaves after one scattering; albedo in [0, 1], eta >= 1."""
     mu, weights = _cosines(eta)
     leaving = fresnel.transmittance(1.0 / eta, mu)
     return float(0.5 * albedo * np.sum(weights * leaving * mu / (1.0 + mu)))
@@ -61,7 +61,7 @@ def _share(albedo: float, eta: float) -> float:
 
 
 def reflectance(albedo: float, eta: float) -> float:
-    """R, the share of the entered flux that leaves after any number of scatterings; albedo in [0, 1], eta >= 1."""
+    """Return R, the share of the entered flux that leaves after any number of scatterings; arguments likewise."""
     mu, weights = _cosines(eta)
     h, at_1 = chandrasekhar_h(mu, albedo), float(chandrasekhar_h(np.ones(1), albedo)[0])
     inside = fresnel.reflectance(1.0 / eta, mu)
@@ -72,7 +72,7 @@ def reflectance(albedo: float, eta: float) -> float:
 
 
 def chandrasekhar_h(mu: Array, albedo: float) -> Array:
-    """H(mu) of isotropic scattering at cosines (n,) in (0, 1]."""
+    """Return Chandrasekhar's H(mu) of isotropic scattering at cosines (n,) in (0, 1]."""
     t = 0.5 * np.pi * _SHARE
     # t cot t = 1 - t^2/3 - t^4/45 - ... loses all digits near 0, and from there on only its distance to 1 counts.
     missing = np.where(t < 1e-2, t * t / 3.0 + t**4 / 45.0, 1.0 - t / np.tan(np.maximum(t, 1e-2)))
@@ -84,7 +84,7 @@ def chandrasekhar_h(mu: Array, albedo: float) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _cosines(eta: float) -> tuple[Array, Array]:
-    """Nodes and weights of [0, 1], parted at the critical angle, beyond which all is reflected."""
+    """Return nodes and weights on [0, 1], divided at the cosine below which all is reflected."""
     critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     t, weights = 0.5 * (nodes + 1.0), 0.5 * weights

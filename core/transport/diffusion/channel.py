@@ -1,4 +1,4 @@
-"""One colour channel of the boundary integral equation: its operator, its right side, what is added beside edges."""
+"""One colour channel of the boundary integral equation: its operator, right-hand side and corrections at edges."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -18,27 +18,29 @@ FIRST_GUESS_SHIFT = 1.0  # added to the diagonal for a first guess: the nodes ca
 
 
 class Channel:
-    """(b (1/2 + k0) + rho(0) / (2 A)) phi + gather(conv(deposit(phi dA))) = gather(conv(Q)) + local.
+    """The discretised equation of a channel, collocated at n patches.
 
-    Here phi is 2 A M with the A of a flat surface; fluence is b phi, with b as `core.material.medium.Medium.bending`
-    has it.
+        (b (1/2 + k0) + rho(0) / (2 A)) u + W^T conv(B u dA) = W^T conv(Q) + local,
+
+    for u = 2 A M with the A of a flat surface: fluence is b u, b of `core.material.medium.Medium.bending`. conv is the
+    convolution with G_L, B the assignment `Boundary.layer_assignment`.
 
     Parameters
     ----------
     boundary : Boundary, of n patches
     medium : Medium
     s : float
-        Width of the window, mm.
+        Width of the window that splits G, mm.
     convolve : callable
-        With G_L: (n_layers, height, width) float32 in and out.
+        Convolution with G_L: (n_layers, height, width) float32 in and out.
     deposited : (nodes,) float32
-        Q.
+        Q, first scattering assigned to the nodes.
     local : (n,) float64
-        What the nodes are too coarse for.
+        Local part of the right-hand side, for what the nodes are too coarse for.
     crossing : Crossing, optional
-        Light near edges that is none of Q.
+        Light that crosses edges, which is not in Q.
     flight : LastFlight, optional
-        How light leaves beside concave edges.
+        Exitance beside concave edges.
     """
 
     def __init__(
@@ -56,87 +58,91 @@ class Channel:
         self._convolve = convolve
         self._areas = boundary.patches.areas
         bending = boundary.bending(medium)
-        self._deposit = boundary.double_layer(medium.extrapolation_factor, medium.diffusion, bending)
+        self._deposit = boundary.layer_assignment(medium.extrapolation_factor, medium.diffusion, bending)
         self._gather = boundary.weights.T
-        own = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
+        local_single_layer = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
         sheet = boundary.sheet
-        # Of K the row sum's part belongs to the other side too, and there with the material's own absorption.
+        # Local parts of both layers between the sides of a slab. k0 has that of K, without absorption, on the diagonal:
+        # it is taken off there.
         self._across = sheet.share * (
             local_green(medium, s, sheet.thickness) / (2.0 * medium.extrapolation_factor)
             + bending[sheet.others] * local_slope(medium, s, sheet.thickness)
         )
         self._diagonal = 0.5 + boundary.double_layer_diagonal
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
-        self._diagonal = bending * self._diagonal + own
+        self._diagonal = bending * self._diagonal + local_single_layer
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
         self._crossing, self._flight = crossing, flight
 
     @functools.cached_property
     def sources(self) -> Float32:
-        """What Q gives at the nodes: (n_layers, height, width)."""
+        """G_L * Q at the nodes: (n_layers, height, width)."""
         return self._convolve(self._deposited)
 
     @functools.cached_property
     def right_hand_side(self) -> Array:
-        """Right side, (n,)."""
+        """Right-hand side b, (n,)."""
         return self._gathered(self.sources) + self._local
 
-    def allowed(self, fluence: Array) -> float:
-        """Share of phi, at most 1, with which no more light leaves than scatters: the grid may add a thousandth."""
-        leaving = float(np.einsum("i,i->", self._areas, fluence)) / (2.0 * self.medium.extrapolation_factor)
+    def allowed(self, two_A_M: Array) -> float:
+        """Return the factor on 2 A M, at most 1, with which no more light leaves than scatters.
+
+        The grid may add a thousandth.
+        """
+        leaving = float(np.einsum("i,i->", self._areas, two_A_M)) / (2.0 * self.medium.extrapolation_factor)
         scattered = float(self._deposited.sum(dtype=np.float64))
         return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
 
-    def beside_edges(self, fluence: Array, volume: Float32) -> tuple[Array, Float32]:
-        """Phi of the patches and O at the nodes, with what light does beside edges, from those of diffusion.
+    def corrected(self, two_A_M: Array, volume: Float32) -> tuple[Array, Float32]:
+        """Return 2 A M of the patches and O at the nodes with the corrections at edges, from those of diffusion.
 
-        Pixels take all of their own light for diffusing, so what does not is taken off the nodes.
+        Pixels take all light that enters for diffusing; what crosses edges instead is taken off the nodes.
         """
         crossing, flight = self._crossing, self._flight
         if crossing is None and flight is None:
-            return fluence, volume
-        more, lost = np.zeros(len(fluence)), np.zeros(len(fluence))
+            return two_A_M, volume
+        added, lost = np.zeros(len(two_A_M)), np.zeros(len(two_A_M))
         if crossing is not None:
-            more += 2.0 * self.medium.extrapolation_factor * crossing.exitance
+            added += 2.0 * self.medium.extrapolation_factor * crossing.exitance
             lost = self._local * (1.0 / crossing.kept - 1.0)
         if flight is not None:
-            more += flight.turned(fluence, volume, self.medium.extrapolation_factor)
-        (nodes,) = self.boundary.means((self._diagonal * more - lost)[:, None])
-        return fluence + more, volume + nodes
+            added += flight.correction(two_A_M, volume, self.medium.extrapolation_factor)
+        (nodes,) = self.boundary.means((self._diagonal * added - lost)[:, None])
+        return two_A_M + added, volume + nodes
 
     @property
     def preconditioner(self) -> Array:
-        """Of the unknowns of GMRES, phi over it: it evens rows out and saves a product in five."""
+        """Right preconditioner, diagonal, (n,): unknowns of GMRES are 2 A M over it. It saves a product in five."""
         return 1.0 / (self._diagonal + DIAGONAL_SHIFT)
 
     @property
     def first_guess(self) -> Array:
-        """A phi to start from where nothing better is known."""
+        """2 A M to start from where no other solution is known, (n,): a damped Jacobi step."""
         return self.right_hand_side / (self._diagonal + FIRST_GUESS_SHIFT)
 
-    def volume(self, fluence: Array) -> Float32:
-        """What phi on the surface gives at the nodes: (n_layers, height, width)."""
-        return self._convolve(self._spread(fluence))
+    def volume(self, two_A_M: Array) -> Float32:
+        """Return the potential of both layers at the nodes, conv(B u dA): (n_layers, height, width)."""
+        return self._convolve(self._assigned(two_A_M))
 
-    def matvec(self, fluence: Array, volume: Float32) -> Array:
-        """Left side for phi whose `volume` is known."""
-        return self._own(fluence) + self._gathered(volume)
+    def matvec(self, two_A_M: Array, volume: Float32) -> Array:
+        """Return the operator times 2 A M, (n,), whose `volume` is known."""
+        return self._local_part(two_A_M) + self._gathered(volume)
 
-    def residual(self, fluence: Array) -> tuple[Float32, Array]:
-        """O that phi leaves at the nodes, and right less left side, (n,): both in one convolution."""
-        volume = self._convolve(self._deposited - self._spread(fluence))
-        return volume, self._local + self._gathered(volume) - self._own(fluence)
+    def residual(self, two_A_M: Array) -> tuple[Float32, Array]:
+        """Return O = conv(Q - B u dA) at the nodes, and the residual, (n,), by one convolution."""
+        volume = self._convolve(self._deposited - self._assigned(two_A_M))
+        return volume, self._local + self._gathered(volume) - self._local_part(two_A_M)
 
-    def _spread(self, fluence: Array) -> Float32:
-        deposited = self._deposit @ (self._areas * fluence).astype(np.float32)
+    def _assigned(self, two_A_M: Array) -> Float32:
+        deposited = self._deposit @ (self._areas * two_A_M).astype(np.float32)
         return np.asarray(deposited.reshape(self.boundary.grid.shape))
 
-    def _own(self, fluence: Array) -> Array:
-        """What patches give without the nodes, and to the other side of a sheet."""
-        left = self._diagonal * fluence
+    def _local_part(self, two_A_M: Array) -> Array:
+        """Return the part of the operator without nodes: diagonal, and coupling of the two sides of thin slabs."""
+        product = self._diagonal * two_A_M
         sheet = self.boundary.sheet
-        left[sheet.patches] += self._across * fluence[sheet.others]
-        return np.asarray(left)
+        product[sheet.patches] += self._across * two_A_M[sheet.others]
+        return np.asarray(product)
 
     def _gathered(self, volume: Float32) -> Array:
         return np.asarray(self._gather @ volume.ravel(), np.float64)
@@ -151,7 +157,7 @@ def lit(
     entries: Sequence[Entry],
     i: int,
 ) -> Channel:
-    """Put the i-th channel of lights up; see `Channel`."""
+    """Return the `Channel` of the i-th colour of the entries of all lights."""
     deposited, local = np.zeros(int(np.prod(boundary.grid.shape)), np.float32), np.zeros(len(boundary.patches))
     crossed = crossing(boundary.edges, medium, i, entries)
     kept = np.ones(len(local)) if crossed is None else crossed.kept

@@ -1,7 +1,7 @@
-"""Light as it enters, light by light: rays refracted into the object, and the first scattering along them.
+"""Sources of diffusion: light refracted into the object, light by light, and its first scattering along the rays.
 
-Sources lie where light first scatters, not on the surface: along the normal instead of the refracted ray a sphere would
-be off by 6 to 14 %.
+Q lies where light first scatters, exp(-z) along the refracted ray, not on the surface; along the normal instead of the
+ray the exitance of a sphere would be off by 6 to 14 %.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from milkglass.core.transport.diffusion.green import local_green
 
 Vector = tuple[float, float, float]
 
-LEAST_REFLECTED = 0.05  # F_r; at right angles it is less, and the light not worth its way
-LEAST_RETURNED = 1e-3  # share of a ray's light that comes back
+LEAST_REFLECTED = 0.05  # F_r above which reflection inside is followed; it is less near normal incidence
+LEAST_RETURNED = 1e-3  # share of a ray's light above which reflection inside is followed
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,23 +44,24 @@ class EnteringLight:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """The m patches that a light reaches.
+    """One light inside the object, on the m patches that it reaches.
 
     Attributes
     ----------
     patches : (m,) int
-        Which.
+        Indices of the patches.
     rays : (m, 3) float64
-        Unit, the way on inside.
+        Unit directions inside.
     stretch : float
-        Of depths along the rays: diffuse light goes in along the normal, by its mean cosine less far.
+        Factor on depths along the rays: the mean cosine of diffuse light, whose ray is the normal; else 1.
     cosines : (m,) float64
-        Of the rays, stretch included, to the normal inwards.
+        Between the rays and the normals inwards, times `stretch`.
     chords : (m,) float64
-        Way through the object along the rays, mm.
+        Along the rays to the surface, mm.
     flux : (m, 3) float64
-        E dA.
+        E dA of R, G and B, F_t included.
     second : Second
+        The rays that are reflected inside.
     """
 
     patches: npt.NDArray[np.intp]
@@ -72,24 +73,24 @@ class Entry:
     second: "Second"
 
     def chords_in(self, medium: Medium) -> Array:
-        """Chords in mean free paths, (m,)."""
+        """Return the chords in mean free paths, (m,), along the light's true direction."""
         return self.chords / (self.stretch * medium.mean_free_path)
 
 
 @dataclass(frozen=True, eq=False)
 class Second:
-    """The k rays that are reflected where they meet the surface again; light that comes there has never scattered.
+    """The k rays of an entry that are reflected where they meet the surface again, with light that never scattered.
 
     Attributes
     ----------
     rays : (k,) int
-        Which of an entry's.
+        Indices of the entry's rays.
     starts, directions : (k, 3) float64
-        Where, mm; unit, from there on.
+        Points of reflection, mm, and unit reflected directions.
     chords : (k,) float64
-        From there to the surface, mm.
+        Along the reflected ray to the surface, mm.
     reflected : (k,) float64
-        F_r there.
+        F_r.
     """
 
     rays: npt.NDArray[np.intp]
@@ -100,7 +101,7 @@ class Second:
 
 
 def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) -> Entry:
-    """Refract a light into the patches that it reaches."""
+    """Return a light refracted into the patches that it reaches; `eta` is the relative index, >= 1."""
     patches = boundary.patches
     flux = (patches.sums @ light.flux).astype(np.float64)
     lit = np.flatnonzero(flux.any(axis=1))
@@ -108,8 +109,8 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     if light.direction is not None:
         rays = refract(np.broadcast_to(light.direction, normals.shape), normals, eta)
     elif light.position is not None:
-        way = patches.points[lit] - np.asarray(light.position)
-        rays = refract(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12), normals, eta)
+        path = patches.points[lit] - np.asarray(light.position)
+        rays = refract(path / np.maximum(np.linalg.norm(path, axis=1, keepdims=True), 1e-12), normals, eta)
     else:
         rays, stretch = -normals, mean_cosine(eta)
     cosines = -stretch * np.einsum("ij,ij->i", rays, normals)
@@ -117,38 +118,38 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     chords, outward = depths.ends(patches, lit, rays, cell)
     met = np.einsum("ij,ij->i", rays, outward)
     reflected = reflectance(1.0 / eta, stretch * met)
-    again = np.flatnonzero((chords > 0.0) & (met > 0.0) & (reflected > LEAST_REFLECTED))
-    starts = patches.on_surface[lit[again]] + chords[again, None] * rays[again]
-    onwards = rays[again] - 2.0 * met[again, None] * outward[again]
-    ways = depths.onwards(starts, outward[again], onwards, cell)
-    second = Second(again, starts, onwards, ways, reflected[again])
+    mirrored = np.flatnonzero((chords > 0.0) & (met > 0.0) & (reflected > LEAST_REFLECTED))
+    starts = patches.on_surface[lit[mirrored]] + chords[mirrored, None] * rays[mirrored]
+    onwards = rays[mirrored] - 2.0 * met[mirrored, None] * outward[mirrored]
+    second_chords = depths.onwards(starts, outward[mirrored], onwards, cell)
+    second = Second(mirrored, starts, onwards, second_chords, reflected[mirrored])
     return Entry(lit, rays, stretch, cosines, chords, flux[lit], second)
 
 
 def sources(
     entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, kept: Array
 ) -> tuple[Float32, Array]:
-    """First scattering of one channel: on the nodes, and what the nodes are too coarse for at the patches.
+    """Return the first scattering of one channel: assigned to the nodes, and its local part at the patches.
 
     `kept` is the share of each patch's light that diffuses, (n,).
 
     Returns
     -------
     deposited : (nodes,) float32
-        Q, its integral the flux that scatters and is not absorbed.
+        Q; its integral is the flux that scatters and is not absorbed.
     local : (n,) float64
-        a' E sum of w rho(depth) at every patch.
+        a' E sum w rho(depth) at every patch, for what the nodes are too coarse for.
     """
     depths, strength = first_sources(entry, medium, channel, kept)
     start = boundary.patches.points[entry.patches]
     share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
     deposited = _reflected_sources(entry, boundary, medium, kept[entry.patches] * entry.flux[:, channel])
     local = np.zeros(len(boundary.patches))
-    at = np.full(len(local), -1)  # of each patch, in the entry
-    at[entry.patches] = np.arange(len(entry.patches))
+    index = np.full(len(local), -1)  # of each patch in the entry
+    index[entry.patches] = np.arange(len(entry.patches))
     sheet = boundary.sheet
-    lit = np.flatnonzero(at[sheet.others] >= 0)  # sheets that light enters on the other side
-    across = at[sheet.others[lit]]
+    lit = np.flatnonzero(index[sheet.others] >= 0)  # thin slabs that light enters on the other side
+    across = index[sheet.others[lit]]
     for node in range(2):
         points = start + entry.stretch * depths[:, node, None] * entry.rays
         deposited += _at_nodes(boundary, points, strength[:, node])
@@ -160,16 +161,23 @@ def sources(
 
 
 def first_sources(entry: Entry, medium: Medium, channel: int, kept: Array) -> tuple[Array, Array]:
-    """Depths along the rays, mm, and a' E dA of what scatters there, (m, 2) each; `kept` as above."""
+    """Return depths of first scattering along the rays, mm, and its a' E dA, (m, 2) each; `kept` as in `sources`."""
     depths, shares = first_scattering(entry.chords_in(medium))
     flux = kept[entry.patches] * entry.flux[:, channel]
     return medium.mean_free_path * depths, medium.albedo * flux[:, None] * shares
 
 
 def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp], Array, Array]:
-    """Where light scatters first that was reflected before: (j,) of `entry.second`, depths in mean free paths, shares.
+    """Return the first scattering of light that was reflected inside.
 
-    Shares are of the light that entered, (j, 2) as the depths; what is left at the end of the second chord is lost.
+    Returns
+    -------
+    rays : (j,) int
+        Indices of `entry.second`.
+    depths : (j, 2) float64
+        In mean free paths along the reflected ray.
+    shares : (j, 2) float64
+        Of the light that entered; what reaches the end of the second chord is lost.
     """
     second = entry.second
     left = second.reflected * np.exp(-entry.chords_in(medium)[second.rays])
@@ -179,18 +187,18 @@ def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp
 
 
 def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, flux: Array) -> Float32:
-    """Deposit that light: (nodes,); it is too little, or too far from the surface, to need a local part."""
+    """Return Q of `second_scattering`, (nodes,); its local part is too small to count."""
     second, (worth, depths, shares) = entry.second, second_scattering(entry, medium)
     strength = medium.albedo * flux[second.rays[worth], None] * shares
-    ways = entry.stretch * medium.mean_free_path * depths
+    lengths = entry.stretch * medium.mean_free_path * depths
     deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
     for node in range(2) if len(worth) else ():
-        points = second.starts[worth] + ways[:, node, None] * second.directions[worth]
+        points = second.starts[worth] + lengths[:, node, None] * second.directions[worth]
         deposited += _at_nodes(boundary, points, strength[:, node])
     return deposited
 
 
 def _at_nodes(boundary: Boundary, points: Array, flux: Array) -> Float32:
-    """Deposit of flux (k,) at points (k, 3): (nodes,)."""
+    """Return the particle-mesh assignment of flux (k,) at points (k, 3), mm: (nodes,)."""
     weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
     return np.asarray(weights @ flux.astype(np.float32))

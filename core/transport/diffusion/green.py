@@ -1,4 +1,4 @@
-"""Green's function of diffusion, split as `transport.ewald` splits profiles: smooth for the nodes, local for the rest.
+"""Green's function of diffusion in a smooth part, for the nodes, and a local part, as in Ewald summation.
 
 G(r) = exp(-sigma r) / (4 pi D r) solves -D lap G + s_a G = delta. Filtered by the window of width s, whose transform is
 exp(-x) (1 + x + x^2 / 2), x = (s k)^2 / 2, both parts have closed forms. In Fourier space G is 1 / (D (k^2 + sigma^2));
@@ -20,16 +20,16 @@ from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 from milkglass.core.material.medium import Medium
 
-SMALLEST_RADIUS = 1e-4  # widths; nearer to 0 the quotient of the closed form is replaced by its value there
-TABLE_SIZE = 4096  # of the radial table
-BLEND_START = 0.4  # of the way to the image: from there on the kernel is left as it is
-DIFFERENCE_STEP = 1e-3  # widths, of differences
+SMALLEST_RADIUS = 1e-4  # widths; at smaller radii the quotient of the closed form loses its digits
+TABLE_SIZE = 4096  # entries of the radial table
+BLEND_START = 0.4  # share of the distance to the periodic image at which the sharpened part of the kernel begins to end
+DIFFERENCE_STEP = 1e-3  # widths, of the difference quotient
 LARGEST_ATTENUATION = 100.0  # sigma s; more would lose a difference too: filtered G is the window over s_a, to 1e-3
 SMALLEST_ATTENUATION = 1e-7  # sigma s; less would lose the difference of two large numbers, and changes nothing
 
 
 def smooth_green(medium: Medium, s: float, r: npt.ArrayLike) -> Array:
-    """G filtered by the window of width s (mm), at distance r (mm, >= 0): 1 / mm^2."""
+    """Return G filtered by the window of width s (mm) at distances r (mm, >= 0): 1 / mm^2."""
     r = np.maximum(np.asarray(r, np.float64), SMALLEST_RADIUS * s)
     sigma, bell = medium.attenuation, np.exp(-0.5 * np.square(r / s))
     gaussian = bell / (2.0 * np.pi * s * s) ** 1.5
@@ -43,7 +43,7 @@ def smooth_green(medium: Medium, s: float, r: npt.ArrayLike) -> Array:
 
 
 def local_green(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
-    """What `smooth_green` leaves out of an evenly filled plane at distance e (mm, >= 0): rho(e).
+    """Return rho(e), the single layer of a plane at distance e (mm, >= 0) that `smooth_green` leaves out.
 
     rho(e) = T(e) - int w(t) T(|e - t|) dt, T(e) = exp(-sigma e) / (2 D sigma): G integrated over the plane.
     """
@@ -61,18 +61,18 @@ def local_green(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
 
 
 def local_slope(medium: Medium, s: float, e: npt.ArrayLike) -> Array:
-    """D times the slope of `local_green` over e: what the nodes leave out of K across a sheet, by a difference."""
+    """Return D drho/de, the double layer of a plane that the nodes leave out, by a difference quotient."""
     e = np.asarray(e, np.float64)
     low, high = np.maximum(e - DIFFERENCE_STEP * s, 0.0), e + DIFFERENCE_STEP * s
     return np.asarray(medium.diffusion * (local_green(medium, s, high) - local_green(medium, s, low)) / (high - low))
 
 
 def green_spectrum(medium: Medium, s: float, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
-    """Spectrum of `smooth_green` between nodes, deposit and gather undone: `shape.quadrant` float32.
+    """Return the spectrum of `smooth_green` between nodes, `shape.quadrant` float32, over those of the assignments.
 
-    What undoes them sharpens, with a long reach, and where the periodic kernel meets its image there is a kink, as 1/r
-    has not fallen there: flat plates would be wrong by 3 %. So only a part that ends before is treated so; the rest,
-    which is smooth, by a stencil of five nodes.
+    To divide by the spectra of assignment and interpolation sharpens with a long reach, and the periodic kernel has a
+    kink where it meets its image, as 1/r has not fallen there: flat plates would be wrong by 3 %. So only a part that
+    ends before is divided; the rest, which is smooth, is sharpened by a stencil of five nodes.
     """
     steps = np.array([grid.layer_distance, grid.texel, grid.texel])
     z, y, x = (step * np.arange(n, dtype=np.float64) for step, n in zip(steps, shape.quadrant, strict=True))
@@ -89,7 +89,7 @@ def green_spectrum(medium: Medium, s: float, grid: LayerGrid, shape: Convolution
 
 
 def _sharpened(kernel: Array, axis: int) -> Array:
-    """`assignment.influence` of TSC along an axis of an octant, to fourth order: 1 + t^2 / 4 + t^4 / 30, t = k h."""
+    """Return a kernel sharpened along an axis: `assignment.influence` of TSC, 1 + t^2 / 4 + t^4 / 30, t = k h."""
     even = np.moveaxis(kernel, axis, 0)
     even = np.concatenate([even[2:0:-1], even, even[-2:-4:-1]])
     second = even[2:] - 2.0 * even[1:-1] + even[:-2]
@@ -98,7 +98,7 @@ def _sharpened(kernel: Array, axis: int) -> Array:
 
 
 def _halves(r: Array, sigma: float, s: float, bell: Array) -> tuple[Array, Array]:
-    """exp((sigma s)^2 / 2 -+ sigma r) erfc((sigma s -+ r / s) / sqrt 2), without overflow.
+    """Return exp((sigma s)^2 / 2 -+ sigma r) erfc((sigma s -+ r / s) / sqrt 2), without overflow.
 
     `bell` is exp(-(r / s)^2 / 2).
     """

@@ -1,4 +1,4 @@
-"""The steps of one colour channel to its solution."""
+"""The GMRES iteration of one colour channel, from a start near the solution; every iterate can be looked at."""
 
 import functools
 import threading
@@ -21,38 +21,38 @@ WEAK_SINGULAR_VALUE = CONSTANTS.regularisation.weak_singular_value
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a channel's iteration begins.
+    """A first iterate of a channel.
 
     Attributes
     ----------
-    fluence : (n,) float64
+    two_A_M : (n,) float64
     volume : (n_layers, height, width) float32
-        O that it leaves at the nodes.
+        O = G_L * (Q - layers) at the nodes.
     residual : (n,) float64
-        Right less left side.
-    size : float
-        Norm of the right side.
+        b - A u.
+    rhs_norm : float
+        Norm of b.
     convolutions : int
-        That it took.
+        Number that it took.
     """
 
-    fluence: Array
+    two_A_M: Array
     volume: Float32
     residual: Array
-    size: float
+    rhs_norm: float
     convolutions: int
 
 
 class Reached:
-    """What an iteration has come to; sums are made when they are asked for, and stay as they are while it goes on.
+    """An iterate of a channel; its sums over the Krylov basis are formed on demand, while the iteration goes on.
 
     Attributes
     ----------
     channel : Channel
     residual : float
-        Relative to the right side.
+        |b - A u| / |b|.
     convolutions : int
-        So far, with those of the start.
+        Number so far, those of the start included.
     """
 
     def __init__(self, channel: Channel, start: Start, step: Step, basis: Array, volumes: Sequence[Float32]) -> None:
@@ -61,22 +61,22 @@ class Reached:
 
     @functools.cached_property
     def iterate(self) -> Array:
-        """Phi of the patches, (n,), as the steps have it."""
+        """2 A M of the patches, (n,): the iterate of GMRES."""
         start, coefficients, basis, _ = self._parts
-        return start.fluence + combined(coefficients, basis) * self.channel.preconditioner
+        return start.two_A_M + combined(coefficients, basis) * self.channel.preconditioner
 
     @property
-    def fluence(self) -> Array:
-        """Phi of the patches, (n,), which gives out no more than scatters, with what light does beside edges."""
+    def two_A_M(self) -> Array:
+        """2 A M of the patches, (n,), A of a flat surface: scaled to conserve light, corrected at edges."""
         return self._sums[0]
 
     @property
     def volume(self) -> Float32:
-        """O at the nodes that goes with `fluence`: a sum of volumes that were made anyway."""
+        """O at the nodes that belongs to `two_A_M`, (n_layers, height, width): the same sum of the steps' volumes."""
         return self._sums[1]
 
     def settle(self) -> None:
-        """Make the sums, and let go of what they are made of: ten times their memory."""
+        """Form the sums and release their parts, which take ten times the memory."""
         _ = self._sums
         del self._parts
 
@@ -86,7 +86,7 @@ class Reached:
         volume = np.float32(self._allowed) * start.volume
         for share, part in zip(coefficients, volumes, strict=True):
             volume -= np.float32(self._allowed * share) * part
-        return self.channel.beside_edges(self._allowed * self.iterate, volume)
+        return self.channel.corrected(self._allowed * self.iterate, volume)
 
     @functools.cached_property
     def _allowed(self) -> float:
@@ -94,7 +94,7 @@ class Reached:
 
 
 class Iteration:
-    """The way of a channel to its solution.
+    """GMRES on a channel, step by step.
 
     Parameters
     ----------
@@ -107,13 +107,13 @@ class Iteration:
     def __init__(self, channel: Channel, start: Start, tolerance: float, max_matvecs: int) -> None:
         self.channel, self._start, self._busy = channel, start, threading.Lock()
         self._volumes: list[Float32] = []
-        scale = start.size or 1.0  # 0 where so little scatters that its square underflows
+        rhs_norm = start.rhs_norm or 1.0  # 0 where so little scatters that its square underflows
         matvec = functools.partial(_matvec, channel, self._volumes)
-        self._steps = gmres(matvec, start.residual, scale, tolerance, max_matvecs, WEAK_SINGULAR_VALUE)
+        self._steps = gmres(matvec, start.residual, rhs_norm, tolerance, max_matvecs, WEAK_SINGULAR_VALUE)
         self._step, self._basis = next(self._steps)
 
     def advance(self) -> bool:
-        """Take one product more; False when there is nothing left to do. A second thread waits for its turn."""
+        """Take one step; return False where no step is left. Other threads wait for their turn."""
         with self._busy:
             step = next(self._steps, None)
             if step is not None:
@@ -122,42 +122,45 @@ class Iteration:
 
     @property
     def reached(self) -> Reached:
-        """Where it is now."""
+        """The iterate of the last step."""
         return Reached(self.channel, self._start, self._step, self._basis, self._volumes[: self._step.matvecs])
 
 
 def _matvec(channel: Channel, volumes: list[Float32], vector: Array) -> Array:
-    """Take a product and keep its volume; no method, which would tie an iteration to itself through its generator."""
-    fluence = vector * channel.preconditioner
-    volumes.append(channel.volume(fluence))
-    return channel.matvec(fluence, volumes[-1])
+    """Return the preconditioned operator times a vector, and keep its volume.
+
+    No method: a generator that holds one would keep the iteration alive.
+    """
+    two_A_M = vector * channel.preconditioner
+    volumes.append(channel.volume(two_A_M))
+    return channel.matvec(two_A_M, volumes[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """Where steps ended.
+    """The last iterates of all channels, from which the next solution begins.
 
     Attributes
     ----------
     boundary : Boundary
     channels : R, G and B; None for a dark one
-    fluence : tuple of (n,) float64
-        phi of each channel's patches.
+    two_A_M : tuple of (n,) float64
+        2 A M of each channel's patches.
     coarse : End, optional
-        Of half the nodes, from which they began.
+        The iterates on half the nodes from which these began.
     """
 
     boundary: Boundary
     channels: tuple[Channel | None, ...]
-    fluence: tuple[Array, ...]
+    two_A_M: tuple[Array, ...]
     coarse: "End | None" = None
 
 
 def begin(channel: Channel, i: int, last: End | None, coarse: End | None, samples: SurfaceSamples) -> Start:
-    """Begin a channel, the i-th, after `last` steps on the same boundary or on half the nodes, which are up to date.
+    """Return a start for the i-th channel, from the last solution and the present one on half the nodes, if any.
 
-    The last solution less its coarse one is the detail that the coarse ones lack. It moves less than they do with the
-    light and the material, so that one product takes the place of three.
+    The last solution less its coarse one is the detail that a coarse one lacks (a two-grid correction). Light and
+    material change it less than the solution itself: one product takes the place of three.
     """
     boundary = channel.boundary
     before = None if last is None else last.channels[i]
@@ -165,7 +168,7 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     if last is not None and before is not None and last.boundary is boundary:
         # Of 2 A M at the same exitance.
         ratio = channel.medium.extrapolation_factor / before.medium.extrapolation_factor
-        kept = ratio * last.fluence[i]
+        kept = ratio * last.two_A_M[i]
     if coarse is None:
         return fitted(channel, [] if kept is None else [kept])
     guess = _prolonged(coarse, i, boundary, samples)
@@ -173,29 +176,29 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
         guess += kept - ratio * _prolonged(last.coarse, i, boundary, samples)
     on_coarse = coarse.channels[i]
     assert on_coarse is not None  # lit as the fine one is
-    # What is left is told relative to the right side, which here is never made by itself: it has the coarse one's rms.
-    size = norm(on_coarse.right_hand_side) * np.sqrt(len(guess) / len(on_coarse.right_hand_side))
+    # The norm of b, which is never computed by itself here, is that of the coarse one at the same rms.
+    rhs_norm = norm(on_coarse.right_hand_side) * np.sqrt(len(guess) / len(on_coarse.right_hand_side))
     volume, residual = channel.residual(guess)
-    return Start(guess, volume, residual, size, 1)
+    return Start(guess, volume, residual, rhs_norm, 1)
 
 
 def fitted(channel: Channel, guesses: Sequence[Array]) -> Start:
-    """Scale guesses of phi, (n,) each, so that their sum fits best; a first guess where there is none."""
+    """Return the start of least residual in the span of guesses of 2 A M, (n,) each; of a first guess without any."""
     guesses = guesses or [channel.first_guess]
     volumes = [channel.volume(guess) for guess in guesses]
     products = [channel.matvec(guess, volume) for guess, volume in zip(guesses, volumes, strict=True)]
     gram = np.array([[inner(a, b) for b in products] for a in products])
     fits = np.array([inner(a, channel.right_hand_side) for a in products])
     scales = np.linalg.lstsq(gram, fits, rcond=1e-12)[0]
-    fluence, residual, left = np.zeros(len(channel.right_hand_side)), channel.right_hand_side, channel.sources
-    for scale, guess, volume, own in zip(scales, guesses, volumes, products, strict=True):
-        fluence, residual = fluence + scale * guess, residual - scale * own
+    two_A_M, residual, left = np.zeros(len(channel.right_hand_side)), channel.right_hand_side, channel.sources
+    for scale, guess, volume, product in zip(scales, guesses, volumes, products, strict=True):
+        two_A_M, residual = two_A_M + scale * guess, residual - scale * product
         left = left - np.float32(scale) * volume
-    return Start(fluence, left, residual, norm(channel.right_hand_side), 1 + len(guesses))
+    return Start(two_A_M, left, residual, norm(channel.right_hand_side), 1 + len(guesses))
 
 
 def _prolonged(coarse: End, i: int, boundary: Boundary, samples: SurfaceSamples) -> Array:
-    """Fluence of one channel on finer patches of the same samples, (n,): means over them."""
-    at_samples = coarse.boundary.patches.sums.T @ coarse.fluence[i]
+    """Return 2 A M of one channel prolonged to finer patches of the same samples, (n,): means over the samples."""
+    at_samples = coarse.boundary.patches.sums.T @ coarse.two_A_M[i]
     total = boundary.patches.sums @ (samples.areas * at_samples)
     return np.asarray(total / np.maximum(boundary.patches.areas, np.finfo(np.float64).tiny))

@@ -1,6 +1,6 @@
-"""GMRES (Saad and Schultz 1986) that gives every iterate away and multiplies as seldom as it can.
+"""GMRES (Saad and Schultz 1986) without restarts that yields every iterate.
 
-SciPy's keeps its iterates to itself until it restarts; a picture that refines needs each.
+SciPy's shows iterates only where it restarts; a picture that refines needs them all.
 """
 
 from collections.abc import Callable, Iterator
@@ -10,15 +10,15 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 
-BREAKDOWN = 1e-7  # of a product, when what is known is taken off: the space holds the solution
+BREAKDOWN = 1e-7  # share of a product outside the Krylov space at which the space holds the solution
 
 
 class Step(NamedTuple):
-    """What is known after `matvecs` products: the solution is start + sum of coefficients times basis."""
+    """The iterate after a number of products with A: start + coefficients @ basis."""
 
     matvecs: int
-    coefficients: Array
-    residual: float  # relative to the right side
+    coefficients: Array  # (matvecs,)
+    residual: float  # |b - A x| / |b|
 
 
 def gmres(
@@ -29,25 +29,25 @@ def gmres(
     max_matvecs: int,
     weak: float = 0.0,
 ) -> Iterator[tuple[Step, Array]]:
-    """Solve A x = b from a start whose residual b - A start is given.
+    """Yield the steps of A x = b, each with its basis (matvecs, n), from a start whose residual b - A start is given.
 
-    Yields a step and the basis, (matvecs, n), after each product. Vectors are made orthogonal to all before them at
-    once, twice, which is as stable as one by one (Giraud, Langou and Rozloznik 2005) and reads them half as often.
+    The basis is made orthonormal by classical Gram-Schmidt, done twice, which is as stable as the modified one
+    (Giraud, Langou and Rozloznik 2005) and reads the vectors half as often.
 
     Parameters
     ----------
     matvec : callable
-        (n,) -> (n,) float64, A times a vector; called once a step.
+        (n,) -> (n,) float64, A times a vector; one call a step.
     residual : (n,) float64
     rhs_norm : float
         Norm of b, > 0.
     tolerance : float
-        Of |b - A x| / |b|; it ends the steps.
+        |b - A x| / |b| at which the steps end.
     max_matvecs : int
-        Products; they end the steps too.
+        Number of products at which the steps end.
     weak : float
-        Directions in which A multiplies by less are noise, and get nothing; their share of the residual counts as
-        solved. At 0 all get theirs.
+        Singular value of A on the basis below which a direction is noise: it gets nothing, and its share of the
+        residual counts as solved. At 0 no direction is.
     """
     beta = norm(residual)
     basis = np.empty((max_matvecs + 1, len(residual)))  # the system gives rows memory when they are written
@@ -79,15 +79,15 @@ def gmres(
 
 
 def combined(coefficients: Array, basis: Array) -> Array:
-    """Sum of coefficients (k,) times the rows of a basis (k, n); not by BLAS, see `inner`."""
+    """Return coefficients (k,) @ basis (k, n); not by BLAS, see `inner`."""
     return np.asarray(np.einsum("k,kn->n", coefficients, basis))
 
 
 def inner(a: Array, b: Array) -> float:
-    """Inner product; not by BLAS, whose waking threads take 5 ms off those of the FFT."""
+    """Return the inner product; not by BLAS, whose threads take 5 ms from those of the FFT when they wake."""
     return float(np.einsum("i,i->", a, b))
 
 
 def norm(a: Array) -> float:
-    """Euclidean norm, likewise."""
+    """Return the Euclidean norm; not by BLAS, see `inner`."""
     return float(np.sqrt(inner(a, a)))

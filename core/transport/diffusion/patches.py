@@ -1,8 +1,8 @@
-"""Patches: surface samples, merged where a mesh has far more than a grid can tell apart.
+"""Patches (panels) of the boundary integral equation: surface samples, merged where they are closer than the nodes.
 
-A scan of 100,000 faces has as many samples at least, of which one in five would do as unknowns of an integral
-equation. Samples of one small cell whose normals point alike become one patch; areas, vector areas and flux are
-summed, so that nothing is lost, and the two sides of a thin sheet never share a patch.
+A scan of 100,000 faces has at least as many samples; a fifth of them would do as unknowns. Samples of one small cell
+whose normals lie in one octant become one patch. Areas, vector areas and flux are summed, so that none is lost, and the
+two sides of a thin slab never share a patch.
 """
 
 from dataclasses import dataclass
@@ -17,29 +17,31 @@ from milkglass.core.geometry.samples import SurfaceSamples
 
 Ints = npt.NDArray[np.intp]
 
-ASKEW = np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0  # axes as columns, at right angles
+OCTANT_AXES = (
+    np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]]) / 7.0
+)  # columns, orthonormal, askew to the world's
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """n pieces of a surface.
+    """N panels of a surface.
 
     Attributes
     ----------
     points : (n, 3) float64
-        Centres, mm; a little off the surface where it bends.
+        Centres, mm; a little off the surface where it is curved.
     on_surface : (n, 3) float64
-        The sample nearest to each centre: where rays start.
+        Sample nearest to each centre, mm, from which rays start.
     normals : (n, 3) float64
-        Unit, of the shading: what light meets.
+        Unit shading normals, at which light is refracted.
     face_normals : (n, 3) float64
         Unit, of the face at `on_surface`.
     areas : (n,) float64
         mm^2; they sum to the area of the mesh.
     vector_areas : (n, 3) float64
-        mm^2, of the faces; over a closed surface they sum to 0.
+        Normals of the faces times area, mm^2; over a closed surface they sum to 0.
     sums : (n, samples) sparse float32
-        Of the samples' flux, or whatever else adds up.
+        Sums over the samples of each patch, as of flux.
     """
 
     points: Array
@@ -55,16 +57,16 @@ class Patches:
 
 
 def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches:
-    """Merge the samples of a mesh within cells of `spacing` (mm, > 0), those of each octant of normals apart."""
+    """Return patches: the samples of a mesh merged by cells of `spacing` (mm, > 0) and octants of normals."""
     cross = face_cross(mesh.vertices, mesh.faces)[samples.faces]
     face_normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     points, areas = samples.points.astype(np.float64), samples.areas.astype(np.float64)
     key = cells(points, face_normals, spacing)
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
-    n, each = len(starts), np.diff(starts, append=len(order))
+    n, counts = len(starts), np.diff(starts, append=len(order))
     patch = np.empty(len(order), np.intp)
-    patch[order] = np.repeat(np.arange(n), each)
+    patch[order] = np.repeat(np.arange(n), counts)
     ones = np.ones(len(patch), np.float32)
     sums = csr_array((ones, order, np.append(starts, len(order))), shape=(n, len(patch)))
 
@@ -72,7 +74,7 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
         return np.stack([np.bincount(patch, column, n) for column in values.T], axis=-1)
 
     whole = np.bincount(patch, areas, n).astype(np.float64)
-    weighted = np.maximum(areas, 1e-9 * areas.max())  # a patch of nothing but slivers has a place too
+    weighted = np.maximum(areas, 1e-9 * areas.max())  # slivers alone have a centre too
     centres = total(weighted[:, None] * points) / np.bincount(patch, weighted, n)[:, None]
     away = points - centres[patch]
     nearest = _nearest(order, starts, patch, np.einsum("ij,ij->i", away, away))
@@ -91,22 +93,22 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
 
 
 def cells(points: Array, normals: Array, spacing: float) -> npt.NDArray[np.int64]:
-    """Number the cells of `spacing`, each octant of normals apart, that places (n, 3) are in: (n,)."""
-    at = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
-    counts = at.max(axis=0) + 1
-    return np.asarray(((at[:, 0] * counts[1] + at[:, 1]) * counts[2] + at[:, 2]) * 8 + octants(normals))
+    """Return numbers, (n,), of the cells of `spacing` and octants of normals that points (n, 3) are in."""
+    cell = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
+    counts = cell.max(axis=0) + 1
+    return np.asarray(((cell[:, 0] * counts[1] + cell[:, 1]) * counts[2] + cell[:, 2]) * 8 + octants(normals))
 
 
 def octants(normals: Array) -> npt.NDArray[np.int64]:
-    """Which of eight, of axes askew, a vector lies in, (n, 3) -> (n,).
+    """Return the octant, 0 to 7, of axes askew to the world's, that vectors (n, 3) lie in, (n,).
 
-    Of the world's axes three of a box's faces would border on the same one.
+    With the world's axes, faces of a box would lie on the borders of octants.
     """
-    return np.asarray((normals @ ASKEW > 0.0) @ np.array([1, 2, 4]))
+    return np.asarray((normals @ OCTANT_AXES > 0.0) @ np.array([1, 2, 4]))
 
 
 def _nearest(order: Ints, starts: Ints, patch: Ints, distance: Array) -> Ints:
-    """Sample of the least distance in each patch; `order` has them patch by patch, beginning at `starts`."""
+    """Return the sample of least distance in each patch; `order` lists them patch by patch, from `starts` on."""
     least = np.minimum.reduceat(distance[order], starts)
     found = np.flatnonzero(distance == least[patch])[::-1]
     nearest = np.empty(len(starts), np.intp)

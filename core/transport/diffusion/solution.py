@@ -43,7 +43,7 @@ class Solution:
     def fluence(self) -> tuple[Array, ...]:
         """2 A M of each channel's patches, (n,), A of a flat surface: phi where theirs is flat."""
         dark = np.zeros(len(self.boundary.patches))
-        return tuple(dark if channel is None else channel.fluence for channel in self.channels)
+        return tuple(dark if channel is None else channel.two_A_M for channel in self.channels)
 
     @property
     def residuals(self) -> tuple[float, ...]:

@@ -25,14 +25,14 @@ from milkglass.core.transport.diffusion.entry import Entry
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """What n patches let out of light from other faces, and what of their own is so lost.
+    """Light that leaves n patches after one scattering, having entered by another face.
 
     Attributes
     ----------
     exitance : (n,) float64
-        M of light that has scattered once.
+        M of that light.
     kept : (n,) float64
-        Share of their own light that diffuses, in (0, 1].
+        Share of the light that enters a patch and does not leave so but diffuses, in (0, 1].
     """
 
     exitance: Array
@@ -40,48 +40,48 @@ class Crossing:
 
 
 def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry]) -> Crossing | None:
-    """Follow one channel of all lights over the edges; None where nothing crosses one."""
-    far = medium.mean_free_path
-    counts = edges.shown(far)
-    if counts == 0.0 or not entries:
+    """Return the light of all lights that crosses edges in one channel; None where there is none."""
+    resolved = edges.resolved(medium.mean_free_path)
+    if resolved == 0.0 or not entries:
         return None
-    pairs = edges.pairs(far)
-    if not pairs:
+    weighted_pairs = edges.pairs(medium.mean_free_path)
+    if not weighted_pairs:
         return None
     areas = edges.patches.areas
-    flux, way = _together(len(areas), entries, medium, channel)
+    flux, directions = _flux_and_directions(len(areas), entries, medium, channel)
     exitance, lost = np.zeros(len(areas)), np.zeros(len(areas))
-    for part, each in pairs:
-        seen, gone = _crossed(edges, each, medium, flux, way)
-        exitance += counts * part * np.bincount(each.patch, seen, len(areas))
-        lost += counts * part * np.bincount(each.patch, gone, len(areas))
+    for weight, pairs in weighted_pairs:
+        gain, loss = _crossed(edges, pairs, medium, flux, directions)
+        exitance += resolved * weight * np.bincount(pairs.patch, gain, len(areas))
+        lost += resolved * weight * np.bincount(pairs.patch, loss, len(areas))
     lost = np.minimum(lost, CONSTANTS.edges.largest_loss)
     taken, given = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
     if min(taken, given) <= 0.0:
         return None
-    # Both are the same light, but for faces that are no half planes.
+    # Both are the same light, but where faces are not half planes: the lesser of the two is moved.
     return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - min(given / taken, 1.0) * lost)
 
 
-def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, way: Array) -> tuple[Array, Array]:
-    """Exitance that patches have from the faces of pairs, for an albedo of 1, and their own share lost there, (k,)."""
-    own, other, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
+def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, directions: Array) -> tuple[Array, Array]:
+    """Return exitance that patches have from other faces, for an albedo of 1, and shares lost there, (k,) each."""
+    face, other, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
     irradiance = pairs.means @ ((pairs.pieces @ flux) / pairs.areas)
-    rays = unit(pairs.means @ ((pairs.pieces @ way) / pairs.areas[:, None])), unit(way[pairs.patch])
-    # Components of rays over the edge, away from their own face's normal towards the other's.
+    of_pieces = (pairs.pieces @ directions) / pairs.areas[:, None]
+    rays = unit(pairs.means @ of_pieces), unit(directions[pairs.patch])
+    # Slopes v: components of the rays over the edge, within the plane of the face that they entered by.
     sine = np.sqrt(1.0 - cosine**2)
-    in_own, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (own, other))
+    in_face, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (face, other))
     tables, distance = wedge(medium.eta), pairs.distance / medium.mean_free_path
-    seen = look_up(tables.exitance, cosine, (in_own[0] - cosine * in_other[0]) / sine, distance)
-    gone = look_up(tables.lost, cosine, (in_other[1] - cosine * in_own[1]) / sine, distance)
-    return pairs.share * irradiance * seen, pairs.share * gone
+    gain = look_up(tables.exitance, cosine, (in_face[0] - cosine * in_other[0]) / sine, distance)
+    loss = look_up(tables.lost, cosine, (in_other[1] - cosine * in_face[1]) / sine, distance)
+    return pairs.share * irradiance * gain, pairs.share * loss
 
 
-def _together(n: int, entries: Sequence[Entry], medium: Medium, channel: int) -> tuple[Array, Array]:
-    """Flux of all lights in one channel that meets anything, (n,), and sums of it times the rays, (n, 3)."""
-    flux, way = np.zeros(n), np.zeros((n, 3))
+def _flux_and_directions(n: int, entries: Sequence[Entry], medium: Medium, channel: int) -> tuple[Array, Array]:
+    """Return the flux of all lights that scatters, (n,), and its sum times the rays' unit directions, (n, 3)."""
+    flux, directions = np.zeros(n), np.zeros((n, 3))
     for entry in entries:
-        own = entry.flux[:, channel] * -np.expm1(-entry.chords_in(medium))
-        flux[entry.patches] += own
-        way[entry.patches] += own[:, None] * entry.rays
-    return flux, way
+        scattering = entry.flux[:, channel] * -np.expm1(-entry.chords_in(medium))
+        flux[entry.patches] += scattering
+        directions[entry.patches] += scattering[:, None] * entry.rays
+    return flux, directions

@@ -1,7 +1,8 @@
-"""Mean curvature of a surface in patches, smoothed over as far as light goes before it scatters.
+"""Mean curvature of a surface in patches, smoothed along the surface to the scale of a mean free path.
 
-Differences of normals between neighbours, in which either side of a thin sheet is a surface of its own. An edge is as
-curved as what turns over it within a patch or two.
+2 H is the least-squares slope of the normal n over neighbours x_j, 2 sum w dx . dn / sum w |dx|^2; weights are areas
+times the likeness of normals, so that the two sides of a thin slab are surfaces apart. An edge has the curvature of the
+angle that turns over it within a patch or two. Repeated averages over the neighbours smooth it, as diffusion would.
 """
 
 import functools
@@ -17,23 +18,23 @@ from milkglass.core.transport.diffusion.edges.ramps import rising
 from milkglass.core.transport.diffusion.patches import Patches
 
 LIMITS = CONSTANTS.curvature
-NEIGHBOURS = 10
+NEIGHBOURS = 10  # of a patch, itself included
 DOUBLINGS = 6  # of the smoothing's variance: its width grows to 8 patches
 
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """Of n patches, at several widths.
+    """Curvature of n patches, smoothed to m widths.
 
     Attributes
     ----------
     widths : (m,) float64
         Standard deviations along the surface, mm, ascending.
     values : (m, n, 3) float64
-        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; what convex and what
-        concave edges are of it, both >= 0.
+        Sum of the two principal curvatures, 2 H, 1/mm, above 0 where the surface is convex; then the parts of it that
+        convex and that concave edges make, both >= 0.
     evenness : (n,) float64
-        Mean cosine between a patch's normal and those around it on its own face: 0.93 on a scan's bumps, 1 if flat.
+        Mean cosine between a patch's normal and those around it on the same face: 0.93 on a scan's bumps, 1 if flat.
     """
 
     widths: Array
@@ -41,7 +42,7 @@ class Curvature:
     evenness: Array
 
     def at(self, width: float) -> tuple[Array, Array, Array]:
-        """Return the three, (n,) each, smoothed over `width`, mm, or the nearest there is."""
+        """Return 2 H, its convex and its concave edges, 1/mm, (n,) each, at `width`, mm, clamped to `widths`."""
         i = int(np.clip(np.searchsorted(self.widths, width), 1, len(self.widths) - 1))
         low, high = self.widths[i - 1], self.widths[i]
         share = float(np.clip((width - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
@@ -50,7 +51,7 @@ class Curvature:
 
 
 def curvature(patches: Patches) -> Curvature:
-    """Measure between neighbours, then smooth."""
+    """Return the curvature of patches, measured between neighbours and smoothed to widths of up to eight patches."""
     n = len(patches)
     spacing = float(np.sqrt(patches.areas.mean()))
     count = min(NEIGHBOURS, n)

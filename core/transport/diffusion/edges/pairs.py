@@ -1,7 +1,7 @@
-"""Edges of a surface: which faces meet there, how far from it a place on one of them is, and how curved that is.
+"""Edges of a surface, as pairs of a patch and a face that meets the patch's face: distance, angle and curvature.
 
-Patches are gathered to pieces a mean free path wide. A piece's plane stands for the face that it is of, so that
-a patch near an edge knows its distance from it through any piece of the other face, whichever way cells cut that.
+Patches are gathered to pieces a mean free path wide. The plane of a piece stands for its face, so that the distance of
+a patch from an edge follows from any piece of the other face, however the cells cut that.
 """
 
 import threading
@@ -27,27 +27,28 @@ SAME_FACE = CONSTANTS.curvature.same_face_cosine
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """K pairs of a patch and a face beyond an edge, which is seen through m pieces.
+    """K pairs of a patch and a face beyond an edge; faces are sums over m pieces of n patches.
 
     Attributes
     ----------
     patch : (k,) int
+        Index of the patch.
     pieces : (m, n) sparse float64
-        Sums over the patches of each.
+        Sums over the patches of each piece.
     areas : (m,) float64
         Of the pieces, mm^2.
     means : (k, m) sparse float64
-        Over the pieces of that face, by area and nearness.
+        Means over the pieces of the other face, by area and nearness; rows sum to 1.
     normals : (k, 3) float64
-        Unit, of that face.
+        Unit, of the other face.
     distance : (k,) float64
         From the patch to the edge, mm.
     cosine : (k,) float64
         Between the two normals.
     share : (k,) float64
-        How far there is an edge and a face; 1 for a straight edge between faces that go on for ever.
+        Weight of the pair, >= 0; 1 for a straight edge between half planes.
     turn : (k,) float64
-        Angle between the two normals; less of it where several pairs are of one edge.
+        Angle between the two normals, radians, divided among the pairs of one edge.
     """
 
     patch: Ints
@@ -62,7 +63,7 @@ class Pairs:
 
 
 class Edges:
-    """The edges of a surface, for any mean free path; found when they are asked for, from several threads.
+    """The edges of a surface for any mean free path, found on demand and kept; safe to use in several threads.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ class Edges:
     thickness : (n,) float64
         See `core.transport.diffusion.boundary.Boundary`.
     plain : (n,) bool
-        Patches that may be of a face with edges; the others cost nothing.
+        Patches that may be of a face with edges; only they are searched.
     """
 
     def __init__(self, patches: Patches, thickness: Array, plain: npt.NDArray[np.bool_]) -> None:
@@ -80,24 +81,29 @@ class Edges:
         self._finding = threading.Lock()
 
     def pairs(self, mean_free_path: float) -> list[tuple[float, Pairs]]:
-        """Return those that serve for a mean free path, mm, and how much each counts; none where there are none.
+        """Return weights, which sum to 1 or less, and pairs for a mean free path, mm; empty where there are no edges.
 
-        They are found for powers of two, so that a slider finds them made, and mixed, so that it moves smoothly.
+        Pairs are found for powers of two, so that a slider meets kept ones, and mixed, so that pictures change evenly.
         """
         level = float(np.log2(mean_free_path))
         low = int(np.floor(level))
         mixed = [(1.0 - (level - low), low), (level - low, low + 1)]
-        each = [(share, self._at(one)) for share, one in mixed if share > 0.0 and len(self._plain)]
-        return [(share, pairs) for share, pairs in each if pairs.share.sum() > LIMITS.least_pairs * len(self.patches)]
+        found = [(weight, self._at(power)) for weight, power in mixed if weight > 0.0 and len(self._plain)]
+        return [
+            (weight, pairs) for weight, pairs in found if pairs.share.sum() > LIMITS.least_pairs * len(self.patches)
+        ]
 
-    def shown(self, mean_free_path: float) -> float:
-        """How far patches are fine enough to show what light does beside edges, in [0, 1]."""
+    def resolved(self, mean_free_path: float) -> float:
+        """Return the share, in [0, 1], to which patches resolve light beside edges, for a mean free path in mm."""
         return float(falling(self.spacing / mean_free_path, LIMITS.resolved_spacing, LIMITS.unresolved_spacing))
 
     def curvature(self, mean_free_path: float) -> Array:
-        """Sum of the two principal curvatures that edges are, 1/mm, of each patch, (n,)."""
+        """Return the part of 2 H that convex edges make, of each patch, 1/mm, (n,) float64.
+
+        The angle of an edge as a Gaussian of the distance from it.
+        """
         found = np.zeros(len(self.patches))
-        # Of strips narrower than a patch.
+        # Patches that are large against the strip do not resolve it.
         counts = float(np.clip(LIMITS.hidden_strip * mean_free_path / self.spacing - 1.0, 0.0, 1.0))
         if counts > 0.0:
             width = max(LIMITS.curvature_width * mean_free_path, 0.5 * self.spacing)
@@ -116,7 +122,18 @@ class Edges:
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """M pieces of some patches: which each is of, sums over them (m, n), areas, centres, normals; how far they end."""
+    """M pieces of the chosen patches.
+
+    Attributes
+    ----------
+    of_patch : (chosen,) int
+        Piece of each chosen patch.
+    sums : (m, n) sparse float64
+    areas, points, normals : (m,), (m, 3), (m, 3) float64
+        mm^2, centres in mm, unit mean normals.
+    counts : (m,) float64
+        Share to which a piece is of a flat face that ends in an edge.
+    """
 
     of_patch: Ints
     sums: csr_array
@@ -126,91 +143,92 @@ class _Pieces:
     counts: Array
 
 
-def _gather(patches: Patches, chosen: Ints, far: float) -> _Pieces:
-    """Gather chosen patches of a cell whose normals lie in one octant."""
+def _gather(patches: Patches, chosen: Ints, mfp: float) -> _Pieces:
+    """Return pieces: the chosen patches of a cell whose normals lie in one octant."""
     points, normals, areas = patches.on_surface[chosen], patches.face_normals[chosen], patches.areas[chosen]
-    piece = np.unique(cells(points, normals, LIMITS.piece_size * far), return_inverse=True)[1]
+    piece = np.unique(cells(points, normals, LIMITS.piece_size * mfp), return_inverse=True)[1]
     sums = csr_array((np.ones(len(chosen)), (piece, chosen)), shape=(int(piece.max()) + 1, len(patches)))
     of = sums[:, chosen]
     total = np.maximum(of @ areas, np.finfo(np.float64).tiny)
     centres, means = (of @ (areas[:, None] * points)) / total[:, None], unit(of @ (areas[:, None] * normals))
-    even, sharpest = _faces(centres, means, far)
-    turning = (LIMITS.round_turn * far - sharpest) / ((LIMITS.round_turn - LIMITS.sharp_turn) * far)
+    even, sharpest = _faces(centres, means, mfp)
+    turning = (LIMITS.round_turn * mfp - sharpest) / ((LIMITS.round_turn - LIMITS.sharp_turn) * mfp)
     edged = even * np.clip(turning, 0.0, 1.0)
     return _Pieces(piece, sums, total, centres, means, edged)
 
 
-def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, far: float) -> Pairs:
-    """Pair patches with the pieces of other faces that light may come from."""
+def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, mfp: float) -> Pairs:
+    """Return pairs of patches with the pieces of other faces from which light may come."""
     near = np.flatnonzero(pieces.counts)
-    own = np.flatnonzero(pieces.counts[pieces.of_patch])
-    points, normals = patches.on_surface[chosen[own]], patches.face_normals[chosen[own]]
+    edged = np.flatnonzero(pieces.counts[pieces.of_patch])
+    points, normals = patches.on_surface[chosen[edged]], patches.face_normals[chosen[edged]]
     trees = cKDTree(points), cKDTree(pieces.points[near])
-    found = trees[0].sparse_distance_matrix(trees[1], LIMITS.reach * far, output_type="ndarray")
+    found = trees[0].sparse_distance_matrix(trees[1], LIMITS.reach * mfp, output_type="ndarray")
     a, b, apart = found["i"], near[found["j"]], found["v"]
     cosine = np.einsum("ij,ij->i", normals[a], pieces.normals[b])
-    two = np.flatnonzero((cosine < SAME_FACE) & (cosine > LIMITS.opposite_cosine))
-    a, b, cosine, apart = a[two], b[two], cosine[two], apart[two]
+    meeting = np.flatnonzero((cosine < SAME_FACE) & (cosine > LIMITS.opposite_cosine))
+    a, b, cosine, apart = a[meeting], b[meeting], cosine[meeting], apart[meeting]
     step = pieces.points[b] - points[a]
     below = np.einsum("ij,ij->i", step, pieces.normals[b])  # of the patch under the piece's plane
     under = -np.einsum("ij,ij->i", step, normals[a])  # of the piece under the patch's plane
     convex = (
-        (below > -LIMITS.concave_tolerance * far)
-        & (under > -LIMITS.concave_tolerance * far)
-        & (under < thickness[chosen[own]][a] + LIMITS.piece_size * far)
+        (below > -LIMITS.concave_tolerance * mfp)
+        & (under > -LIMITS.concave_tolerance * mfp)
+        & (under < thickness[chosen[edged]][a] + LIMITS.piece_size * mfp)
     )
     distance = np.maximum(below, 0.0) / np.sqrt(1.0 - cosine * cosine)
     share = falling(cosine, LIMITS.other_face_cosine, SAME_FACE)
     share *= rising(cosine, LIMITS.opposite_cosine, LIMITS.blade_cosine)
-    share *= pieces.counts[pieces.of_patch[own]][a] * pieces.counts[b]
-    width = LIMITS.weight_width * far
+    share *= pieces.counts[pieces.of_patch[edged]][a] * pieces.counts[b]
+    width = LIMITS.weight_width * mfp
     share *= pieces.areas[b] * np.exp(-np.square(apart / width)) / _half_plane(distance, cosine, width)
-    some = np.flatnonzero(convex & (share > 0.0))
-    a, b, share = a[some], b[some], share[some]
+    weighted = np.flatnonzero(convex & (share > 0.0))
+    a, b, share = a[weighted], b[weighted], share[weighted]
     # Pieces of one octant of normals are one face of a patch.
     key, pair = np.unique(8 * a.astype(np.int64) + octants(pieces.normals)[b], return_inverse=True)
     total = np.bincount(pair, share, len(key)).astype(np.float64)
     means = csr_array((share / total[pair], (pair, b)), shape=(len(key), len(pieces.areas)))
-    there = unit(means @ pieces.normals)
-    cosine = np.asarray(np.einsum("ij,ij->i", normals[key // 8], there), np.float64)
-    distance = np.bincount(pair, share * distance[some], len(key)) / total
-    turn = np.arccos(np.clip(cosine, -1.0, 1.0)) * _alone(key // 8, total, there)
-    return Pairs(chosen[own[key // 8]], pieces.sums, pieces.areas, means, there, distance, cosine, total, turn)
+    beyond = unit(means @ pieces.normals)
+    cosine = np.asarray(np.einsum("ij,ij->i", normals[key // 8], beyond), np.float64)
+    distance = np.bincount(pair, share * distance[weighted], len(key)) / total
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0)) * _edge_fractions(key // 8, total, beyond)
+    return Pairs(chosen[edged[key // 8]], pieces.sums, pieces.areas, means, beyond, distance, cosine, total, turn)
 
 
-def _alone(patch: Ints, share: Array, normals: Array) -> Array:
-    """How far each pair is the only one of an edge: a curved face has several in one, a corner has two edges.
+def _edge_fractions(patch: Ints, share: Array, normals: Array) -> Array:
+    """Return the fraction of an edge that each pair stands for, (k,): a curved face has several pairs in one edge.
 
-    `patch` ascends. A half of an edge, as at a corner, is one.
+    Pairs of a patch whose normals are alike are of one edge, at right angles of two, as at a corner. `patch` ascends.
+    An edge with less than `LIMITS.least_share` of its weight counts as one.
     """
     first = np.flatnonzero(np.diff(patch, prepend=-1))
     row = np.repeat(np.arange(len(first)), np.diff(first, append=len(patch)))
     slot = np.arange(len(patch)) - first[row]
-    shares, ways = np.zeros((len(first), 8)), np.zeros((len(first), 8, 3))
-    shares[row, slot], ways[row, slot] = share, normals
-    alike = np.maximum(np.einsum("iaj,ibj->iab", ways, ways), 0.0)
+    shares, directions = np.zeros((len(first), 8)), np.zeros((len(first), 8, 3))
+    shares[row, slot], directions[row, slot] = share, normals
+    alike = np.maximum(np.einsum("iaj,ibj->iab", directions, directions), 0.0)
     of_edge = np.einsum("iab,ib->ia", alike, shares)
     return np.asarray((shares / np.maximum(of_edge, LIMITS.least_share))[row, slot])
 
 
-def _faces(points: Array, normals: Array, far: float) -> tuple[Array, Array]:
-    """How far pieces are of flat faces, in [0, 1], and over which way, mm, the sharpest edge near them turns."""
-    start, end, cosine = _neighbours(points, normals, LIMITS.round_turn * far)
+def _faces(points: Array, normals: Array, mfp: float) -> tuple[Array, Array]:
+    """Return shares to which pieces are flat, in [0, 1], and the least length, mm, over which a near edge turns."""
+    start, end, cosine = _neighbours(points, normals, LIMITS.round_turn * mfp)
     n, same = len(points), cosine > SAME_FACE
     alike = np.bincount(start[same], cosine[same], n) / np.maximum(np.bincount(start[same], minlength=n), 1)
     turned = np.flatnonzero(~same & (cosine > LIMITS.opposite_cosine))
     turn = np.full(n, np.inf)
     np.minimum.at(turn, start[turned], np.linalg.norm(points[end[turned]] - points[start[turned]], axis=1))
     sharpest = turn.copy()
-    sharp = np.flatnonzero(turn < LIMITS.round_turn * far)
+    sharp = np.flatnonzero(turn < LIMITS.round_turn * mfp)
     if len(sharp):
-        near = cKDTree(points).sparse_distance_matrix(cKDTree(points[sharp]), LIMITS.reach * far, output_type="ndarray")
+        near = cKDTree(points).sparse_distance_matrix(cKDTree(points[sharp]), LIMITS.reach * mfp, output_type="ndarray")
         np.minimum.at(sharpest, near["i"], turn[sharp[near["j"]]])
     return rising(alike, LIMITS.rough_evenness, LIMITS.flat_evenness), sharpest
 
 
 def _neighbours(points: Array, normals: Array, reach: float) -> tuple[Ints, Ints, Array]:
-    """All ordered pairs no further apart than `reach`, and the cosines between their normals."""
+    """Return all ordered pairs no further apart than `reach`, mm, and the cosines between their normals."""
     near = cKDTree(points).query_pairs(reach, output_type="ndarray")
     cosine = np.einsum("ij,ij->i", normals[near[:, 0]], normals[near[:, 1]])
     start, end = np.concatenate([near, near[:, ::-1]]).T
@@ -218,7 +236,7 @@ def _neighbours(points: Array, normals: Array, reach: float) -> tuple[Ints, Ints
 
 
 def _half_plane(distance: Array, cosine: Array, width: float) -> Array:
-    """Integral of exp(-(r / width)^2) over the other face, from places at distances from the edge, mm^2."""
+    """Return int exp(-(r / width)^2) dA over the other face, a half plane, from points at distances from the edge."""
     under = distance * np.sqrt(1.0 - cosine * cosine)
     inside = -distance * cosine  # of the foot on the other plane, from the edge
     return np.asarray(0.5 * np.pi * width**2 * np.exp(-np.square(under / width)) * erfc(-inside / width))

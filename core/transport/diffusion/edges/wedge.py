@@ -1,13 +1,13 @@
-"""Light that scatters once in a wedge: it comes in by one face and leaves by the other.
+"""Tables of light that scatters once in a wedge: it enters by one face and leaves by the other. Exact, no fit.
 
 Lengths in mean free paths. The lit face lies at height 0 and ends at the edge, the origin; the direction (1, 0) leads
 over it. Light of irradiance 1 that entered at distance d first scatters at y = (-d + z v, -z sqrt(1 - v^2)), along its
 ray, with a density exp(-z); a point at distance p from the edge on the other face, whose normal is (sin a, cos a), sees
-that through r2 = |x - y|^2 + l^2, l along the edge, under a cosine mu = h / r to its normal:
+that through r^2 = |x - y|^2 + l^2, l along the edge, under a cosine mu = h / r to its normal:
 
     K(d, p) = int dz exp(-z) int dl exp(-r) F_t(mu) mu / (4 pi r^2).
 
-Its integral over d is the exitance there, that over p the share of the light that leaves so.
+Its integral over d is the exitance at p, its integral over p the share of the light that leaves by the other face.
 """
 
 import functools
@@ -21,24 +21,27 @@ from milkglass.core.arrays import Array
 from milkglass.core.material import fresnel
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 
-LARGEST_DISTANCE = 4.0  # from the edge; beyond, exp(-4) of it is left
-ETA_STEP = 0.1  # of eta
-DISTANCES, ANGLES, NODES = 20, 20, 16
+LARGEST_DISTANCE = 4.0  # from the edge, mean free paths; beyond, exp(-4) of the light is left
+ETA_STEP = 0.1  # between indices of refraction that have tables
+DISTANCES = 20  # of the tables, even in sqrt(distance)
+ANGLES, NODES = 20, 16  # Gauss nodes in angle, and in length
 # Between the faces' normals: of all that are an edge.
 COSINES = np.linspace(CONSTANTS.edges.opposite_cosine, CONSTANTS.curvature.same_face_cosine, 9)
-SLOPES = np.linspace(-0.9, 0.9, 13)  # of the ray: v
-RADII, HEIGHTS = 48, 65
+SLOPES = np.linspace(-0.9, 0.9, 13)  # v: of the ray over the edge, inside
+RADII, HEIGHTS = 48, 65  # rows and columns of the table of the integral along the edge
 _TABULATING = threading.Lock()
 
 
 @dataclass(frozen=True, eq=False)
 class Wedge:
-    """Tables over cosine, slope and sqrt(distance): (9, 13, DISTANCES) float64 each.
+    """Tables over cosine, slope and sqrt(distance) of an index of refraction.
 
     Attributes
     ----------
-    exitance : on the other face, for an irradiance that has entered, and an albedo, of 1
-    lost : share of the light that enters
+    exitance : (9, 13, DISTANCES) float64
+        Of the other face, for an irradiance that has entered, and an albedo, of 1.
+    lost : (9, 13, DISTANCES) float64
+        Share of the light that enters which leaves by the other face.
     """
 
     exitance: Array
@@ -46,7 +49,7 @@ class Wedge:
 
 
 def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array:
-    """Read a table of a `Wedge`, (n,) each."""
+    """Return a table of a `Wedge` at cosines between normals, slopes v and distances in mean free paths, (n,) each."""
     at = np.stack(
         [
             (cosine - COSINES[0]) / (COSINES[1] - COSINES[0]),
@@ -58,7 +61,7 @@ def look_up(table: Array, cosine: Array, slope: Array, distance: Array) -> Array
 
 
 def wedge(eta: float) -> Wedge:
-    """Return the tables for an index of refraction, between those of a few."""
+    """Return the tables for an index of refraction >= 1, interpolated between multiples of `ETA_STEP`."""
     at = (eta - 1.0) / ETA_STEP
     low = int(at + 1e-6)
     share = at - low
@@ -87,7 +90,7 @@ def _tabulated(step: int) -> Wedge:
 
 
 def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: Array, around: Array) -> Array:
-    """Integrate in polar coordinates around each x, where nothing is singular: (DISTANCES,)."""
+    """Return the exitance, (DISTANCES,): the integral in polar coordinates around x, where nothing is singular."""
     here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
     # From x against the normal, turned by the angle.
     across, up = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
@@ -98,7 +101,7 @@ def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: A
 
 
 def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, weights: Array, seen: Array) -> Array:
-    """Integrate over the ray of each d and the angles under which the other face is seen from it: (DISTANCES,)."""
+    """Return the lost share, (DISTANCES,): the integral over the ray and the angles to the other face from it."""
     here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
     height = sine * (here - z * slope) + cosine * z * down  # of the other face over y
     p = cosine * (z * slope - here) + sine * z * down + np.tan(angle) * height
@@ -107,7 +110,7 @@ def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, 
 
 
 def _along_edge(eta: float) -> Array:
-    """Rho times the integral of K over l, at sqrt(rho) and h / rho: (RADII, HEIGHTS)."""
+    """Return rho int dl exp(-r) F_t(mu) mu / (4 pi r^2), r^2 = rho^2 + l^2, over sqrt(rho) and h / rho."""
     rho = LARGEST_DISTANCE * np.linspace(0.0, 1.0, RADII)[:, None, None] ** 2
     height = np.linspace(0.0, 1.0, HEIGHTS)[:, None]
     angle, weights = _gauss(0.0, 0.5 * np.pi, NODES)  # l = rho tan(angle), both ways

@@ -144,7 +144,7 @@ def test_escape_from_a_shell_in_a_ball(resolution):
         np.sinh(sigma * r0) / r0 / (np.sinh(sigma * R) / R + b * z_b * slope) for b in (1.0, MARBLE.bending(2.0 / R))
     )
     assert flat == pytest.approx(0.93641, abs=2e-3)
-    assert patches.areas @ way.reached.fluence / (2.0 * MARBLE.extrapolation_factor) == pytest.approx(
+    assert patches.areas @ way.reached.two_A_M / (2.0 * MARBLE.extrapolation_factor) == pytest.approx(
         expected, rel=4e-3
     )
 

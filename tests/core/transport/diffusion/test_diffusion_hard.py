@@ -152,7 +152,7 @@ def test_product_in_float32_is_that_in_float64():
     spectrum = quadrant[np.ix_(*(np.minimum(np.arange(n), n - np.arange(n)) for n in padded))]
     phi = np.random.default_rng(0).normal(size=len(patches))
     weights = smooth_matrix(grid, grid.coordinates(patches.points)).astype(float)
-    deposit = boundary.double_layer(MARBLE.extrapolation_factor, MARBLE.diffusion, boundary.bending(MARBLE)).astype(
+    deposit = boundary.layer_assignment(MARBLE.extrapolation_factor, MARBLE.diffusion, boundary.bending(MARBLE)).astype(
         float
     )
     nodes = (deposit @ (patches.areas * phi)).reshape(grid.shape)

@@ -6,7 +6,7 @@ import pytest
 from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.diffusion.boundary import Depths
-from milkglass.core.transport.diffusion.edges.last_flight import last_flight, once
+from milkglass.core.transport.diffusion.edges.last_flight import last_flight, scattered_once
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import dish, turned
 from milkglass.viewer.bench.transport import transport_rows
@@ -51,7 +51,7 @@ def test_light_that_scatters_once_leaves_a_half_space(eta):
     depth = 90.0 * mu**2 * w * np.exp(-z / c) / c
     leaves = 0.5 * w * fresnel.transmittance(1.0 / eta, mu)
     expected = np.einsum("i,j,ij->", depth, leaves, np.exp(-z[:, None] / mu))
-    assert once(eta, np.array([c])) == pytest.approx(expected, rel=2e-3)
+    assert scattered_once(eta, np.array([c])) == pytest.approx(expected, rel=2e-3)
 
 
 def test_it_is_beside_concave_edges_only(step):
@@ -80,7 +80,7 @@ def test_over_a_flat_floor_it_is_what_diffusion_says(step):
 def test_no_more_leaves_in_all(step):
     flight = flight_of(step)
     fluence, volume = diffused(step)
-    added = flight.turned(fluence, volume, MEDIUM.extrapolation_factor)
+    added = flight.correction(fluence, volume, MEDIUM.extrapolation_factor)
     size = float(step.patches.areas @ np.abs(added))
     assert size > 0.0
     assert float(step.patches.areas @ added) == pytest.approx(0.0, abs=1e-9 * size)
@@ -90,7 +90,9 @@ def test_no_more_leaves_in_all(step):
 def test_darkness_stays_dark(step):
     flight = flight_of(step, entries=[])
     dark = np.zeros(len(step.patches))
-    assert not flight.turned(dark, np.zeros(step.boundary.grid.shape, np.float32), MEDIUM.extrapolation_factor).any()
+    assert not flight.correction(
+        dark, np.zeros(step.boundary.grid.shape, np.float32), MEDIUM.extrapolation_factor
+    ).any()
 
 
 def test_light_leaves_a_floor_and_passes_along_its_wall():
