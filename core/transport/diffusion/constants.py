@@ -1,7 +1,7 @@
 """The fitted and chosen constants of transport `diffusion`, each with the shapes that it was fitted to or chosen on.
 
 Everything else in the family is a formula, or a numerical parameter (nodes of a rule, size of a table, limit of an
-iteration) of which no result depends beyond the error that the parameter stands for. `milkglass bench` prints the
+iteration) on which no result depends beyond the error that the parameter stands for. `milkglass bench` prints the
 table, and its errors against photons apart for shapes that appear here and shapes that do not.
 """
 
@@ -105,7 +105,7 @@ class RegularisationConstants:
 
 @dataclass(frozen=True)
 class DiffusionConstants:
-    """All of the family."""
+    """All fitted and chosen constants of transport `diffusion`."""
 
     boundary_condition: BoundaryConditionConstants = BOUNDARY_CONDITION
     curvature: CurvatureConstants = CurvatureConstants()
