@@ -31,7 +31,7 @@ Int32 = npt.NDArray[np.int32]
 
 SKIN = 2e-5  # of the longest side, inwards from a surface: what is nearer to it than that touches it
 DIRECTIONS = 5  # rays that vote on whether a point lies inside
-NEAR = 1e-4  # of the bounding sphere's radius: how far from a point `bodies_at` looks for the surface
+SURFACE_REACH = 1e-4  # of the bounding sphere's radius: how far from a point `bodies_at` looks for the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +66,11 @@ def find_bodies(mesh: Mesh) -> Bodies:
     """Tell the bodies of a mesh; 0.02 s for 100,000 faces in one part, 0.1 s in 200, 1 s for 400,000 in 5000."""
     first, group = position_groups(mesh.vertices)
     vertices, faces = mesh.vertices[first].astype(np.float64), group[mesh.faces]
-    whole = np.flatnonzero(~repeats_vertex(faces))
-    part, count = _parts(faces, whole, len(first))
+    proper = np.flatnonzero(~repeats_vertex(faces))
+    part, count = _parts(faces, proper, len(first))
     if count <= 1:
         return Bodies(np.zeros(len(faces), np.int32), 1, 0)
-    parts = _Parts(vertices - vertices.mean(axis=0), faces[whole], part[whole], count)
+    parts = _Parts(vertices - vertices.mean(axis=0), faces[proper], part[proper], count)
     opened = np.flatnonzero(parts.is_open)
     rims = np.stack([opened, np.repeat(opened[:1], len(opened))])
     crossed = parts.crossings()
@@ -82,11 +82,11 @@ def find_bodies(mesh: Mesh) -> Bodies:
 def bodies_at(mesh: Mesh, bodies: Bodies, points: npt.ArrayLike) -> Int32:
     """Body of points (n, 3) on the surface, mm: of the face that rays through a point meet nearest to it."""
     points = np.asarray(points, np.float64)
-    rays, reach = RayMesh(mesh.vertices, mesh.faces), NEAR * mesh.radius
+    rays, reach = RayMesh(mesh.vertices, mesh.faces), SURFACE_REACH * mesh.radius
     nearest, body = np.full(len(points), np.inf), np.zeros(len(points), np.int32)
     for direction in _directions(2 * DIRECTIONS):
-        for way in (direction, -direction):
-            face, distance = rays.first(points - reach * way, np.broadcast_to(way, points.shape))
+        for towards in (direction, -direction):
+            face, distance = rays.first(points - reach * towards, np.broadcast_to(towards, points.shape))
             off = np.where(face >= 0, np.abs(distance - reach), np.inf)
             better = off < nearest
             nearest[better], body[better] = off[better], bodies.of_face[face[better]]
@@ -141,15 +141,15 @@ class _Parts:
         inner, outer = inner[fits], outer[fits]
         if len(inner) == 0:
             return np.empty((2, 0), np.int64)
-        asked = np.unique(inner)
+        candidate = np.unique(inner)
         _, first_face = np.unique(self._part, return_index=True)
-        points = self._under[self._faces[first_face[asked], 0]]
+        points = self._under[self._faces[first_face[candidate], 0]]
         rays, of_face = self._rays(np.unique(outer))
         votes = np.zeros(len(inner), np.int64)
         key = inner * self._count + outer
         for direction in _directions(DIRECTIONS):
             ray, face = rays.all_hits(points, np.broadcast_to(direction, points.shape), 0.1 * SKIN * self._size)
-            hit, times = np.unique(asked[ray] * self._count + of_face[face], return_counts=True)
+            hit, times = np.unique(candidate[ray] * self._count + of_face[face], return_counts=True)
             votes += np.isin(key, hit[times % 2 == 1])
         inside = 2 * votes > DIRECTIONS
         inside &= ~np.isin(key, [crossed[0] * self._count + crossed[1], crossed[1] * self._count + crossed[0]])
@@ -157,11 +157,11 @@ class _Parts:
 
     def _innermost(self, inner: Ints, outer: Ints) -> Ints:
         """Keep the smallest part around each, where those around it do not cancel."""
-        around = np.bincount(inner, np.sign(self._volume[outer]), self._count)
+        nesting = np.bincount(inner, np.sign(self._volume[outer]), self._count)
         order = np.lexsort((np.abs(self._volume[outer]), inner))
         inner, outer = inner[order], outer[order]
         first = np.concatenate([[True], inner[1:] != inner[:-1]])[: len(inner)]
-        kept = first & (around[inner] != 0.0)
+        kept = first & (nesting[inner] != 0.0)
         return np.stack([inner[kept], outer[kept]])
 
     def _rays(self, parts: Ints) -> tuple[RayMesh, Ints]:
@@ -174,10 +174,10 @@ class _Parts:
         return np.stack(np.divmod(keys, self._count))
 
 
-def _parts(faces: Ints, whole: Ints, n: int) -> tuple[Ints, int]:
-    """Connected component of each face (m, 3) of n vertices, and how many have a face of those that are `whole`."""
+def _parts(faces: Ints, proper: Ints, n: int) -> tuple[Ints, int]:
+    """Connected component of each face (m, 3) of n vertices; how many hold a `proper` face, with three corners."""
     n_connected, of_vertex = _connected(faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel(), n)
-    used = np.unique(of_vertex[faces[whole, 0]])
+    used = np.unique(of_vertex[faces[proper, 0]])
     number = np.zeros(n_connected, np.int64)
     number[used] = np.arange(len(used))
     return number[of_vertex[faces[:, 0]]], len(used)

@@ -21,7 +21,7 @@ from milkglass.core.geometry.texture import Texture
 
 Int32 = npt.NDArray[np.int32]
 
-NEAR = 1e-4  # of the bounding sphere's radius: how far from a point the face is looked for that it lies on
+FACE_REACH = 1e-4  # of the bounding sphere's radius: how far from a point the face is looked for that it lies on
 STEEPEST = 1e-3  # least height of a normal above its surface
 
 
@@ -91,7 +91,7 @@ class Detail:
 
     @property
     def has_normals(self) -> bool:
-        """Whether there is relief."""
+        """Whether any material of the surface has a normal map."""
         return any(skin.normal is not None for skin in self.skins)
 
     @cached_property
@@ -107,22 +107,22 @@ class Detail:
 
     def at(self, points: Array, face_normals: Array, areas: npt.NDArray[np.floating]) -> Places:
         """Pieces about points (n, 3) of the surface, by the normals (n, 3) of the faces that they lie on."""
-        reach = NEAR * self.mesh.radius
+        reach = FACE_REACH * self.mesh.radius
         face, distance = self._rays.first(points + reach * face_normals, -face_normals)
-        other, further = self._rays.first(points - reach * face_normals, face_normals)
-        nearer = np.where(other >= 0, np.abs(further - reach), np.inf) < np.where(
+        opposite_face, further = self._rays.first(points - reach * face_normals, face_normals)
+        nearer = np.where(opposite_face >= 0, np.abs(further - reach), np.inf) < np.where(
             face >= 0, np.abs(distance - reach), np.inf
         )
-        return self.places(points, np.maximum(np.where(nearer, other, face), 0), areas)
+        return self.places(points, np.maximum(np.where(nearer, opposite_face, face), 0), areas)
 
     def colour(self, places: Places, power: float = 1.0) -> Float32:
         """Mean of the colour to a power in each piece, (n, 3)."""
         corners = self.rows[places.faces]
         found = np.einsum("ni,nic->nc", places.weights, self.colours[corners]) ** power
-        for skin, here in self._by_skin(places):
-            found[here] *= np.asarray(skin.factor) ** power
+        for skin, rows in self._by_skin(places):
+            found[rows] *= np.asarray(skin.factor) ** power
             if skin.colour is not None:
-                found[here] *= self._mean(skin.colour, places, here, power)
+                found[rows] *= self._mean(skin.colour, places, rows, power)
         return np.asarray(np.maximum(found, 0.0), np.float32)
 
     def relief(self, places: Places, normals: npt.NDArray[np.floating], strength: float) -> tuple[Float32, Float32]:
@@ -133,20 +133,20 @@ class Detail:
         """
         turned, factors = np.array(normals, np.float64), np.ones(len(normals))
         tangents = np.einsum("ni,nic->nc", places.weights, self.vertices.tangents[self.vertices.faces[places.faces]])
-        for skin, here in self._by_skin(places):
-            if skin.normal is None or len(here) == 0:
+        for skin, rows in self._by_skin(places):
+            if skin.normal is None or len(rows) == 0:
                 continue
-            mean = self._mean(skin.normal, places, here).astype(np.float64)
-            normal = turned[here]
-            along = tangents[here, :3]
+            mean = self._mean(skin.normal, places, rows).astype(np.float64)
+            normal = turned[rows]
+            along = tangents[rows, :3]
             along = unit(along - np.einsum("ij,ij->i", along, normal)[:, None] * normal)
-            across = np.cross(normal, along) * np.where(tangents[here, 3:] < 0.0, -1.0, 1.0)
+            across = np.cross(normal, along) * np.where(tangents[rows, 3:] < 0.0, -1.0, 1.0)
             # Without a tangent both are 0, and the normal stays.
             slope = strength * (mean[:, :1] * along + mean[:, 1:2] * across)
-            known = np.any(along != 0.0, axis=1)
-            turned[here] = unit(slope + np.maximum(mean[:, 2:], STEEPEST) * normal)
+            has_tangent = np.any(along != 0.0, axis=1)
+            turned[rows] = unit(slope + np.maximum(mean[:, 2:], STEEPEST) * normal)
             shortened = 1.0 - np.minimum(np.linalg.norm(mean, axis=1), 1.0)
-            factors[here[known]] = np.maximum(1.0 - strength**2 * shortened[known], 0.0)
+            factors[rows[has_tangent]] = np.maximum(1.0 - strength**2 * shortened[has_tangent], 0.0)
         return turned.astype(np.float32), factors.astype(np.float32)
 
     @cached_property
@@ -166,10 +166,10 @@ class Detail:
         of_place = self.skin[places.faces]
         return [(skin, np.flatnonzero(of_place == i)) for i, skin in enumerate(self.skins)]
 
-    def _mean(self, texture: Texture, places: Places, here: npt.NDArray[np.intp], power: float = 1.0) -> Float32:
-        faces = places.faces[here]
-        coordinates = np.einsum("ni,nic->nc", places.weights[here], self.coordinates[self.rows[faces]])
-        return texture.mean(coordinates, places.areas[here] * self._density[faces], power)
+    def _mean(self, texture: Texture, places: Places, rows: npt.NDArray[np.intp], power: float = 1.0) -> Float32:
+        faces = places.faces[rows]
+        coordinates = np.einsum("ni,nic->nc", places.weights[rows], self.coordinates[self.rows[faces]])
+        return texture.mean(coordinates, places.areas[rows] * self._density[faces], power)
 
 
 def _sides(coordinates: Float32, rows: Int32) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ Values = npt.NDArray[np.floating]
 Coordinates = npt.NDArray[np.floating]
 
 BLOCK = 6  # nodes along the side of a block
-FAR = np.float32(1e3)  # distance where no part reaches
+BACKGROUND = np.float32(1e3)  # distance where no part reaches
 
 # The parts' distances are first-order estimates: away from the surface they may be this many times too large.
 STEEPNESS = 1.4
@@ -128,7 +128,7 @@ class _Union:
         """Distances at all nodes, negative inside."""
         steps = np.arange(BLOCK, dtype=np.float32) * np.float32(self.spacing)
         offsets = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).reshape(3, 1, -1)
-        values = np.full((self.corners.shape[1], BLOCK**3), FAR)
+        values = np.full((self.corners.shape[1], BLOCK**3), BACKGROUND)
         for part, reached in zip(self.parts, self.reaches, strict=True):
             points = self.corners[:, reached, None] + offsets
             distance = part.distance(points.reshape(3, -1)).reshape(-1, BLOCK**3)
@@ -168,10 +168,10 @@ class _Surface:
     def project(self, points: Coordinates) -> tuple[Coordinates, Coordinates]:
         """One Newton step towards the surface; returns the points, (3, n), and the unit gradients before it."""
         step = np.float32(0.05 * self.spacing)
-        values = np.full((6, points.shape[1]), FAR)
+        values = np.full((6, points.shape[1]), BACKGROUND)
         for part, member in zip(self.parts, self.members, strict=True):
-            around = points[:, None, member] + step * OCTAHEDRON.T[:, :, None]
-            distance = part.distance(around.reshape(3, -1)).reshape(6, -1)
+            stencil = points[:, None, member] + step * OCTAHEDRON.T[:, :, None]
+            distance = part.distance(stencil.reshape(3, -1)).reshape(6, -1)
             values[:, member] = smooth_min(values[:, member], distance, part.blend)
         gradient = OCTAHEDRON.T @ values / (2.0 * step)
         length = np.maximum(np.sqrt((gradient * gradient).sum(axis=0)), np.float32(1e-3))

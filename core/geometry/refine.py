@@ -89,19 +89,19 @@ class Refined:
             for case in np.flatnonzero(np.bincount(cases, minlength=8)).tolist():
                 if case == 0:
                     continue
-                some: Any = slice(None) if (same := cases == case).all() else np.flatnonzero(same)
-                whole = weights[:, some]
-                pieces, of_pieces = np.zeros(whole.shape[1], np.int64), _INTO[case][0] @ whole
+                rows: Any = slice(None) if (of_case := cases == case).all() else np.flatnonzero(of_case)
+                face_weights = weights[:, rows]
+                pieces, of_pieces = np.zeros(face_weights.shape[1], np.int64), _INTO[case][0] @ face_weights
                 inside = of_pieces.min(axis=0)
                 for piece, into in enumerate(_INTO[case][1:], start=1):
-                    candidates = into @ whole
-                    least = candidates.min(axis=0)
-                    better = least > inside
+                    candidates = into @ face_weights
+                    smallest = candidates.min(axis=0)
+                    better = smallest > inside
                     np.copyto(pieces, piece, where=better)
                     np.copyto(of_pieces, candidates, where=better)
-                    np.copyto(inside, least, where=better)
-                at[some] += pieces
-                weights[:, some] = of_pieces
+                    np.copyto(inside, smallest, where=better)
+                at[rows] += pieces
+                weights[:, rows] = of_pieces
         np.maximum(weights, 0.0, out=weights)
         weights /= weights.sum(axis=0)
         return self.levels[-1].faces[at], np.ascontiguousarray(weights.T)
@@ -166,9 +166,9 @@ def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     pieces = np.empty((first[-1], 3), np.int32)
     for halved, parts in _PIECES.items():
-        some = np.flatnonzero((long == halved).all(axis=1))
+        rows = np.flatnonzero((long == halved).all(axis=1))
         for i, part in enumerate(parts):
-            pieces[first[some] + i] = six[some][:, part]
+            pieces[first[rows] + i] = six[rows][:, part]
     return pieces, first
 
 

@@ -50,27 +50,27 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
     normals, faces = mesh.normals[mesh.faces], np.arange(len(mesh.faces), dtype=np.int32)
     # A piece of longest edge s has an area of about s^2 / 4 on average.
     spacing = max(spacing, 2.0 * float(np.sqrt(mesh.area / MAX_SAMPLES)))
-    done: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]] = []
+    finished: list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.int32]]] = []
     while len(corners):
         edge, longest = _longest_edges(corners)
         small, large = np.flatnonzero(longest <= spacing), np.flatnonzero(longest > spacing)
-        done.append((corners[small], normals[small], faces[small]))
+        finished.append((corners[small], normals[small], faces[small]))
         corners, normals, faces = corners[large], normals[large], np.tile(faces[large], 2)
         corners, normals = _halve(corners, edge[large]), _halve(normals, edge[large])
-    corners = np.concatenate([piece for piece, _, _ in done])
-    normals = _sums(np.concatenate([piece for _, piece, _ in done]))
+    corners = np.concatenate([piece for piece, _, _ in finished])
+    normals = _sums(np.concatenate([piece for _, piece, _ in finished]))
     sides = (corners[:, 1:] - corners[:, :1]).astype(np.float64)
     cross = np.cross(sides[:, 0], sides[:, 1])
     areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", cross, cross))
     length = np.sqrt(np.einsum("ij,ij->i", normals, normals))[:, None]
-    unknown = np.flatnonzero(length <= 1e-6)
+    cancelled = np.flatnonzero(length <= 1e-6)
     normals /= np.maximum(length, 1e-6)
-    normals[unknown] = cross[unknown] / np.maximum(2.0 * areas[unknown, None], 1e-300)
+    normals[cancelled] = cross[cancelled] / np.maximum(2.0 * areas[cancelled, None], 1e-300)
     return SurfaceSamples(
         points=_sums(corners) / np.float32(3.0),
         normals=normals,
         areas=areas.astype(np.float32),
-        faces=np.concatenate([face for _, _, face in done]),
+        faces=np.concatenate([face for _, _, face in finished]),
     )
 
 

@@ -12,7 +12,7 @@ from milkglass.core.arrays import Float32
 Bytes = npt.NDArray[np.uint8]
 
 COLOUR, NORMAL = "colour", "normal"
-LARGEST = 1024  # texels a side of the finest level that is kept as floats: samples are no denser
+MAX_TEXELS = 1024  # texels a side of the finest level that is kept as floats: samples are no denser
 
 
 def linear(srgb: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -39,7 +39,7 @@ class Texture:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height, texels."""
+        """Width and height of the picture in texels."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def levels(self, power: float = 1.0) -> list[Float32]:
@@ -75,10 +75,10 @@ class Texture:
         """Decode, and average so that no side exceeds `LARGEST`; by bands, since floats take much memory."""
         table = _decoding(self.kind) ** np.float32(power) if self.kind == COLOUR else _decoding(self.kind)
         height, width = self.pixels.shape[:2]
-        step = max(1, max(height, width) // (2 * LARGEST))  # two texels a side make a mean; more would be slow
+        step = max(1, max(height, width) // (2 * MAX_TEXELS))  # two texels a side make a mean; more would be slow
         pixels = self.pixels[step // 2 :: step, step // 2 :: step]
         height, width = pixels.shape[:2]
-        factor = -(-max(height, width) // LARGEST)
+        factor = -(-max(height, width) // MAX_TEXELS)
         padded = np.pad(pixels, ((0, -height % factor), (0, -width % factor), (0, 0)), mode="edge")
         rows, columns = padded.shape[0] // factor, padded.shape[1] // factor
         finest = np.empty((rows, columns, 3), np.float32)

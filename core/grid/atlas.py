@@ -19,7 +19,7 @@ from milkglass.core.grid.layers import LayerGrid
 Ints = npt.NDArray[np.int64]
 
 BORDER = 1  # nodes around a crop that repeat its edge: no filter reaches the next one
-ROUND = 4  # sizes of crops are multiples of it, so that alike bodies share plans and kernels
+CROP_MULTIPLE = 4  # sizes of crops are multiples of it, so that alike bodies share plans and kernels
 SLACK = 1e-3  # nodes: the GPU's coordinates are float32
 
 
@@ -103,7 +103,7 @@ def fit_atlas(grid: LayerGrid, smooth: bool, vertices: npt.ArrayLike, body: npt.
     else:
         touched = np.floor(low), np.floor(high) + 1.0
     first, last = (np.clip(node, 0, counts - 1).astype(np.int64) for node in touched)
-    sizes = np.minimum(-(-(last - first + 1) // ROUND) * ROUND, counts)
+    sizes = np.minimum(-(-(last - first + 1) // CROP_MULTIPLE) * CROP_MULTIPLE, counts)
     first = np.minimum(first, counts - sizes)
     places, shape = _packed(sizes + 2 * BORDER)
     crops = tuple(map(lambda f, s: _crop(grid, f, s), first, sizes))

@@ -54,7 +54,7 @@ class LayerConvolver:
         self._workers = [_Worker(shape, *sizes, effort) for _ in range(self._threads)]
 
     def convolve(self, layers: Float32, spectra: tuple[Float32, ...]) -> Float32:
-        """Convolve one channel.
+        """Convolve the layers of one colour channel with the kernels between them, (6).
 
         Parameters
         ----------

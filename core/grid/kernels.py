@@ -19,7 +19,7 @@ SPECTRA_BYTES = 64 << 20  # kept beyond those in use: materials between which a 
 
 @dataclass
 class Kernels:
-    """Kept kernels and convolvers.
+    """Cache of kernel spectra and of convolvers, by what they depend on.
 
     Parameters
     ----------

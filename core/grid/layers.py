@@ -17,12 +17,12 @@ from milkglass.core.arrays import Array, Float32
 AxisWeights = tuple[npt.NDArray[np.int64], Float32]
 
 BLOCK = 8192  # points whose weights are made at a time: the temporaries stay in the cache
-FLAT = 1e-6  # of the longest side: thinner than this is one layer, for float32 positions know no better
+FLAT_EXTENT = 1e-6  # of the longest side: thinner than this is one layer, for float32 positions know no better
 
 
 @dataclass(frozen=True)
 class LayerGrid:
-    """Where the layers lie.
+    """Placement of parallel layers of texels in world space.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class LayerGrid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """(n_layers, height, width)."""
+        """Number of grid points along each axis: (n_layers, height, width)."""
         return self.n_layers, self.height, self.width
 
     @property
@@ -79,9 +79,9 @@ def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, 
     extent = high - low
     longest = float(extent.max())
     # A surface seen exactly edge-on has no width: one texel of thickness keeps the maps two texels wide.
-    texel = max(float(extent[:2].max()), FLAT * longest) / (resolution - 1)
+    texel = max(float(extent[:2].max()), FLAT_EXTENT * longest) / (resolution - 1)
     width, height = (max(2, int(np.ceil(side / texel - 1e-6)) + 1) for side in extent[:2])
-    if n_layers == 1 or extent[2] <= FLAT * longest:
+    if n_layers == 1 or extent[2] <= FLAT_EXTENT * longest:
         n_layers, distance, per_depth = 1, 0.0, 0.0
     else:
         distance = float(extent[2]) / (n_layers - 1)
@@ -110,7 +110,7 @@ def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) 
     low, high = np.asarray(bounds, np.float64)
     extent = high - low
     distance = spacing
-    if n_layers is not None and extent[2] > FLAT * extent.max():
+    if n_layers is not None and extent[2] > FLAT_EXTENT * extent.max():
         distance = float(extent[2]) / max(n_layers - 1, 1)
     step = np.array([spacing, spacing, distance])
     width, height, depth = (int(n) for n in np.ceil(extent / step - 1e-6) + 4)

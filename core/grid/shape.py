@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 PAIRS_UP_TO = 8  # layers; measured on 2 cores, see `milkglass bench`
 PRODUCT = 6.0  # what multiplying by a spectrum costs, in units of `_cost` a node
-MOST = 2.0  # of what is needed: longer transforms are not tried
+MAX_LENGTH = 2.0  # of what is needed: longer transforms are not tried
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _fast_lengths(own: tuple[int, int, int], least: tuple[int, int, int], pairs:
 def _lengths(least: int) -> list[int]:
     """Even lengths without prime factors above 7, from `least` on."""
     least = max(least, 2)
-    found = [n for n in range(least + least % 2, int(MOST * least) + 9, 2) if _is_smooth(n)]
+    found = [n for n in range(least + least % 2, int(MAX_LENGTH * least) + 9, 2) if _is_smooth(n)]
     return found[: 1 + next(i for i, n in enumerate(found) if n & (n - 1) == 0)]  # the next power of two is the last
 
 

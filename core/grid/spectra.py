@@ -17,7 +17,7 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.profiles.base import Profile
 
-EXACT = 8  # texels from the centre within which texel means are exact; beyond, R_d bends by under 1 % across one
+EXACT_TEXELS = 8  # texels from the centre within which texel means are exact; beyond, R_d bends by under 1 % across one
 
 
 def layer_kernels(profile: Profile, grid: LayerGrid) -> Array:
@@ -29,9 +29,9 @@ def layer_kernels(profile: Profile, grid: LayerGrid) -> Array:
     kernels = np.empty(grid.shape)
     for kernel, e in zip(kernels, distances, strict=True):  # one at a time: what R_d allocates stays in the cache
         kernel[:] = profile.radial(np.sqrt(in_plane + e * e))
-        if e < EXACT * grid.texel:
-            means = texel_means(profile, float(e), grid.texel, EXACT)
-            kernel[:EXACT, :EXACT] = means[: grid.height, : grid.width]
+        if e < EXACT_TEXELS * grid.texel:
+            means = texel_means(profile, float(e), grid.texel, EXACT_TEXELS)
+            kernel[:EXACT_TEXELS, :EXACT_TEXELS] = means[: grid.height, : grid.width]
     return kernels
 
 

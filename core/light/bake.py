@@ -26,7 +26,7 @@ LIFTS = (1e-3, 1e-2)
 INWARD = 1e-4  # radii that rays into the object start below it
 DARK = 0.5  # of the directions: points that see less are looked at again
 TEST_DIRECTIONS = 64  # over the sphere
-FLAT = 1e-4  # 1 - cosine between the faces of a vertex up to which they are one plane
+COPLANAR = 1e-4  # 1 - cosine between the faces of a vertex up to which they are one plane
 THREADS = 8
 
 Progress = Callable[[float], object]
@@ -68,21 +68,21 @@ def bake(mesh: Mesh, progress: Progress = lambda _: None, cancelled: threading.E
     """
     n, caster = len(mesh.vertices), _Caster(mesh)
     bits = np.zeros((n, caster.count // 8), np.uint8)
-    done, lock, stop = 0, threading.Lock(), cancelled or threading.Event()
+    finished, lock, stop = 0, threading.Lock(), cancelled or threading.Event()
 
     def cast(block: tuple[int, npt.NDArray[np.intp]]) -> None:
-        nonlocal done
+        nonlocal finished
         pattern, points = block
         directions = pattern_directions(caster.count, pattern).astype(np.float32)
         step = max(1, 2 * RAYS_AT_A_TIME // caster.count)
         for start in range(0, len(points), step):
             if stop.is_set():
                 raise Cancelled
-            some = points[start : start + step]
-            bits[some] = caster.sees(some, directions)
+            vertices = points[start : start + step]
+            bits[vertices] = caster.sees(vertices, directions)
             with lock:
-                done += len(some)
-                progress(done / n)
+                finished += len(vertices)
+                progress(finished / n)
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, THREADS)) as pool:
         try:
@@ -118,10 +118,10 @@ class _Caster:
     def _bits(self, points: npt.NDArray[np.intp], directions: Float32, lift: float) -> Bytes:
         above = self._above(points, directions)
         point, direction = np.nonzero(above)
-        ways, planes = directions[direction], self._planes[points[point]]
-        below = np.minimum(np.einsum("ij,ij->i", ways, planes), 0.0)
-        ways -= 2.0 * below[:, None] * planes
-        above[point, direction] = ~self._rays.occluded(self._origins(points, lift)[point], ways)
+        rays, planes = directions[direction], self._planes[points[point]]
+        below = np.minimum(np.einsum("ij,ij->i", rays, planes), 0.0)
+        rays -= 2.0 * below[:, None] * planes
+        above[point, direction] = ~self._rays.occluded(self._origins(points, lift)[point], rays)
         return np.packbits(above, axis=1)
 
     def _are_buried(self, points: npt.NDArray[np.intp], lift: float) -> npt.NDArray[np.bool_]:
@@ -174,5 +174,5 @@ def flat_normals(mesh: Mesh) -> Float32:
     total = np.stack([np.bincount(corners, np.repeat(c, 3), minlength=len(mesh.vertices)) for c in cross.T], axis=1)
     length = np.linalg.norm(total, axis=1)
     areas = np.bincount(corners, np.repeat(np.linalg.norm(cross, axis=1), 3), minlength=len(mesh.vertices))
-    flat = (length > 0.0) & (length >= (1.0 - FLAT) * areas)
+    flat = (length > 0.0) & (length >= (1.0 - COPLANAR) * areas)
     return np.where(flat[:, None], total / np.maximum(length, 1e-300)[:, None], 0.0).astype(np.float32)

@@ -24,8 +24,8 @@ def blurred(latlong: Float32, sigma_deg: float) -> Float32:
     height, width, _ = latlong.shape
     # Beyond a pole the meridian goes on half a turn away.
     turned = np.roll(latlong, width // 2, axis=1)[::-1]
-    around = np.concatenate([latlong, turned], axis=0)
-    columns = gaussian_filter1d(around, sigma_deg / 180.0 * height, axis=0, mode="wrap")[:height]
+    doubled = np.concatenate([latlong, turned], axis=0)
+    columns = gaussian_filter1d(doubled, sigma_deg / 180.0 * height, axis=0, mode="wrap")[:height]
     theta = np.pi * (np.arange(height) + 0.5) / height
     sigma = np.radians(sigma_deg) / np.sin(theta)
     frequency = np.arange(width // 2 + 1)

@@ -75,8 +75,8 @@ class LobeFilter:
 
 def _order(shininess: float) -> int | None:
     """Highest band for a lobe, None where it is too narrow for harmonics."""
-    wanted = _BANDS * np.sqrt(shininess)
-    return min((order for order in _ORDERS if order >= wanted), default=None)
+    bands = _BANDS * np.sqrt(shininess)
+    return min((order for order in _ORDERS if order >= bands), default=None)
 
 
 def lobe_zonal(shininess: float, order: int) -> Array:

@@ -112,8 +112,8 @@ def _panel(
         place = np.degrees(np.arctan2(side, z))
         inside *= _smoothstep(0.5 * size - np.abs(place), fade_deg)
         for bar in range(1, count):
-            away = np.abs(place + 0.5 * size - bar * size / count)
-            inside *= _smoothstep(away - 0.5 * _BAR_DEG, fade_deg)
+            distance = np.abs(place + 0.5 * size - bar * size / count)
+            inside *= _smoothstep(distance - 0.5 * _BAR_DEG, fade_deg)
     cast = float((inside * np.maximum(z, 0.0) * d_omega).sum())
     return np.asarray((irradiance / cast * inside)[..., None] * np.array(colour))
 

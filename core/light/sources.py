@@ -112,8 +112,8 @@ def _clusters(bright: Bool, luminance: Radiance, rows: Array) -> list[Texels]:
     sums = []
     for texels in clusters:
         towards, d_omega = _places(texels, bright.shape, rows)
-        own = flux.ravel()[texels].astype(np.float64)
-        sums.append(np.array([*(own @ towards), own.sum(), d_omega.sum()]))
+        cluster_flux = flux.ravel()[texels].astype(np.float64)
+        sums.append(np.array([*(cluster_flux @ towards), cluster_flux.sum(), d_omega.sum()]))
     i = 0
     while i < len(clusters):  # into each, the strongest first, whatever fills a disc with it
         for j in range(i + 1, len(clusters)):
@@ -129,8 +129,8 @@ def _clusters(bright: Bool, luminance: Radiance, rows: Array) -> list[Texels]:
 def _is_disc(total: Array) -> bool:
     """Whether regions of a common vector (3), flux and solid angle make one source."""
     angle = _diameter_deg(total[:3], float(total[3]))
-    whole = 2.0 * np.pi * (1.0 - np.cos(0.5 * np.radians(angle)))
-    return bool(angle <= MAX_ANGLE_DEG and total[4] >= FILLED * whole)
+    disc_angle = 2.0 * np.pi * (1.0 - np.cos(0.5 * np.radians(angle)))
+    return bool(angle <= MAX_ANGLE_DEG and total[4] >= FILLED * disc_angle)
 
 
 def _regions(bright: Bool) -> npt.NDArray[np.intp]:
@@ -175,12 +175,12 @@ def _surround(towards: Array, dark: Bool, latlong: Radiance) -> Radiance:
 def _disc(directions: Array, flux: Array, total: float) -> tuple[ProbeSource, float]:
     """The disc that has the flux (n, 3) of some texels, their mean direction and spread; and its share of the light."""
     luminance = flux @ LUMINANCE
-    vector, whole = luminance @ directions, float(luminance.sum())
+    vector, total_luminance = luminance @ directions, float(luminance.sum())
     length = float(np.linalg.norm(vector))
     towards = vector / max(length, 1e-300)
     x, y, z = towards.tolist()
     red, green, blue = np.maximum(flux.T @ (directions @ towards), 0.0).tolist()
-    return ProbeSource((x, y, z), (red, green, blue), _diameter_deg(vector, whole)), whole / total
+    return ProbeSource((x, y, z), (red, green, blue), _diameter_deg(vector, total_luminance)), total_luminance / total
 
 
 def _diameter_deg(vector: Array, flux: float) -> float:

@@ -99,12 +99,12 @@ class Visibility:
         """Visible share of the light of a probe at every point, (n, 3) in [0, 1]; `sh` (k, 3) in world space."""
         used = sh[: self.whole.shape[1]].astype(np.float32)
         # Turned round, these take two thirds of the time.
-        whole, visible = (
-            np.ascontiguousarray((used.T @ own[:, : len(used)].T).T) for own in (self.whole, self.visible)
+        unoccluded, visible = (
+            np.ascontiguousarray((used.T @ vectors[:, : len(used)].T).T) for vectors in (self.whole, self.visible)
         )
-        least = np.float32(DARK * max(float(np.abs(sh[0]).max()), 1e-30))
+        smallest = np.float32(DARK * max(float(np.abs(sh[0]).max()), 1e-30))
         # Light that a short vector makes negative is none: all of nothing is visible.
-        return np.clip(np.where(whole > least, visible / np.maximum(whole, least), 1.0), 0.0, 1.0)
+        return np.clip(np.where(unoccluded > smallest, visible / np.maximum(unoccluded, smallest), 1.0), 0.0, 1.0)
 
     def lobe_shares(self, directions: npt.ArrayLike, shininess: float) -> Float32:
         """Visible share of a Phong lobe max(0, w.r)^shininess about unit directions r (n, 3): (n,) in [0, 1].
@@ -116,8 +116,8 @@ class Visibility:
         values = basis(directions, order) * np.repeat(factors, 2 * np.arange(order + 1) + 1)
         blocked = np.einsum("nk,nk->n", values, self.blocked().astype(np.float64))
         heights = np.einsum("nk,nk->n", np.asarray(directions, np.float64), self.sight.normals)
-        whole = np.polynomial.legendre.legval(heights, factors * hemisphere_zonal(order))
-        return np.asarray(np.clip(1.0 - blocked / np.maximum(whole, LEAST_LOBE), 0.0, 1.0), np.float32)
+        lobe = np.polynomial.legendre.legval(heights, factors * hemisphere_zonal(order))
+        return np.asarray(np.clip(1.0 - blocked / np.maximum(lobe, LEAST_LOBE), 0.0, 1.0), np.float32)
 
 
 def hemisphere_zonal(order: int) -> Array:

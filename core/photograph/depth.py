@@ -26,13 +26,13 @@ SMOOTHING = 0.3  # scale of the luminance that reshapes, in inscribed radii
 RANGE = 0.1  # of the bilateral filter, in units of the sigmoid: larger steps are edges, and stay
 EDGE = 0.15  # of the filter's scale that an edge is wide
 RELIEF = 0.7  # slope of the relief for a change of luminance by a factor e, in light that shows no slopes
-FINE = 0.4  # of the filter's scale, up to which that relief goes
+FINE_SCALE = 0.4  # of the filter's scale, up to which that relief goes
 SLANTED = 0.3  # gradient of luminance over the mean, sideways, from which on it is the light that shows slopes
 CREASES = 0.3  # of the relief that stays there: what is hollow is darker in any light
 GAIN = 2.5  # on slopes: light that scatters inside evens shading out, and the outline's normals even out its gradient
 ACROSS = 0.1  # of slopes across the light, which it does not show, for those along it: they stay flat
 RIM, SLOPING_RIM = 0.2, 0.07  # of the inscribed radius, over which relief, and slopes, fade in from the outline
-MOST = 2.5  # times the mean luminance that counts at most: a highlight is no hill
+MAX_LUMINANCE = 2.5  # times the mean luminance that counts at most: a highlight is no hill
 _COARSEST = 24  # nodes a side where the solution starts
 _SWEEPS = 14  # of relaxation a level
 
@@ -85,7 +85,7 @@ def estimate_height(
     fine = _expanded(bilateral(sigmoid, weight, 1.0, RANGE))
     tilt = np.asarray(gradient, np.float64)[:2]
     slanted = 0.0 if unexplained is None else float(tilt @ tilt / (tilt @ tilt + SLANTED**2))
-    relief = _relief(fine, weight, FINE * sigma) * _fade(inside, RIM * radius)
+    relief = _relief(fine, weight, FINE_SCALE * sigma) * _fade(inside, RIM * radius)
     height += (1.0 - (1.0 - CREASES) * slanted) * relief
     if unexplained is not None and slanted > 0.0:
         slopes = _slopes_integrated(unexplained, weight, tilt, sigma)
@@ -148,7 +148,7 @@ def bilateral(values: Array, weight: Array, sigma: float, sigma_range: float) ->
 
 def _expanded(sigmoid: Array) -> Array:
     """Invert the sigmoid: luminance over its mean."""
-    return np.asarray(np.minimum(sigmoid / np.maximum(1.0 - sigmoid, 1e-6), MOST))
+    return np.asarray(np.minimum(sigmoid / np.maximum(1.0 - sigmoid, 1e-6), MAX_LUMINANCE))
 
 
 def _relief(light: Array, weight: Array, sigma: float) -> Array:

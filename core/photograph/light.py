@@ -69,18 +69,18 @@ def measure_shading(radiance: npt.ArrayLike, height: Array, inside: npt.NDArray[
     inside : (h, w) bool
         Nodes that are wholly the object.
     """
-    seen = np.asarray(radiance, np.float64)[inside]
-    level = float(seen.mean()) if len(seen) else 0.0
+    luminance = np.asarray(radiance, np.float64)[inside]
+    level = float(luminance.mean()) if len(luminance) else 0.0
     normal = _normals(height)[inside]
-    every = max(1, len(normal) // _NORMALS)
-    some = normal[::every]
-    if level <= 0.0 or len(seen) < 16:
-        return Shading(level, np.zeros(3), some)
-    fitted = np.linalg.solve(_square(normal), np.einsum("ni,n->i", _with_one(normal), seen) / len(normal))
-    every = max(1, len(normal) // _FITTED)
-    normal, seen = normal[::every], seen[::every]  # both fits judged by the same
-    missed = float(np.square(seen - np.einsum("ni,i->n", _with_one(normal), fitted)).mean())
-    return Shading(level, fitted[1:] / level, some, _fit_lamp(normal, seen, LAMP_GAIN * missed))
+    stride = max(1, len(normal) // _NORMALS)
+    sparse = normal[::stride]
+    if level <= 0.0 or len(luminance) < 16:
+        return Shading(level, np.zeros(3), sparse)
+    fitted = np.linalg.solve(_square(normal), np.einsum("ni,n->i", _with_one(normal), luminance) / len(normal))
+    stride = max(1, len(normal) // _FITTED)
+    normal, luminance = normal[::stride], luminance[::stride]  # both fits judged by the same
+    missed = float(np.square(luminance - np.einsum("ni,i->n", _with_one(normal), fitted)).mean())
+    return Shading(level, fitted[1:] / level, sparse, _fit_lamp(normal, luminance, LAMP_GAIN * missed))
 
 
 def unexplained(radiance: Array, height: Array, inside: npt.NDArray[np.bool_], shading: Shading) -> Array:
@@ -117,32 +117,32 @@ def light_around(surround: npt.NDArray[np.floating] | None, shading: Shading, si
     """
     light = np.zeros((*size, 3)) if surround is None else np.asarray(surround, np.float64)
     low, high = (np.pi * shading.level / albedo for albedo in (MOST_ALBEDO, LEAST_ALBEDO))
-    around = _mean_irradiance(light, shading.normals)
+    current = _mean_irradiance(light, shading.normals)
     # White, as the photographer's balance has it: what is around has its colour from reflecting that.
-    light = light + (np.sqrt(low * high) if around <= 0.0 else max(0.0, low - around)) / np.pi
+    light = light + (np.sqrt(low * high) if current <= 0.0 else max(0.0, low - current)) / np.pi
     # From elsewhere, but no more of it.
-    wanted = np.clip(_mean_irradiance(light, shading.normals), low, high)
+    target = np.clip(_mean_irradiance(light, shading.normals), low, high)
     if shading.lamp is None:
         light *= _plane(light, shading)[..., None]
-        return np.asarray(light * (wanted / max(_mean_irradiance(light, shading.normals), 1e-12)), np.float32)
+        return np.asarray(light * (target / max(_mean_irradiance(light, shading.normals), 1e-12)), np.float32)
     lamp = _disc(light.shape[:2], shading.lamp.direction)[..., None]
-    light *= (1.0 - shading.lamp.share) * wanted / max(_mean_irradiance(light, shading.normals), 1e-12)
+    light *= (1.0 - shading.lamp.share) * target / max(_mean_irradiance(light, shading.normals), 1e-12)
     cosine = float(np.maximum(np.einsum("nk,k->n", shading.normals, shading.lamp.direction), 0.0).mean())
-    return np.asarray(light + shading.lamp.share * wanted / max(cosine, 1e-3) * lamp, np.float32)
+    return np.asarray(light + shading.lamp.share * target / max(cosine, 1e-3) * lamp, np.float32)
 
 
-def _fit_lamp(normals: Array, seen: Array, most: float) -> Lamp | None:
-    """Fit a + b max(0, n . l) with a, b >= 0; None where its mean square is not below `most`."""
+def _fit_lamp(normals: Array, observed: Array, largest: float) -> Lamp | None:
+    """Fit a + b max(0, n . l) with a, b >= 0; None where its mean square error is not below `largest`."""
     directions, best, width = _spread(_DIRECTIONS), None, np.pi
     for _ in range(3):
         lit = np.maximum(np.einsum("nk,lk->nl", normals, directions), 0.0)
-        mean, level = lit.mean(axis=0), float(seen.mean())
+        mean, level = lit.mean(axis=0), float(observed.mean())
         variance = np.maximum(lit.var(axis=0), 1e-9)
-        b = np.maximum(((lit - mean) * (seen - level)[:, None]).mean(axis=0) / variance, 0.0)
+        b = np.maximum(((lit - mean) * (observed - level)[:, None]).mean(axis=0) / variance, 0.0)
         a = level - b * mean
-        alone = np.einsum("nl,n->l", lit, seen) / np.maximum(np.square(lit).sum(axis=0), 1e-9)
-        a, b = np.where(a < 0.0, 0.0, a), np.where(a < 0.0, np.maximum(alone, 0.0), b)
-        error = np.square(a + b * lit - seen[:, None]).mean(axis=0)
+        scale = np.einsum("nl,n->l", lit, observed) / np.maximum(np.square(lit).sum(axis=0), 1e-9)
+        a, b = np.where(a < 0.0, 0.0, a), np.where(a < 0.0, np.maximum(scale, 0.0), b)
+        error = np.square(a + b * lit - observed[:, None]).mean(axis=0)
         i = int(error.argmin())
         best = (float(error[i]), directions[i], float(b[i] * mean[i] / max(a[i] + b[i] * mean[i], 1e-12)))
         # Once more, closer around the best.
@@ -150,15 +150,15 @@ def _fit_lamp(normals: Array, seen: Array, most: float) -> Lamp | None:
         directions = best[1] + width * _spread(_DIRECTIONS)
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     missed, direction, share = best if best is not None else (np.inf, np.zeros(3), 0.0)
-    return Lamp(direction, share) if missed < most else None
+    return Lamp(direction, share) if missed < largest else None
 
 
 def _spread(n: int) -> Array:
     """Directions (n, 3) evenly over the sphere, along a spiral."""
     place = np.arange(n) + 0.5
     z, turn = 1.0 - 2.0 * place / n, np.pi * (1.0 + 5.0**0.5) * place
-    around = np.sqrt(1.0 - z**2)
-    return np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=-1)
+    horizontal = np.sqrt(1.0 - z**2)
+    return np.stack([horizontal * np.cos(turn), horizontal * np.sin(turn), z], axis=-1)
 
 
 def _disc(shape: tuple[int, ...], direction: Array) -> Array:

@@ -55,8 +55,8 @@ def find_outline(coverage: npt.ArrayLike) -> Outline:
     quads[:, [0, -1]] = False
     while True:
         count = np.pad(quads, 1).astype(np.int8)
-        around = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
-        inner, used = around == 4, around > 0
+        filled = count[:-1, :-1] + count[1:, :-1] + count[:-1, 1:] + count[1:, 1:]
+        inner, used = filled == 4, filled > 0
         narrow = quads & _narrow(quads, inner)
         if not narrow.any():
             return Outline(soft, quads, inner, used)
@@ -66,17 +66,17 @@ def find_outline(coverage: npt.ArrayLike) -> Outline:
 def _narrow(quads: Bools, inner: Bools) -> Bools:
     """Squares whose front and back would share an edge that is not at the rim, (h - 1, w - 1)."""
     none = ~(inner[:-1, :-1] | inner[1:, :-1] | inner[:-1, 1:] | inner[1:, 1:])
-    beside = quads[:, :-1] & quads[:, 1:] & ~(inner[:-1, 1:-1] | inner[1:, 1:-1])
+    outer = quads[:, :-1] & quads[:, 1:] & ~(inner[:-1, 1:-1] | inner[1:, 1:-1])
     above = quads[:-1] & quads[1:] & ~(inner[1:-1, :-1] | inner[1:-1, 1:])
-    none[:, :-1] |= beside
-    none[:, 1:] |= beside
+    none[:, :-1] |= outer
+    none[:, 1:] |= outer
     none[:-1] |= above
     none[1:] |= above
     return none
 
 
 def height_surface(outline: Outline, height: Array, base: Array, spacing: float) -> Mesh:
-    """Close a height field.
+    """Return a closed mesh of a height field and its inflated back.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
     y, x = _rows_and_columns(outline)
     rim = outline.used & ~outline.inner
     # From rim to rim behind the object; where the front is hollow, behind that.
-    between = harmonic(height, rim | ~outline.used)
-    back = np.minimum(between, height) - base
+    bridging = harmonic(height, rim | ~outline.used)
+    back = np.minimum(bridging, height) - base
     number = np.arange(h * w).reshape(h, w)
     front_faces = _faces(number, outline.quads, outline.inner)
     behind = np.where(outline.inner, number + h * w, number)  # the rim belongs to both
-    blocks = _blocks(outline.inner & (height >= between))
+    blocks = _blocks(outline.inner & (height >= bridging))
     covered = np.zeros_like(outline.quads)
     rows, columns = (BLOCK * n for n in blocks.shape)
     covered[:rows, :columns] = blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
@@ -160,7 +160,7 @@ def _blocks(smooth: Bools) -> Bools:
 
 def _fans(number: npt.NDArray[np.integer], blocks: Bools) -> Ints:
     """Triangles of the blocks, round their middle nodes; a side that meets single squares has all of its nodes."""
-    last, around = BLOCK, np.pad(blocks, 1)
+    last, framed = BLOCK, np.pad(blocks, 1)
     sides = {
         (0, -1): [(k, 0) for k in range(last + 1)],
         (1, 0): [(last, k) for k in range(last + 1)],
@@ -169,8 +169,8 @@ def _fans(number: npt.NDArray[np.integer], blocks: Bools) -> Ints:
     }
     faces = [np.empty((0, 3), np.int64)]
     for (down, right), side in sides.items():
-        beside = around[1 + down :, 1 + right :][: blocks.shape[0], : blocks.shape[1]]
-        for met, nodes in ((blocks & beside, [side[0], side[last]]), (blocks & ~beside, side)):
+        neighbours = framed[1 + down :, 1 + right :][: blocks.shape[0], : blocks.shape[1]]
+        for met, nodes in ((blocks & neighbours, [side[0], side[last]]), (blocks & ~neighbours, side)):
             rows, columns = (BLOCK * at for at in np.nonzero(met))
             middle = number[rows + last // 2, columns + last // 2]
             rim = [number[rows + at[0], columns + at[1]] for at in nodes]

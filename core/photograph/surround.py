@@ -79,11 +79,11 @@ def scene_radiance(display: npt.NDArray[np.floating], white: float) -> Float32:
     return np.asarray(display * ratio[..., None], np.float32)
 
 
-def scene_luminance(shown: npt.NDArray[np.floating], white: float) -> npt.NDArray[np.floating]:
-    """Return the same of luminance in [0, 1], of the type that it has."""
+def scene_luminance(displayed: npt.NDArray[np.floating], white: float) -> npt.NDArray[np.floating]:
+    """Return the scene luminance of displayed luminance in [0, 1], in its own dtype; see `scene_radiance`."""
     # L (1 + L / w^2) / (1 + L) = d, solved for L >= 0 without a difference that cancels.
-    half = 0.5 * white**2 * (1.0 - shown)
-    return white**2 * shown / (half + np.sqrt(half**2 + white**2 * shown))
+    half = 0.5 * white**2 * (1.0 - displayed)
+    return white**2 * displayed / (half + np.sqrt(half**2 + white**2 * displayed))
 
 
 def _pulled(flux: Float32, weight: Float32) -> Float32:
@@ -119,9 +119,9 @@ def _doubled(values: Float32, size: tuple[int, int]) -> Float32:
         shape[axis] = 2 * n
         doubled = np.empty(shape, np.float32)
         from_, to = np.moveaxis(values, axis, 0), np.moveaxis(doubled, axis, 0)
-        own, beside = np.float32(0.75) * from_, np.float32(0.25) * from_
+        near_share, far_share = np.float32(0.75) * from_, np.float32(0.25) * from_
         to[0], to[-1] = from_[0], from_[-1]
-        np.add(own[1:], beside[:-1], out=to[2::2])
-        np.add(own[:-1], beside[1:], out=to[1:-1:2])
+        np.add(near_share[1:], far_share[:-1], out=to[2::2])
+        np.add(near_share[:-1], far_share[1:], out=to[1:-1:2])
         values = doubled[tuple(slice(size[i]) if i == axis else slice(None) for i in range(3))]
     return values

@@ -52,20 +52,20 @@ def occluded_irradiance(
     d_omega = (edges[row] - edges[row + 1]) * (2.0 * np.pi / width)
     rays, result = RayMesh(mesh.vertices, mesh.faces), np.empty((len(shifts), len(points), 3))
     for start in range(0, len(points), _POINTS):
-        some = slice(start, start + _POINTS)
-        normal, plane = (np.asarray(of[some], np.float64)[:, None] for of in (normals, face_normals))
+        subset = slice(start, start + _POINTS)
+        normal, plane = (np.asarray(of[subset], np.float64)[:, None] for of in (normals, face_normals))
         shape = normal.shape[0], len(row)
         y = edges[row] + (edges[row + 1] - edges[row]) * rng.random(shape)
         phi = 2.0 * np.pi * ((column + rng.random(shape)) / width - 0.5)
-        ways = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=-1)
-        cosine = np.einsum("nkc,nc->nk", ways, normal[:, 0])
+        towards = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=-1)
+        cosine = np.einsum("nkc,nc->nk", towards, normal[:, 0])
         at, above = np.nonzero(cosine > 0.0)
-        cosine, ways = cosine[at, above], ways[at, above]
-        below = np.minimum(np.einsum("kc,kc->k", ways, plane[at, 0]), 0.0)
-        ways -= 2.0 * below[:, None] * plane[at, 0]
-        origins = np.asarray(points[some], np.float64) + LIFT * mesh.radius * plane[:, 0]
+        cosine, towards = cosine[at, above], towards[at, above]
+        below = np.minimum(np.einsum("kc,kc->k", towards, plane[at, 0]), 0.0)
+        towards -= 2.0 * below[:, None] * plane[at, 0]
+        origins = np.asarray(points[subset], np.float64) + LIFT * mesh.radius * plane[:, 0]
         weight = np.zeros(shape)
-        visible = ~rays.occluded(origins[at], ways)
+        visible = ~rays.occluded(origins[at], towards)
         weight[at, above] = cosine * fresnel.transmittance(eta, cosine) * d_omega[above] * visible
-        result[:, some] = np.einsum("nk,rkc->rnc", weight, light, optimize=True)
+        result[:, subset] = np.einsum("nk,rkc->rnc", weight, light, optimize=True)
     return result

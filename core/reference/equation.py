@@ -93,9 +93,9 @@ class Occluder:
     def reached(self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Whether nothing lies between points (n, 3) just off the surface and a position (3,)."""
         origins = np.asarray(points, np.float64) + self._offset * np.asarray(normals, np.float64)
-        way = np.asarray(position, np.float64) - origins
-        distance = np.maximum(np.linalg.norm(way, axis=1), np.finfo(np.float64).tiny)
-        directions = (way / distance[:, None]).astype(np.float32)
+        to_light = np.asarray(position, np.float64) - origins
+        distance = np.maximum(np.linalg.norm(to_light, axis=1), np.finfo(np.float64).tiny)
+        directions = (to_light / distance[:, None]).astype(np.float32)
         # An occlusion query knows of the whole ray only; the nearest hit may lie beyond the position.
         hits = self._scene.run(origins.astype(np.float32), directions, output=True)
         return np.asarray((hits["primID"] < 0) | (hits["tfar"] > distance))
@@ -111,9 +111,9 @@ class Occluder:
     ) -> Array:
         """E of a point light at `position` (3,), mm, of radiant `intensity` (3,): (n, 3), otherwise as `irradiance`."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
-        way = np.asarray(position, np.float64) - points
-        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), NEAREST_LIGHT**2)
-        cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, way) / np.sqrt(distance2))
+        to_light = np.asarray(position, np.float64) - points
+        distance2 = np.maximum(np.einsum("ij,ij->i", to_light, to_light), NEAREST_LIGHT**2)
+        cosine = np.maximum(0.0, np.einsum("ij,ij->i", normals, to_light) / np.sqrt(distance2))
         entering = (
             fresnel.transmittance(eta, cosine) * cosine / distance2 * self.reached(points, face_normals, position)
         )

@@ -157,8 +157,8 @@ def _block_exitance(points: Array, tree: SourceTree, profiles: Sequence[Profile]
     point = np.arange(len(points))
     node = np.zeros(len(points), np.int64)
     while len(node):
-        way = points[point] - tree.centroids[node]
-        distance2 = np.einsum("ij,ij->i", way, way)
+        offset = points[point] - tree.centroids[node]
+        distance2 = np.einsum("ij,ij->i", offset, offset)
         inside = np.all((points[point] >= tree.low[node]) & (points[point] <= tree.high[node]), axis=1)
         far = (tree.areas[node] <= tolerance * distance2) & ~inside if tolerance > 0.0 else np.zeros(len(node), bool)
         _add(out, point[far], np.sqrt(distance2[far]), tree.flux[node[far]], profiles)

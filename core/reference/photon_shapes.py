@@ -73,11 +73,11 @@ class Shape(Protocol):
 
     @property
     def areas(self) -> Array:
-        """Of the bins, (n_bins,)."""
+        """Area of each bin of the surface, (n_bins,), in units of 1 / sigma_t'^2."""
 
     @property
     def mean_chord(self) -> float:
-        """4 V / A."""
+        """Mean length of chords through the shape, 4 V / A, under isotropic illumination (Cauchy)."""
 
     @property
     def offset(self) -> float:
@@ -112,7 +112,7 @@ class Slab:
         return Arrivals(np.zeros((3, n)), normals, directions, np.zeros(n, np.int64), everyone, flux)
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
-        """See `Shape.hits`."""
+        """Return the photons whose flight meets the boundary; see `Shape.hits`."""
         end = position[2] + reach * direction[2]
         index = np.flatnonzero((end <= 0.0) | (end >= self._thickness))
         far = end[index] > 0.0
@@ -131,7 +131,7 @@ class Sphere:
         self.mean_chord, self.offset = 4.0 / 3.0 * self._radius, 0.0
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
-        """See `Shape.arrivals`."""
+        """Draw n photons that arrive at the surface; see `Shape.arrivals`."""
         if towards is None:
             normals = isotropic(rng, n)
             directions, flux = _around(rng, normals), 4.0 * np.pi * self._radius**2
@@ -142,7 +142,7 @@ class Sphere:
         return Arrivals(self._radius * normals, normals, directions, self._bins(normals), everyone, flux)
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
-        """See `Shape.hits`."""
+        """Return the photons whose flight meets the boundary; see `Shape.hits`."""
         along = _dot(position, direction)
         inside = self._radius**2 - _dot(position, position)
         # Beyond the boundary at the end of the flight: |p + s w|^2 > R^2.
@@ -189,7 +189,7 @@ class Solid:
         self.offset, self._far = OFFSET * mesh.radius, (1.0 + OFFSET) * mesh.radius
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
-        """See `Shape.arrivals`."""
+        """Draw n photons that arrive at the surface; see `Shape.arrivals`."""
         cosines = np.ones(len(self._face_areas)) if towards is None else np.maximum(0.0, towards @ self._normals)
         flux = np.cumsum(self._face_areas * cosines)
         # One photon in each n-th of the flux: fewer clumps than independent ones make.
@@ -204,7 +204,7 @@ class Solid:
         )
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
-        """See `Shape.hits`."""
+        """Return the photons whose flight meets the boundary; see `Shape.hits`."""
         met, _ = self._rays.first(position.T, direction.T, reach + self.offset)
         index = np.flatnonzero(met >= 0)
         faces = met[index]

@@ -12,8 +12,8 @@ from milkglass.core.geometry.mesh import Mesh
 
 # The shader has the same: each pair is where a smooth step from no sheet to a sheet, or back, begins and ends.
 PARALLEL = (0.6, 0.95)  # cosine between the two sides
-NEAR = (0.5, 1.0)  # distance along the ray, of the reach
-FLAT = (0.25, 1.0)  # how far places beside an entry are off its plane, of their distance
+NEAR_DISTANCE = (0.5, 1.0)  # distance along the ray, of the reach
+OFF_PLANE = (0.25, 1.0)  # how far places beside an entry are off its plane, of their distance
 PROBE = 0.25  # that distance, of the reach
 
 
@@ -50,22 +50,24 @@ class SheetRays:
     def other_side(self, points: npt.ArrayLike, normals: npt.ArrayLike, towards: Array, reach: float) -> OtherSide:
         """Look from points (n, 3) with unit normals along the direction `towards` a light; `reach` as of LocalTerm."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
-        entry, other, face = self._entries(points, towards)
-        way = (entry - points) @ towards
+        entry, far_side, face = self._entries(points, towards)
+        distance = (entry - points) @ towards
         facing = np.maximum(0.0, -(normals @ towards))
-        parallel = _smoothstep(*PARALLEL, -np.einsum("ij,ij->i", normals, other))
-        near = 1.0 - _smoothstep(*NEAR, way / reach)
+        parallel = _smoothstep(*PARALLEL, -np.einsum("ij,ij->i", normals, far_side))
+        near = 1.0 - _smoothstep(*NEAR_DISTANCE, distance / reach)
         flat = np.zeros(len(points))
         across = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
         across /= np.linalg.norm(across)
         for side in (across, np.cross(towards, across)):
             for sign in (-1.0, 1.0):
-                beside, *_ = self._entries(points + sign * PROBE * reach * side, towards)
-                off = np.abs(np.einsum("ij,ij->i", beside - entry, other))
-                flat += 0.25 * (1.0 - _smoothstep(*FLAT, off / (PROBE * reach)))
-        sheet = (facing > 0.0) & (way > 0.0) & (way < reach)
-        cosine = np.clip(other @ towards, 0.0, facing)
-        return OtherSide(np.where(sheet, way * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face)
+                neighbour, *_ = self._entries(points + sign * PROBE * reach * side, towards)
+                off = np.abs(np.einsum("ij,ij->i", neighbour - entry, far_side))
+                flat += 0.25 * (1.0 - _smoothstep(*OFF_PLANE, off / (PROBE * reach)))
+        sheet = (facing > 0.0) & (distance > 0.0) & (distance < reach)
+        cosine = np.clip(far_side @ towards, 0.0, facing)
+        return OtherSide(
+            np.where(sheet, distance * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face
+        )
 
     def _entries(self, points: Array, towards: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
         """Where light on its way to points enters the mesh, the normals there, towards the light, and the faces."""

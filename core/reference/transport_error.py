@@ -54,12 +54,12 @@ class Truth:
 
     @property
     def exitance(self) -> Array:
-        """M, (n_regions, 3)."""
+        """Mean exitance M of each region over the batches of photons, (n_regions, 3)."""
         return np.asarray(self.batches.mean(axis=0))
 
     @property
     def variance(self) -> Array:
-        """Of `exitance`, (n_regions, 3)."""
+        """Variance of the mean `exitance`, (n_regions, 3), from the spread of the batches."""
         return np.asarray(self.batches.var(axis=0, ddof=1) / len(self.batches))
 
     @property
@@ -153,11 +153,11 @@ def transport_error(truth: Truth, evaluate: Callable[[Array, Array], npt.ArrayLi
     return TransportError(*(tuple(column.tolist()) for column in columns))
 
 
-def _flux_error(truth: Truth, found: Array, which: Bools) -> tuple[Array, Array]:
+def _flux_error(truth: Truth, found: Array, chosen: Bools) -> tuple[Array, Array]:
     """Relative error of the flux of some regions, and the standard error of that, (3,) each."""
-    areas = truth.regions.areas[which, None]
-    flux = (areas * found[which]).sum(axis=0)
-    batches = (areas * truth.batches[:, which]).sum(axis=1)
+    areas = truth.regions.areas[chosen, None]
+    flux = (areas * found[chosen]).sum(axis=0)
+    batches = (areas * truth.batches[:, chosen]).sum(axis=1)
     wanted, error = batches.mean(axis=0), batches.std(axis=0, ddof=1) / np.sqrt(len(batches))
     return _over(flux - wanted, wanted), _over(error * flux, wanted**2)
 

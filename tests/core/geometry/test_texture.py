@@ -40,7 +40,7 @@ def test_the_mean_over_everything_is_the_mean_of_the_powers(power):
 @pytest.mark.parametrize("size", [(70, 33), (1, 50), (64, 64)])
 def test_a_large_texture_is_averaged_first(monkeypatch, size):
     pixels = noise(*size)
-    monkeypatch.setattr(texture, "LARGEST", 16)
+    monkeypatch.setattr(texture, "MAX_TEXELS", 16)
     made = Texture(pixels)
     assert max(made.levels()[0].shape[:2]) <= 16
     assert made.levels()[-1].shape[:2] == (1, 1)

@@ -6,7 +6,7 @@ from scipy.integrate import dblquad
 
 from milkglass.core.grid.layers import fit_layers
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.grid.spectra import EXACT, kernel_spectrum, layer_kernels, texel_means
+from milkglass.core.grid.spectra import EXACT_TEXELS, kernel_spectrum, layer_kernels, texel_means
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import Dipole, dipoles
 
@@ -34,7 +34,7 @@ def test_texel_means(e: float, texel: float) -> None:
 def test_texel_means_tile_the_plane() -> None:
     """Their sum is the total within a square, even where the mean free path is far below a texel."""
     narrow = Dipole(0.99, 50.0, 1e-3, 4e-3)
-    means = texel_means(narrow, 0.0, 1.0, EXACT)
+    means = texel_means(narrow, 0.0, 1.0, EXACT_TEXELS)
     total = means[0, 0] + 2 * means[0, 1:].sum() + 2 * means[1:, 0].sum() + 4 * means[1:, 1:].sum()
     assert total == pytest.approx(float(narrow.total(0.0)), rel=1e-6)
 
