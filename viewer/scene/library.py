@@ -1,10 +1,10 @@
 """The library as one looks through it: measured materials and one's own, by name and by where diffusion holds."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 
 from milkglass.core.errors import InputError
-from milkglass.core.material import library as materials
+from milkglass.core.material import library as measured
 from milkglass.core.material.library import Material
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import nearest
@@ -12,13 +12,34 @@ from milkglass.viewer.scene.declaration import nearest
 # Name on the command line -> what the panel says, and which materials it keeps.
 FILTERS: dict[str, tuple[str, Callable[[Material], bool]]] = {
     "all": ("all", lambda _: True),
-    "valid": ("diffusion holds", materials.diffusion_holds),
-    "thin": ("optically thin", materials.is_thin),
+    "valid": ("diffusion holds", measured.diffusion_holds),
+    "thin": ("optically thin", measured.is_thin),
     "JMLH01": ("Jensen et al. 2001", lambda material: material.source == "JMLH01"),
     "NGD06": ("Narasimhan et al. 2006", lambda material: material.source == "NGD06"),
     "milkglass": ("chosen by us", lambda material: material.source == "milkglass"),
     "own": ("your own", lambda material: material.source == own_materials.SOURCE),
 }
+
+
+class Library(Mapping[str, Material]):
+    """Measured materials and one's own, last, by name, however spaced and capitalised.
+
+    >>> materials["skim milk"].eta
+    1.3
+    """
+
+    def __getitem__(self, name: str) -> Material:
+        """Return a material; the message of a KeyError names the nearest ones."""
+        try:
+            return own_materials.lookup(name)
+        except InputError as error:
+            raise KeyError(str(error)) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([material.name for material in found()])
+
+    def __len__(self) -> int:
+        return len(found())
 
 
 def found(only: str = "all", search: str = "", own: own_materials.Materials | None = None) -> list[Material]:
@@ -38,7 +59,7 @@ def found(only: str = "all", search: str = "", own: own_materials.Materials | No
 @functools.lru_cache(maxsize=16)
 def _kept(only: str, own: own_materials.Materials) -> own_materials.Materials:
     _, keeps = FILTERS[only]
-    return tuple(material for material in (*materials.library(), *own) if keeps(material))
+    return tuple(material for material in (*measured.library(), *own) if keeps(material))
 
 
 def matches(material: Material, search: str) -> bool:
@@ -46,3 +67,6 @@ def matches(material: Material, search: str) -> bool:
     name = material.name.casefold()
     joined = "".join(character for character in name if character.isalnum())
     return all(word in name or word in joined for word in search.casefold().split())
+
+
+materials = Library()

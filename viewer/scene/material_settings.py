@@ -1,21 +1,20 @@
 """The scene's table of the material: by name, coefficients or colour, what is added to it, and its profiles.
 
-A name of one's own materials (`viewer.scene.own_materials`) becomes their coefficients at once, so that a scene says
-everything itself.
+A name is the library's. Materials of a person's own (`viewer.scene.own_materials`) are here as their coefficients, so
+that a scene says everything itself: where a scene file, an option or the panel names one, `spelled_out` writes them.
 """
 
 import functools
 import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.core.material.mixtures import LEAST_WATER, dilute, mix
 from milkglass.core.profiles.names import DIPOLE, PROFILES, TABLE
 from milkglass.core.stages import Part
-from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import check_fields, setting
 
 if TYPE_CHECKING:
@@ -131,11 +130,10 @@ class MaterialSettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
-        if self.name is not None:
-            self._take("name", *WAYS[1], "eta")
+        for key in ("name", "mix_with"):
+            if getattr(self, key) is not None:  # in the library's own spelling
+                object.__setattr__(self, key, materials.lookup(getattr(self, key)).name)
         self._check_way()
-        if self.mix_with is not None:
-            self._take("mix_with", *OTHER)
         if (self.mix_sigma_s_prime is None) != (self.mix_sigma_a is None):
             keys = OTHER[:2] if self.mix_sigma_a is None else OTHER[1::-1]
             raise InputError(f"material.{keys[0]} is given without material.{keys[1]}; add it")
@@ -164,20 +162,12 @@ class MaterialSettings:
             missing = next(key for key in way if key not in used)
             raise InputError(f"material.{used[0]} is given without material.{missing}; add it")
 
-    def _take(self, key: str, sigma_s_prime: str, sigma_a: str, eta: str) -> None:
-        """Write the library's own spelling of a name; in place of an own material's, its coefficients."""
-        found = own_materials.lookup(getattr(self, key))
-        if found.source != own_materials.SOURCE:
-            object.__setattr__(self, key, found.name)
-            return
-        for each in (sigma_s_prime, sigma_a):
-            if getattr(self, each) is not None:
-                raise InputError(f"material.{key} and material.{each} are both given; keep one of them")
-        taken: dict[str, object] = {key: None, sigma_s_prime: found.sigma_s_prime, sigma_a: found.sigma_a}
-        if getattr(self, eta) is None:
-            taken[eta] = found.eta
-        for each, value in taken.items():
-            object.__setattr__(self, each, value)
+    @classmethod
+    def of(cls, material: materials.Material, **others: Any) -> "MaterialSettings":
+        """Return settings of a material, of the library or another: its name or its coefficients, and other keys."""
+        if material in materials.library():
+            return cls(name=material.name, **others)
+        return cls(sigma_s_prime=material.sigma_s_prime, sigma_a=material.sigma_a, eta=material.eta, **others)
 
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""

@@ -5,12 +5,13 @@
     sigma_a = [0.001, 0.003, 0.012]   # 1/mm
     eta = 1.44
 
-A scene never refers to this file: where an own material is named, its coefficients are what the scene keeps, and so it
-renders alike on every machine. No name of the library can be given to one.
+A scene never refers to this file: where an own material is named, in a scene file, an option or the panel, its
+coefficients are what the scene keeps, and so it renders alike on every machine. No name of the library can be given to
+one.
 """
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from milkglass.viewer.scene.declaration import nearest, shown
 
 SOURCE = "own"
 KEYS = ("sigma_s_prime", "sigma_a", "eta")
+COEFFICIENTS = {"name": KEYS, "mix_with": tuple(f"mix_{key}" for key in KEYS)}  # that a scene has in a name's place
 LONGEST_NAME = 60
 MAX_BYTES = 10_000_000
 
@@ -56,6 +58,30 @@ def lookup(name: str) -> Material:
         return materials.lookup(name)
     except InputError:
         return materials.lookup(name, own())
+
+
+def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return keys of a scene's material with coefficients in the place of names of own materials.
+
+    Raises
+    ------
+    InputError
+        If no material has a name, or one is given beside coefficients.
+    """
+    said = dict(values)
+    for key, coefficients in COEFFICIENTS.items():
+        if said.get(key) is None:
+            continue
+        material = lookup(said[key])
+        if material.source != SOURCE:
+            continue
+        for coefficient, value in zip(coefficients, _content(material), strict=True):
+            if said.get(coefficient) is None:
+                said[coefficient] = value
+            elif coefficient not in ("eta", "mix_eta"):
+                raise InputError(f"material.{key} and material.{coefficient} are both given; keep one of them")
+        said[key] = None
+    return said
 
 
 def named_like(material: Material) -> Material | None:

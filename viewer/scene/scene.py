@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
-from milkglass.viewer.scene import toml_files
+from milkglass.viewer.scene import own_materials, toml_files
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
 from milkglass.viewer.scene.keys import Key, values_moving
@@ -174,7 +174,7 @@ def changed(scene: Scene, changes: Iterable[Change]) -> Scene:
     tables = {}
     for table, values in new.items():
         dropped = {key for chosen, rivals in _RIVALS.get(table, ()) if chosen & values.keys() for key in rivals}
-        values = {key: _default(table, key) for key in dropped - values.keys()} | values
+        values = {key: _default(table, key) for key in dropped - values.keys()} | _spelled_out(table, values)
         tables[table] = replace(getattr(scene, table), **values)
     return replace(scene, **tables)
 
@@ -248,7 +248,11 @@ def _table(table: Any, content: Mapping[str, Any], label: str, base: Path) -> An
         values[key] = declared[key].checked(value, f"{label}.{key}")
     for missing in (f.name for f in dataclasses.fields(table) if is_required(f) and f.name not in values):
         raise InputError(f"{label}.{missing} is missing; it must be {declared[missing].expected()}")
-    return table(**values)
+    return table(**_spelled_out(label, values))
+
+
+def _spelled_out(table: str, values: dict[str, Any]) -> dict[str, Any]:
+    return own_materials.spelled_out(values) if table == MaterialSettings.TABLE else values
 
 
 def _lights(content: Any, label: str) -> tuple[Light, ...]:

@@ -98,7 +98,9 @@ def test_a_broken_file_is_one_sentence_that_names_it_and_is_left_alone(content, 
 
 def test_a_scene_keeps_coefficients_and_needs_no_file(tmp_path, folder):
     kept = own_materials.save("candle", WAX)
-    by_name = MaterialSettings(name="Candle", mix_with="candle", mix_share=0.25)
+    by_name = apply_set(
+        Scene(), ["material.name=Candle", "material.mix_with=candle", "material.mix_share=0.25"]
+    ).material
     assert (by_name.name, by_name.sigma_s_prime, by_name.eta) == (None, WAX.sigma_s_prime, WAX.eta)
     assert (by_name.mix_with, by_name.mix_sigma_a, by_name.mix_eta) == (None, WAX.sigma_a, WAX.eta)
     Scene(material=by_name).save(tmp_path / "s.toml")
@@ -110,6 +112,37 @@ def test_a_scene_keeps_coefficients_and_needs_no_file(tmp_path, folder):
     assert named.base().sigma_a == kept.sigma_a
     with pytest.raises(InputError, match="unknown material 'candle'"):
         Scene.load(tmp_path / "named.toml")
+
+
+def test_settings_by_themselves_read_no_file(folder, monkeypatch):
+    """Of a person's materials they know what they are given."""
+    own_materials.save("candle", WAX)
+    of_candle = MaterialSettings.of(library.materials["Candle"], water=0.25)
+    monkeypatch.setattr(own_materials, "file", lambda: pytest.fail("read"))
+    assert (of_candle.name, of_candle.sigma_a, of_candle.eta, of_candle.water) == (None, WAX.sigma_a, WAX.eta, 0.25)
+    assert MaterialSettings.of(materials.lookup("jade")) == MaterialSettings(name="Jade")
+    for key in ("name", "mix_with"):
+        with pytest.raises(InputError, match="unknown material 'candle'"):
+            MaterialSettings(**{"name": "jade", key: "candle"})
+
+
+def test_the_library_is_a_mapping_by_name(folder):
+    assert library.materials["Skim_Milk"] == materials.lookup("skim milk")
+    assert list(library.materials) == list(materials.names())
+    own_materials.save("candle", WAX)
+    assert "candle" in library.materials
+    assert "candel" not in library.materials
+    assert len(library.materials) == len(materials.names()) + 1 == len(dict(library.materials))
+    with pytest.raises(KeyError, match="unknown material 'candel': the nearest are candle"):
+        library.materials["candel"]
+
+
+@pytest.mark.parametrize("key", ["sigma_a", "mix_sigma_a"])
+def test_a_name_and_coefficients_are_too_much(folder, key):
+    own_materials.save("candle", WAX)
+    name = "mix_with" if key.startswith("mix") else "name"
+    with pytest.raises(InputError, match=f"^material.{name} and material.{key} are both given; keep one of them"):
+        apply_set(Scene(), [f"material.{name}=candle", f"material.{key}=[1,1,1]"])
 
 
 def test_command_line_finds_lists_imports_and_exports(tmp_path, folder, capsys):
