@@ -1,4 +1,4 @@
-"""Threads of the numerics: one pool of them for the process, and BLAS kept from making more.
+"""Threads of the numerics: one pool of them for the process, BLAS kept from making more, and what they share.
 
 Work in the pool must not wait for the pool: with every thread waiting, none would be left to work. `each` is therefore
 safe anywhere, one item after another where it is called by such work; asking the pool itself for more there is refused.
@@ -10,12 +10,13 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any, Generic, Self, TypeVar, overload
 
 from threadpoolctl import OpenBLASController, ThreadpoolController
 
 S = TypeVar("S")
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 
 
 class Pool(ThreadPoolExecutor):
@@ -27,8 +28,17 @@ class Pool(ThreadPoolExecutor):
 
     @property
     def is_here(self) -> bool:
-        """Whether the calling thread is one of the pool's."""
-        return getattr(self._here, "is_worker", False)
+        """Whether the calling thread must not wait for the pool: it is one of the pool's, or others wait for it."""
+        return getattr(self._here, "depth", 0) > 0
+
+    @contextmanager
+    def apart(self) -> Iterator[None]:
+        """Have the calling thread do without the pool until the block ends."""
+        self._mark()
+        try:
+            yield
+        finally:
+            self._here.depth -= 1
 
     def submit(self, work: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Begin work in one of the threads, where BLAS makes no more of them.
@@ -43,7 +53,7 @@ class Pool(ThreadPoolExecutor):
         return super().submit(one_blas_thread()(work), *args, **kwargs)
 
     def _mark(self) -> None:
-        self._here.is_worker = True
+        self._here.depth = getattr(self._here, "depth", 0) + 1
 
 
 class _Blas:
@@ -128,3 +138,35 @@ def one_blas_thread() -> Iterator[None]:
         yield
     finally:
         _blas.leave()
+
+
+class computed_once(Generic[T_co]):  # noqa: N801  (a decorator)
+    """A property that is computed when it is first asked for, in one thread, and kept; other threads wait for it.
+
+    Each instance has a lock of its own for it. (Of `functools.cached_property` Python 3.11 has one for all instances,
+    later versions have none and may compute twice.) What is computed does without the thread pool, whose threads may
+    be those that wait.
+    """
+
+    def __init__(self, compute: Callable[[Any], T_co]) -> None:
+        self._compute, self._name, self.__doc__ = compute, "", compute.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> T_co: ...
+    def __get__(self, instance: object | None, owner: type) -> Self | T_co:
+        """Compute the value and keep it in the instance, where it is found without this from then on."""
+        if instance is None:
+            return self
+        kept, lock = vars(instance), f"lock of {self._name}"
+        with kept.setdefault(lock, threading.RLock()):
+            if self._name not in kept:
+                with _pool.apart():
+                    kept[self._name] = self._compute(instance)
+                kept.pop(lock, None)
+            value: T_co = kept[self._name]
+            return value

@@ -7,7 +7,6 @@ Relief turns the normals that light meets; what lies below knows the shape alone
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +17,7 @@ from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import barycentric
 from milkglass.core.geometry.texture import Texture
+from milkglass.core.threads import computed_once
 
 Int32 = npt.NDArray[np.int32]
 
@@ -94,7 +94,7 @@ class Detail:
         """Whether any material of the surface has a normal map."""
         return any(skin.normal is not None for skin in self.skins)
 
-    @cached_property
+    @computed_once
     def vertices(self) -> Vertices:
         """Vertices of their own, with tangents, for drawing."""
         return _vertices(self)
@@ -149,11 +149,11 @@ class Detail:
             factors[rows[has_tangent]] = np.maximum(1.0 - strength**2 * shortened[has_tangent], 0.0)
         return turned.astype(np.float32), factors.astype(np.float32)
 
-    @cached_property
+    @computed_once
     def _rays(self) -> RayMesh:
         return RayMesh(self.mesh.vertices, self.mesh.faces)
 
-    @cached_property
+    @computed_once
     def _density(self) -> Array:
         """Area of the unit square of texture coordinates on an area of each face, (m,), 1/mm^2."""
         _, double = _sides(self.coordinates, self.rows)

@@ -6,13 +6,13 @@ origin keeps its precision. Normals are the business of `core.geometry.normals`.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
+from milkglass.core.threads import computed_once
 
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
@@ -58,22 +58,22 @@ class Mesh:
         """Make a mesh of arrays of any dtype; float64 is rounded to float32 here and nowhere before."""
         return cls(np.asarray(vertices, np.float32), np.asarray(normals, np.float32), np.asarray(faces, np.int32))
 
-    @cached_property
+    @computed_once
     def area(self) -> float:
         """Total area in mm^2, accumulated in float64."""
         return float(0.5 * np.linalg.norm(face_cross(self.vertices, self.faces), axis=1).sum())
 
-    @cached_property
+    @computed_once
     def volume(self) -> float:
         """Signed volume in mm^3, accumulated in float64; positive for a closed mesh wound outwards."""
         return signed_volume(self.vertices, self.faces)
 
-    @cached_property
+    @computed_once
     def bounds(self) -> Array:
         """Lowest and highest corner of the bounding box, (2, 3) float64, mm."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)
 
-    @cached_property
+    @computed_once
     def radius(self) -> float:
         """Radius in mm of the bounding sphere about the world origin."""
         return float(np.sqrt((self.vertices.astype(np.float64) ** 2).sum(axis=1).max()))

@@ -7,7 +7,6 @@ so bodies whose boxes overlap (linked rings) need no copies of the whole, and ai
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.boxes import group_bounds
 from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.threads import computed_once
 
 Ints = npt.NDArray[np.int64]
 
@@ -46,7 +46,7 @@ class Atlas:
     crops: tuple[LayerGrid, ...]
     shape: tuple[int, int, int]
 
-    @cached_property
+    @computed_once
     def windows(self) -> Float32:
         """Where pixels read each body, (n, 3, 3), x, y, z of three.
 

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier, get_ident
+from threading import Barrier, Event, get_ident
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import each, one_blas_thread, thread_pool
+from milkglass.core.threads import computed_once, each, one_blas_thread, thread_pool
 
 
 def blas_threads():
@@ -61,6 +61,72 @@ def test_convolutions_that_share_threads_may_run_side_by_side():
 def test_a_failure_is_the_callers():
     with pytest.raises(ZeroDivisionError):
         each(lambda i: 1 / i, range(-2, 3))
+
+
+# Properties
+
+
+class Counted:
+    def __init__(self, wait=lambda: None):
+        self.count, self.wait = 0, wait
+
+    @computed_once
+    def value(self):
+        """What it is."""
+        self.count += 1
+        self.wait()
+        return [self.count]
+
+    @computed_once
+    def twice(self):
+        return 2 * self.value
+
+    @computed_once
+    def shared(self):
+        return each(lambda i: get_ident(), range(8))
+
+
+def test_a_property_is_computed_once_by_whichever_thread_is_first():
+    begun = Event()
+    counted = Counted(lambda: begun.wait(60))
+    with ThreadPoolExecutor(8) as pool:
+        asked = [pool.submit(lambda: counted.value) for _ in range(8)]
+        begun.set()
+        found = [each.result() for each in asked]
+    assert counted.count == 1
+    assert all(value is found[0] for value in found)
+    assert counted.twice == [1, 1]
+    assert Counted.value.__doc__ == "What it is."
+    assert sorted(vars(counted)) == ["count", "twice", "value", "wait"]  # no lock is left
+
+
+def test_instances_do_not_wait_for_one_another():
+    both = Barrier(2, timeout=60)
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(lambda counted: counted.value, [Counted(both.wait), Counted(both.wait)])) == [[1], [1]]
+
+
+def test_what_fails_is_tried_again():
+    failures = iter([True, False])
+
+    def fail():
+        if next(failures):
+            raise ZeroDivisionError
+
+    counted = Counted(fail)
+    with pytest.raises(ZeroDivisionError):
+        _ = counted.value
+    assert counted.value == [2]
+
+
+def test_the_pool_may_wait_for_a_property_that_uses_it():
+    """All its threads may: what is computed goes on by itself."""
+    counted, begun = Counted(), Event()
+    pool = thread_pool()
+    waiting = [pool.submit(lambda: begun.wait(60) and counted.shared) for _ in range(2 * (os.cpu_count() or 1))]
+    begun.set()
+    assert len(set(counted.shared)) == 1
+    assert all(future.result() is counted.shared for future in waiting)
 
 
 # BLAS

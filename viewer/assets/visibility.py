@@ -7,7 +7,6 @@ import threading
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined, refined
 from milkglass.core.light.bake import Cancelled, bake, directions_for, opposite_places, unit_normals
 from milkglass.core.light.visibility import Sight, Visibility, transfer
+from milkglass.core.threads import computed_once
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 # Of the longest side, between places where visibility is known: a slab with a ball and a block on it has 1.2 % rms at
@@ -92,7 +92,7 @@ class BakedVisibility:
     refined: Refined
     visibility: Visibility
 
-    @cached_property
+    @computed_once
     def opposite(self) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
         """Vertices (n, 3) and weights (n, 3) that interpolate where each vertex' normal, backwards, leaves the object.
 

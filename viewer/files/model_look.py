@@ -8,7 +8,6 @@ import contextlib
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.geometry.detail import Detail, Skin
 from milkglass.core.geometry.mesh import Ints, Mesh
 from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
+from milkglass.core.threads import computed_once
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
 
 Int32 = npt.NDArray[np.int32]
@@ -63,7 +63,7 @@ class Look:
     materials: tuple[Material, ...]
     mapped: bool
 
-    @cached_property
+    @computed_once
     def has_colours(self) -> bool:
         """Whether the file has colours."""
         plain = all(each.colour is None and each.factor == (1.0, 1.0, 1.0) for each in self.materials)

@@ -1,10 +1,10 @@
 """Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import moderngl
 
+from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
@@ -32,7 +32,7 @@ class CompositePass:
         self._context = context
         self._plain = self._variant(detail=False)
 
-    @cached_property
+    @computed_once
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
         return self._variant(detail=True)
 

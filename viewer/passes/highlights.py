@@ -1,7 +1,6 @@
 """Highlights of an environment that the object is in the way of: the visible share of each vertex' mirrored lobe."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import moderngl
 import numpy as np
@@ -9,6 +8,7 @@ import numpy.typing as npt
 
 from milkglass.core.light.harmonics import order_of_length
 from milkglass.core.light.visibility import LOBE_ORDER, Float16, Visibility, hemisphere_zonal, phong_zonal
+from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.context import checked, leave_framebuffer
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.occlusion import Occlusion
@@ -31,7 +31,7 @@ class HighlightsPass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
 
-    @cached_property
+    @computed_once
     def _program(self) -> Program:
         return Program(self._context, "highlights_vertices.vert", varyings=("v_lobe",))
 

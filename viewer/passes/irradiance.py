@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import moderngl
 import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.stages import Steps, exhausted
+from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
 from milkglass.viewer.gl.program import Program
@@ -30,7 +30,7 @@ class SampleIrradiancePass:
         self._context = context
         self._program = Program(context, "irradiance_samples.vert", varyings=("v_irradiance",))
 
-    @cached_property
+    @computed_once
     def _soft_program(self) -> Program:
         return Program(self._context, "irradiance_samples.vert", varyings=("v_irradiance",), soft=True)
 

@@ -1,12 +1,12 @@
 """Depth of the mesh as lights see it: views as tiles of one texture, and bodies where they are told apart."""
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import moderngl
 
 from milkglass.core.arrays import Array
 from milkglass.core.stages import Steps
+from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import checked, float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
@@ -18,15 +18,15 @@ class DepthTiles:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
 
-    @cached_property
+    @computed_once
     def _program(self) -> Program:
         return Program(self._context, "shadows.vert", "shadows.frag")
 
-    @cached_property
+    @computed_once
     def _bodies_program(self) -> Program:
         return Program(self._context, "shadows.vert", "shadows.frag", bodies=True)
 
-    @cached_property
+    @computed_once
     def no_bodies(self) -> moderngl.Texture:
         """What stands for the bodies where they are not told apart."""
         return float_texture(self._context, (1, 1), 1)

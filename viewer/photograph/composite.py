@@ -14,7 +14,7 @@ import numpy.typing as npt
 from milkglass.core.arrays import Float32
 from milkglass.core.display import srgb, tone_map
 from milkglass.core.photograph.surround import filled, scene_radiance
-from milkglass.core.threads import thread_pool
+from milkglass.core.threads import computed_once, thread_pool
 from milkglass.viewer.files.images import BAND, PixelsInt
 from milkglass.viewer.files.photograph import Photo, Region
 from milkglass.viewer.photograph.edit import Edited
@@ -60,7 +60,7 @@ class Compositor:
         rows = (Region(top, 0, min(BAND, h - top), w) for top in range(0, h, BAND))
         return ahead(lambda place: self._developed(place, transparent), rows)
 
-    @functools.cached_property
+    @computed_once
     def _shown(self) -> Float32:
         """The object as the photograph's tone curve shows it, linear in [0, 1]."""
         return np.minimum(tone_map(self._radiance, 1.0, self._edited.white), 1.0).astype(np.float32)

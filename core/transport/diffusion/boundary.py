@@ -9,7 +9,6 @@ it follows from the row sum of a closed surface without absorption, K 1 = -1/2: 
 curvature, thin slabs ("sheets") and the error of the grid.
 """
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -23,6 +22,7 @@ from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.grid.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.curvature import Curvature, curvature
 from milkglass.core.transport.diffusion.edges.pairs import Edges
@@ -71,18 +71,18 @@ class Boundary:
     sheet: "Sheet"
     sheet_reach: float
 
-    @functools.cached_property
+    @computed_once
     def curvature(self) -> Curvature:
         """Mean curvature of the patches, and the part of it that edges make."""
         return curvature(self.patches)
 
-    @functools.cached_property
+    @computed_once
     def edges(self) -> Edges:
         """Edges between faces of the surface, for any mean free path."""
         plain = self.curvature.evenness > CONSTANTS.edges.plain_evenness
         return Edges(self.patches, self.thickness, plain & ~self.is_sheet)
 
-    @functools.cached_property
+    @computed_once
     def mean_chord(self) -> float:
         """Mean chord of the object, 4 V / A (Cauchy), mm."""
         patches = self.patches
@@ -90,7 +90,7 @@ class Boundary:
         volume = float(np.einsum("ij,ij->", patches.points - middle, patches.vector_areas)) / 3.0
         return max(4.0 * volume / float(patches.areas.sum()), np.finfo(np.float64).tiny)
 
-    @functools.cached_property
+    @computed_once
     def is_sheet(self) -> Bools:
         """Mask of the patches that are of a thin slab, (n,)."""
         mask = np.zeros(len(self.patches), np.bool_)
@@ -230,12 +230,6 @@ def put_on_grid(
     constant = convolve(deposited.reshape(grid.shape))
     diagonal = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)
     return replace(unplaced, constant=constant, double_layer_diagonal=diagonal)
-
-
-@functools.lru_cache(maxsize=1)
-def depths_of(mesh: Mesh) -> Depths:
-    """Return the chords of a mesh; those of the last one are kept, which all of its grids share."""
-    return Depths(mesh)
 
 
 def row_sums(mesh: Mesh, n: int = ROW_SUM_POINTS, body: npt.NDArray[np.integer] | None = None) -> Array:

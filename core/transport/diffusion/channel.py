@@ -1,12 +1,12 @@
 """One colour channel of the boundary integral equation: its operator, right-hand side and corrections at edges."""
 
-import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.edges.crossing import Crossing, crossing
 from milkglass.core.transport.diffusion.edges.last_flight import LastFlight, last_flight
@@ -74,12 +74,12 @@ class Channel:
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
         self._crossing, self._flight = crossing, flight
 
-    @functools.cached_property
+    @computed_once
     def sources(self) -> Float32:
         """G_L * Q at the nodes: (n_layers, height, width)."""
         return self._convolve(self._deposited)
 
-    @functools.cached_property
+    @computed_once
     def right_hand_side(self) -> Array:
         """Right-hand side b, (n,)."""
         return self._gathered(self.sources) + self._local

@@ -9,6 +9,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.constants import CONSTANTS
@@ -59,7 +60,7 @@ class Reached:
         self.channel, self.residual, self.convolutions = channel, step.residual, step.matvecs + start.convolutions
         self._parts: tuple[Start, Array, Array, Sequence[Float32]] = start, step.coefficients, basis, volumes
 
-    @functools.cached_property
+    @computed_once
     def iterate(self) -> Array:
         """2 A M of the patches, (n,): the iterate of GMRES."""
         start, coefficients, basis, _ = self._parts
@@ -80,7 +81,7 @@ class Reached:
         _ = self._sums
         del self._parts
 
-    @functools.cached_property
+    @computed_once
     def _sums(self) -> tuple[Array, Float32]:
         start, coefficients, _, volumes = self._parts
         volume = np.float32(self._allowed) * start.volume
@@ -88,7 +89,7 @@ class Reached:
             volume -= np.float32(self._allowed * share) * part
         return self.channel.corrected(self._allowed * self.iterate, volume)
 
-    @functools.cached_property
+    @computed_once
     def _allowed(self) -> float:
         return self.channel.allowed(self.iterate)
 

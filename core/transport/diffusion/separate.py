@@ -7,7 +7,6 @@ coarse solutions come first, body by body, and are a picture together; then the 
 nothing.
 """
 
-import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -27,6 +26,7 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.pixels import (
@@ -85,7 +85,7 @@ class SeparateSolution:
         """Of each channel the most that a body took."""
         return tuple(max(each) for each in zip((0, 0, 0), *(part.convolutions for part in self.solved), strict=True))
 
-    @functools.cached_property
+    @computed_once
     def volume(self) -> Float32:
         """O of R, G and B, then K_L 1, in the atlas: (4, *atlas.shape)."""
         return self.filled(lambda part: part.volume, 4)

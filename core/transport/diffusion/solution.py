@@ -1,6 +1,5 @@
 """What `core.transport.diffusion.solver` finds."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +8,7 @@ import numpy as np
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.medium import Medium
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.entry import Entry
@@ -32,14 +32,14 @@ class Solution:
     media: tuple[Medium, ...]
     channels: tuple[Reached | None, ...]
 
-    @functools.cached_property
+    @computed_once
     def volume(self) -> Float32:
         """O of R, G and B; then K_L 1: (4, n_layers, height, width)."""
         dark = np.zeros(self.boundary.grid.shape, np.float32)
         own = [dark if channel is None else channel.volume for channel in self.channels]
         return np.stack([*own, self.boundary.constant])
 
-    @functools.cached_property
+    @computed_once
     def fluence(self) -> tuple[Array, ...]:
         """2 A M of each channel's patches, (n,), A of a flat surface: phi where theirs is flat."""
         dark = np.zeros(len(self.boundary.patches))

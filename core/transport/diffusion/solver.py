@@ -29,7 +29,7 @@ from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import each, one_blas_thread, thread_pool
-from milkglass.core.transport.diffusion.boundary import Boundary, Depths, depths_of, put_on_grid
+from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, lit
 from milkglass.core.transport.diffusion.entry import EnteringLight, Entry, enter
 from milkglass.core.transport.diffusion.green import green_spectrum
@@ -77,6 +77,7 @@ class DiffusionTransport(Kernels):
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
     _last: End | None = field(default=None, init=False, repr=False)
     _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
+    _rays: Callable[[Mesh], Depths] = field(default=Depths, init=False, repr=False)  # of half the nodes: those of all
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
@@ -166,6 +167,7 @@ class DiffusionTransport(Kernels):
         if self._coarse is None:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse = self._coarse
+        coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
         on = coarse.grid(mesh, np.eye(3))
         return stages.run(
             Stage.COARSE_SOLUTION,
@@ -219,7 +221,6 @@ class DiffusionTransport(Kernels):
     def release(self) -> None:
         """Let go of the last surface and solution too."""
         super().release()
-        depths_of.cache_clear()
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
 
@@ -229,7 +230,7 @@ class DiffusionTransport(Kernels):
         at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
         wanted = not at_hand and not stages.has(Stage.BOUNDARY, key)
         merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if wanted else None
-        depths = stages.run(Stage.RAYS, (mesh,), lambda: depths_of(mesh))
+        depths = stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
 
         def placed() -> Boundary:
             if merging is not None:
