@@ -13,8 +13,9 @@ from milkglass.viewer.assets import keeper
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.declaration import Setting, settings_of
+from milkglass.viewer.scene.lights import LIGHT_KINDS
 from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed
-from milkglass.viewer.scene.settings import LIGHT_KINDS, TABLES, PhotoSettings
+from milkglass.viewer.scene.settings import TABLES, PhotoSettings
 from tests.core.light.test_probe_sources import SPOTS, sky
 from tests.support.shapes import cube
 from tests.support.skins import picture, write_ball
