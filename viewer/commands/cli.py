@@ -13,6 +13,7 @@ import typer
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
+from milkglass.viewer.files.formats import PICTURE_FORMATS, check_picture_output, format_of
 from milkglass.viewer.scene.scene import Scene, default_scene
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 # OpenGL, FFTW and the window are imported inside the commands that need them: help and tables stay fast and
 # work on a machine that has none of them.
 DEFAULT_PICTURE = "milkglass.png"
-SUFFIXES = (".png", ".exr")
+RENDERED = " or ".join(f"{suffix} ({kind.rendered})" for suffix, kind in PICTURE_FORMATS.items())
 DEFAULT_SAMPLES = 4
 DEFAULT_REPORT_POINTS = 300
 DEFAULT_REPORT_PHOTONS = 100_000
@@ -102,9 +103,7 @@ def view(
 @scene_options
 def render(
     scene: Scene,
-    output: Annotated[
-        list[str], typer.Option(metavar="FILE", help=".png (tone-mapped) or .exr (linear); may be repeated.")
-    ],
+    output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{RENDERED}; may be repeated.")],
     reference: Annotated[
         str | None, typer.Option(metavar="FILE", help="Picture to compare with; exit code 1 if they differ.")
     ] = None,
@@ -198,7 +197,7 @@ def _run_window(scene: Scene, path: Path | None = None, record: Path | None = No
 
 
 def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":
-    """Render what the outputs hold: PNG files need the tone-mapped picture alone."""
+    """Render what the outputs hold: some need the tone-mapped picture alone."""
     from rich.console import Console
 
     from milkglass.viewer.commands import terminal
@@ -206,8 +205,7 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
     from milkglass.viewer.render import renderer as frame
 
     memory.share_heap()
-    only_images = all(Path(output).suffix.lower() == ".png" for output in outputs)
-    draw = frame.render_image if only_images else frame.render
+    draw = frame.render if any(format_of(output).linear for output in outputs) else frame.render_image
     with terminal.progress_bar(Console(stderr=True)) as tell:
         picture = draw(scene, samples=samples, seed=seed, progress=tell)
     for warning in picture.warnings:
@@ -232,8 +230,6 @@ def _render_with_report(
 
 def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, report: str | None = None) -> None:
     """Refuse outputs that cannot be written or would overwrite an input, before any work."""
-    from milkglass.viewer.files import images
-
     if report is not None:
         from milkglass.viewer.commands.report import check_report
 
@@ -241,7 +237,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
     inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
     inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     for output in outputs:
-        images.check_output(output, SUFFIXES)
+        check_picture_output(output)
         for role, path in inputs.items():
             if path is not None and os.path.realpath(path) == os.path.realpath(output):
                 raise InputError(f"--output {output} would overwrite the {role}; choose another name")

@@ -1,7 +1,6 @@
 """`milkglass edit`: the object of a photograph in another material."""
 
 import os
-import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,13 +8,17 @@ import typer
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
+from milkglass.viewer.files.formats import (
+    PICTURE_FORMATS,
+    PictureContents,
+    check_picture_output,
+    format_of,
+    write_picture,
+)
 from milkglass.viewer.scene.scene import START, Change, Scene, changed
 from milkglass.viewer.scene.settings import BEHIND
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
     from milkglass.viewer.photograph.edit import Edited
     from milkglass.viewer.render.lighting import Progress
 
@@ -24,16 +27,14 @@ FROM_PHOTO = (
     "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
     "orthographic", "background",
 )  # fmt: skip
-DEPTH_OUTPUTS = (".png", ".exr", ".npy")
+EDITED = " or ".join(f"{suffix} ({kind.edited})" for suffix, kind in PICTURE_FORMATS.items())
 
 
 def _edit(
     scene: Scene,
     photo: Annotated[str, typer.Argument(metavar="PHOTO", help="Photograph: PNG, JPEG, TIFF, WebP or BMP.")],
     mask: Annotated[str, typer.Option(metavar="FILE", help="Picture of the same size, white on the object.")],
-    output: Annotated[
-        list[str], typer.Option(metavar="FILE", help=".png (as many bits as the photo) or .exr (layers); may repeat.")
-    ],
+    output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{EDITED}; may repeat.")],
     depth_output: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
     ] = None,
@@ -48,7 +49,7 @@ def _edit(
     if background is not None:
         scene = changed(scene, [Change("photo", "behind", background, "--background")])
     check(scene, photo, mask, output, depth_output)
-    parts = any(Path(name).suffix.lower() == ".exr" for name in output)
+    parts = any(format_of(name).linear for name in output)
     edited = _run(scene, photo, mask, samples, parts)
     for warning in edited.warnings:
         typer.echo(f"milkglass: warning: {warning}.", err=True)
@@ -64,13 +65,14 @@ edit = scene_options(_edit, FROM_PHOTO, START, PHOTO_FLAGS)
 
 def check(scene: Scene, photo: str, mask: str, outputs: list[str], depth_output: str | None) -> None:
     """Refuse what cannot be written or would overwrite an input, before any work."""
+    from milkglass.viewer.files.depth import DEPTH_FORMATS
     from milkglass.viewer.files.images import check_output
 
     written = [*outputs] if depth_output is None else [*outputs, depth_output]
     for output in outputs:
-        check_output(output, (".png", ".exr"))
+        check_picture_output(output)
     if depth_output is not None:
-        check_output(depth_output, DEPTH_OUTPUTS)
+        check_output(depth_output, DEPTH_FORMATS)
     read = {"photograph": photo, "mask": mask, "depth map": scene.photo.depth, "environment": scene.environment.path}
     for i, output in enumerate(written):
         for role, path in read.items():
@@ -100,45 +102,13 @@ def _run(scene: Scene, photo: str, mask: str, samples: int, parts: bool) -> "Edi
 
 
 def _save(edited: "Edited", outputs: list[str], depth_output: str | None, background: str) -> None:
-    from milkglass.viewer.files.images import write_exr_bands, write_png_bands
+    from milkglass.viewer.files.depth import depth_format_of
     from milkglass.viewer.photograph.composite import Compositor
 
-    compositor = Compositor(edited, "filled" if background == "transparent" else background)
+    photo, transparent = edited.photo, background == "transparent"
+    compositor = Compositor(edited, "filled" if transparent else background)
+    contents = PictureContents(photo.size, lambda: compositor.bands(transparent), compositor.layers, photo.profile)
     for output in outputs:
-        if Path(output).suffix.lower() == ".png":
-            pixels = compositor.bands(transparent=background == "transparent")
-            write_png_bands(output, edited.photo.size, pixels, edited.photo.profile)
-        else:
-            names, bands = compositor.layers()
-            write_exr_bands(output, names, edited.photo.size, bands)
+        write_picture(output, contents)
     if depth_output is not None:
-        _save_depth(edited, Path(depth_output))
-
-
-def _save_depth(edited: "Edited", path: Path) -> None:
-    """Write the height of every pixel of the photograph; a PNG from its lowest to its highest."""
-    import numpy as np
-
-    from milkglass.viewer.files.images import write_exr, write_png
-
-    depth = edited.geometry.depth_mm(edited.photo.whole)
-    if path.suffix.lower() == ".exr":
-        write_exr(path, {"Z": depth})
-    elif path.suffix.lower() == ".npy":
-        _save_npy(path, depth)
-    else:
-        span = max(float(depth.max() - depth.min()), 1e-9)
-        write_png(path, np.rint((depth - depth.min()) * (65535.0 / span)).astype(np.uint16)[..., None])
-
-
-def _save_npy(path: Path, depth: "npt.NDArray[np.float32]") -> None:
-    import numpy as np
-
-    temporary = path.with_name(f".{secrets.token_hex(8)}.npy")
-    try:
-        np.save(temporary, depth)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror}); check the free space") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+        depth_format_of(Path(depth_output)).write(Path(depth_output), edited.geometry.depth_mm(photo.whole))

@@ -8,7 +8,7 @@ left behind.
 import itertools
 import os
 import secrets
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,6 @@ Pixels32 = npt.NDArray[np.float32]
 PROBE_SUFFIXES = (".hdr", ".exr")
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg")
 PHOTO_SUFFIXES = (*PICTURE_SUFFIXES, ".tif", ".tiff", ".webp", ".bmp")
-OUTPUT_SUFFIXES = (".png", ".exr")
 MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photograph here gains from more
 # A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
 # ringing and become 0; more of them mean that the picture is something else.
@@ -127,7 +126,7 @@ def read_channels(
     return {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
 
 
-def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str] = OUTPUT_SUFFIXES) -> None:
+def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str]) -> None:
     """Raise InputError if a file cannot be written at path, to be called before any work is done."""
     path = Path(path)
     if path.suffix.lower() not in allowed_suffixes:
@@ -177,12 +176,17 @@ def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) ->
 
     Names may have dots (`position.X`). The file format itself keeps channels sorted by name.
     """
-    planes = [np.asarray(plane, np.float32) for plane in channels.values()]
-    if not planes or planes[0].ndim != 2 or any(plane.shape != planes[0].shape for plane in planes):
+    size = next(iter(channels.values())).shape if channels else ()
+    if len(size) != 2 or any(plane.shape != size for plane in channels.values()):
         raise ValueError("channels must be one or more arrays of one shape (h, w)")
-    bands = (slice(top, top + BAND) for top in range(0, len(planes[0]), BAND))
-    made = (np.stack([plane[rows] for plane in planes], axis=-1) for rows in bands)
-    write_exr_bands(path, tuple(channels), planes[0].shape, made)
+    write_exr_bands(path, tuple(channels), size, channel_bands(channels))
+
+
+def channel_bands(channels: Mapping[str, Pixels32]) -> Iterator[Pixels32]:
+    """Yield channels, each (h, w), as bands (rows, w, c) of at most `BAND` rows, from the top."""
+    planes = [np.asarray(plane, np.float32) for plane in channels.values()]
+    for top in range(0, len(planes[0]), BAND):
+        yield np.stack([plane[top : top + BAND] for plane in planes], axis=-1)
 
 
 def write_exr_bands(

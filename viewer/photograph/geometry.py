@@ -15,13 +15,11 @@ from milkglass.core.photograph.depth import estimate_height, inflated, inscribed
 from milkglass.core.photograph.light import Shading, measure_shading, unexplained, without_lamp
 from milkglass.core.photograph.surface import Outline, find_outline, height_surface
 from milkglass.core.photograph.surround import filled, scene_luminance
-from milkglass.viewer.files.images import read_channels, read_photo
+from milkglass.viewer.files.depth import depth_format_of
 from milkglass.viewer.files.photograph import Photo, Region
 from milkglass.viewer.photograph.enlarge import enlarged
 from milkglass.viewer.photograph.framing import Framing
 from milkglass.viewer.scene.settings import CameraSettings
-
-DEPTH_SUFFIXES = (".png", ".exr", ".npy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +113,7 @@ def make_geometry(
     given = None
     if depth is not None:
         given = _given_height(
-            read_depth(depth, photo), photo, framing, outline, strength, depth.suffix.lower() == ".png"
+            read_depth(depth, photo), photo, framing, outline, strength, depth_format_of(depth).relative
         )
     shown = colour @ LUMINANCE.astype(np.float32)
     shading = _shading(shown, coverage, share, base if given is None else given, framing.step, white)
@@ -151,23 +149,14 @@ def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, ste
 
 
 def read_depth(path: Path, photo: Photo) -> Float32:
-    """Read a person's depth map: (h, w), larger is nearer. PNG of any range; EXR and NPY in mm.
+    """Read a depth map of a photograph: (h, w), larger is nearer; of any range (PNG) or in mm.
 
     Raises
     ------
     InputError
         Unreadable, of another size than the photograph, not finite on the object.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".png":
-        values = read_photo(path)[0][..., 0].astype(np.float32)
-    elif suffix == ".exr":
-        channels = read_channels(path, (".exr",), limit=8)
-        values = channels.get("Z", channels.get("depth.Z", next(iter(channels.values()))))
-    elif suffix == ".npy":
-        values = _read_npy(path)
-    else:
-        raise InputError(f"the depth map {path} must end in {', '.join(DEPTH_SUFFIXES)}; save it as one of them")
+    values = depth_format_of(path).read(path)
     if values.shape != photo.size:
         size = " x ".join(map(str, values.shape[::-1]))
         raise InputError(
@@ -224,14 +213,3 @@ def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
     h, w = values.shape
     rows = values.reshape(h // step, step, w).sum(axis=1, dtype=np.float64)  # along memory
     return np.asarray(rows.reshape(h // step, w // step, step).sum(axis=2) / step**2)
-
-
-def _read_npy(path: Path) -> Float32:
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
-        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
-    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
-        raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
-    return values.astype(np.float32)

@@ -1,5 +1,6 @@
 """The finished frame: arrays of the picture and of what it is made of, and files of them."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +11,10 @@ import numpy.typing as npt
 from milkglass.core.arrays import Float32
 from milkglass.core.stages import Timings
 from milkglass.viewer.assets.quality import Quality
-from milkglass.viewer.files.images import check_output, write_exr, write_png
+from milkglass.viewer.files.formats import PictureContents, write_picture
+from milkglass.viewer.files.images import channel_bands
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import Composite
-
-SUFFIXES = (".png", ".exr")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +41,8 @@ class Still:
     remarks: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
-        """Write ``.png``, whole or not at all; otherwise as `Frame.save`."""
-        check_output(path, SUFFIXES[:1])
-        write_png(path, self.image)
+        """Write a format of the tone-mapped picture, ``.png``, whole or not at all; otherwise as `Frame.save`."""
+        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +98,18 @@ class Frame:
         return planes
 
     def save(self, path: str | Path) -> None:
-        """Write ``.png`` (tone-mapped) or ``.exr`` (linear, all channels), whole or not at all.
+        """Write ``.png`` (tone-mapped), ``.exr`` (linear, all channels) or another of `PICTURE_FORMATS`, whole or not.
 
         Raises
         ------
         InputError
             For another suffix or a place that cannot be written.
         """
-        check_output(path, SUFFIXES)
-        if Path(path).suffix.lower() == ".png":
-            write_png(path, self.image)
-        else:
-            write_exr(path, self.channels())
+        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], self._layers))
+
+    def _layers(self) -> tuple[Sequence[str], Iterable[Float32]]:
+        channels = self.channels()
+        return tuple(channels), channel_bands(channels)
 
 
 def read_frame(picture: Picture, timings: Timings, last: bool = False) -> Frame:

@@ -12,6 +12,7 @@ import pytest
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.files import images
+from milkglass.viewer.files.formats import check_picture_output
 
 CHANNELS = ["R", "G", "B", "A", "position.X", "position.Y", "position.Z", "normal.X", "exitance.R", "E"]
 
@@ -136,7 +137,7 @@ def test_exr_wants_planes_of_one_shape(tmp_path, channels):
 @pytest.mark.parametrize("name", ["glow 火.png", "a?b=c.png", "UPPER.PNG", "x.y.png", "%04d.png", "#.png"])
 def test_unusual_names(tmp_path, name):
     path = tmp_path / name
-    images.check_output(path)
+    check_picture_output(path)
     images.write_png(path, colours())
     assert [p.name for p in tmp_path.iterdir()] == [name]
     np.testing.assert_array_equal(images.read_image(path), colours())
@@ -145,15 +146,15 @@ def test_unusual_names(tmp_path, name):
 def test_output_is_refused_before_any_work(tmp_path, monkeypatch):
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "file").write_text("")
-    assert "must end in .png or .exr" in refusal(images.check_output, tmp_path / "a.jpg")
+    assert "must end in .png or .exr" in refusal(check_picture_output, tmp_path / "a.jpg")
     assert "must end in .exr" in refusal(images.check_output, tmp_path / "a.png", (".exr",))
-    assert "must end in" in refusal(images.check_output, tmp_path / "a")
-    assert "does not exist" in refusal(images.check_output, tmp_path / "none" / "a.png")
-    assert "does not exist" in refusal(images.check_output, tmp_path / "file" / "a.png")
-    assert "is a folder" in refusal(images.check_output, tmp_path / "folder.png")
-    assert "cannot be written" in refusal(images.check_output, tmp_path / ("long" * 99 + ".png"))
+    assert "must end in" in refusal(check_picture_output, tmp_path / "a")
+    assert "does not exist" in refusal(check_picture_output, tmp_path / "none" / "a.png")
+    assert "does not exist" in refusal(check_picture_output, tmp_path / "file" / "a.png")
+    assert "is a folder" in refusal(check_picture_output, tmp_path / "folder.png")
+    assert "cannot be written" in refusal(check_picture_output, tmp_path / ("long" * 99 + ".png"))
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anywhere
-    assert "permissions" in refusal(images.check_output, tmp_path / "a.png")
+    assert "permissions" in refusal(check_picture_output, tmp_path / "a.png")
 
 
 def test_writers_check_their_own_suffix(tmp_path):

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.files.depth import DEPTH_FORMATS
 from milkglass.viewer.files.images import PixelsInt, write_png
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import Request
 from milkglass.viewer.live.photograph_work import PhotoWork
-from milkglass.viewer.photograph.geometry import DEPTH_SUFFIXES, read_depth
+from milkglass.viewer.photograph.geometry import read_depth
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.photograph.view import PhotoView
 from milkglass.viewer.window.view.actions import SCENE_SUFFIXES, Actions
@@ -60,7 +61,7 @@ class PhotoActions:
 
     def ask_for_depth(self) -> None:
         """Ask for a depth map."""
-        self._actions.ask(Request("Open a depth map", DEPTH_SUFFIXES, self.take_depth))
+        self._actions.ask(Request("Open a depth map", tuple(DEPTH_FORMATS), self.take_depth))
 
     def take_depth(self, path: Path) -> None:
         """Read the object's depth from a file."""

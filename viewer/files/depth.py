@@ -1,0 +1,94 @@
+"""The formats of depth maps, one a line of `DEPTH_FORMATS`: arrays (h, w) float32, larger is nearer."""
+
+import os
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.errors import InputError
+from milkglass.viewer.files.images import read_channels, read_photo, write_exr, write_png
+
+
+@dataclass(frozen=True)
+class DepthFormat:
+    """One format.
+
+    Attributes
+    ----------
+    read : callable
+        Returns the depth (h, w) of a file.
+    write : callable
+        Writes a depth (h, w) in mm, whole or not at all.
+    relative : bool
+        Whether what is read has a range of its own instead of mm.
+    """
+
+    read: Callable[[Path], Float32]
+    write: Callable[[Path, Float32], None]
+    relative: bool = False
+
+
+def _read_png(path: Path) -> Float32:
+    return read_photo(path)[0][..., 0].astype(np.float32)
+
+
+def _write_png(path: Path, depth: Float32) -> None:
+    """Write 16 bits, from the lowest to the highest."""
+    span = max(float(depth.max() - depth.min()), 1e-9)
+    write_png(path, np.rint((depth - depth.min()) * (65535.0 / span)).astype(np.uint16)[..., None])
+
+
+def _read_exr(path: Path) -> Float32:
+    channels = read_channels(path, (".exr",), limit=8)
+    return channels.get("Z", channels.get("depth.Z", next(iter(channels.values()))))
+
+
+def _write_exr(path: Path, depth: Float32) -> None:
+    write_exr(path, {"Z": depth})
+
+
+def _read_npy(path: Path) -> Float32:
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
+        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
+        raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
+    return values.astype(np.float32)
+
+
+def _write_npy(path: Path, depth: Float32) -> None:
+    temporary = path.with_name(f".{secrets.token_hex(8)}.npy")
+    try:
+        np.save(temporary, depth)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}); check the free space") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+DEPTH_FORMATS: dict[str, DepthFormat] = {
+    ".png": DepthFormat(_read_png, _write_png, relative=True),
+    ".exr": DepthFormat(_read_exr, _write_exr),
+    ".npy": DepthFormat(_read_npy, _write_npy),
+}
+
+
+def depth_format_of(path: Path) -> DepthFormat:
+    """Return the format that a path's suffix names.
+
+    Raises
+    ------
+    InputError
+        For a suffix that names none.
+    """
+    found = DEPTH_FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise InputError(f"the depth map {path} must end in {', '.join(DEPTH_FORMATS)}; save it as one of them")
+    return found
