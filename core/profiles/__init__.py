@@ -1,1 +1,1 @@
-"""Diffusion profiles R_d(r) that equation (1) sums, one file each."""
+"""Diffusion profiles R_d(r) that equation (1) sums: an interface (`base`), one file each, and a `registry` of names."""

@@ -1,4 +1,4 @@
-"""Which diffusion profile equation (1) sums: one interface (`core.profiles.base.Profile`), one file each.
+"""The profiles of a material by name, and materials by colour and mean free path.
 
 A colour and a mean free path, which artists think in, become coefficients by a profile's own diffuse reflectance: it
 rises with the albedo, whatever the mean free path, and is inverted by root finding.
@@ -13,13 +13,8 @@ from scipy.optimize import brentq
 from milkglass.core.errors import InputError
 from milkglass.core.material.library import MAX_COEFFICIENT, Material
 from milkglass.core.profiles.base import Profile
-from milkglass.core.profiles.better_dipole import BetterDipole
-from milkglass.core.profiles.burley import Burley
-from milkglass.core.profiles.dipole import Dipole, dipoles
-from milkglass.core.profiles.gaussians import skin
-from milkglass.core.profiles.names import BEAM, BETTER, BURLEY, DIPOLE, TABLE
-from milkglass.core.profiles.photon_beam import PhotonBeam
-from milkglass.core.profiles.photon_beam import reflectance as beam_reflectance
+from milkglass.core.profiles.dipole import dipoles
+from milkglass.core.profiles.registry import DIPOLE, TABLE, family
 
 CHANNELS = ("red", "green", "blue")
 
@@ -27,13 +22,13 @@ Three = tuple[Profile, Profile, Profile]
 
 
 def profiles(material: Material, name: str = DIPOLE, table: Three | None = None) -> Three:
-    """Return the R, G and B profiles of a material.
+    """Return the R, G and B profiles of a material; in a channel that does not scatter, a black dipole.
 
     Parameters
     ----------
     material : Material
         Of a `table` it changes nothing, and of `gaussians` the reflectance alone.
-    name : one of `core.profiles.names.PROFILES`
+    name : one of `core.profiles.registry.PROFILES`
     table : from `core.profiles.table.parse_table`
         Where `name` is `table`.
     """
@@ -41,39 +36,29 @@ def profiles(material: Material, name: str = DIPOLE, table: Three | None = None)
         if table is None:
             raise InputError("the profile table needs a file of radii and values")
         return table
-    standard = dipoles(material)
-    red, green, blue = (_channel(name, material, standard[i], i) for i in range(3))
+    channel = family(name).channel
+    red, green, blue = (
+        standard if standard.is_black else channel(material, i) for i, standard in enumerate(dipoles(material))
+    )
     return red, green, blue
-
-
-def _channel(name: str, material: Material, standard: Dipole, i: int) -> Profile:
-    length = float(material.mean_free_path[i])
-    if name == DIPOLE or standard.is_black:
-        return standard
-    albedo = float(material.alpha_prime[i])
-    if name == BETTER:
-        return BetterDipole(albedo, length, material.eta)
-    if name == BEAM:
-        return PhotonBeam(albedo, length, material.eta)
-    reflectance = float(standard.total(0.0))
-    return Burley(reflectance, length) if name == BURLEY else skin(i, reflectance)
 
 
 @functools.lru_cache(maxsize=4096)
 def reflectance(albedo: float, eta: float, name: str = DIPOLE) -> float:
-    """Diffuse reflectance T(0) for a reduced albedo in [0, 1]; that of the standard dipole where a profile has none.
+    """Return the diffuse reflectance T(0) for a reduced albedo in [0, 1]; the standard dipole's where it is given.
 
     `burley` and `gaussians` are normalised, so theirs is given to them; a `table` has its own, whatever the material.
     """
-    if name == BEAM:
-        return beam_reflectance(albedo, eta)
+    chosen = family(name)
+    if chosen.reflectance is not None:
+        return chosen.reflectance(albedo, eta)
     material = Material("", (albedo,) * 3, (1.0 - albedo,) * 3, eta)
-    return float(profiles(material, BETTER if name == BETTER else DIPOLE)[0].total(0.0))
+    return float(profiles(material, DIPOLE if chosen.has_given_total else name)[0].total(0.0))
 
 
 @functools.lru_cache(maxsize=4096)
 def albedo_for(wanted: float, eta: float, name: str = DIPOLE) -> float:
-    """Reduced albedo whose `reflectance` is the wanted one, to 1e-9.
+    """Return the reduced albedo whose `reflectance` is the wanted one, to 1e-9.
 
     Raises
     ------
@@ -87,7 +72,7 @@ def albedo_for(wanted: float, eta: float, name: str = DIPOLE) -> float:
         return 0.0
     if wanted >= most:
         return 1.0
-    # Reflectance falls from the white with the root of absorption.
+    # Near a' = 1 reflectance falls with sqrt(1 - a'), in which it is smooth.
     root = brentq(lambda t: reflectance(1.0 - t * t, eta, name) - wanted, 0.0, 1.0, xtol=1e-13, rtol=1e-12)
     return float(1.0 - root * root)
 

@@ -1,8 +1,11 @@
 """Sums of Gaussians, and the classic six of skin (d'Eon and Luebke 2007, GPU Gems 3, chapter 14, figure 14-13).
 
-R_d(rho) = sum_i w_i exp(-rho^2 / (2 v_i)) / (2 pi v_i), variances v_i in mm^2, weights w_i a channel. The published
-weights sum to 1: a white that a colour texture multiplies. Here each channel's sum is the diffuse reflectance of the
-material, while the widths are skin's own, whatever the mean free path.
+(a)  R_d(rho) = sum_i w_i exp(-rho^2 / (2 v_i)) / (2 pi v_i),   variances v_i in mm^2, weights w_i of a channel
+(b)  2 pi int_0^r R_d r' dr' = sum_i w_i exp(-e^2 / (2 v_i)) (1 - exp(-r^2 / (2 v_i))),   on a plane at distance e
+(c)  F(k) = sum_i w_i exp(-e^2 / (2 v_i) - v_i k^2 / 2)
+
+The published weights sum to 1: a white that a colour texture multiplies. Here the sum of each channel is the diffuse
+reflectance of the material, while the widths are those of skin, whatever the mean free path.
 """
 
 from dataclasses import dataclass
@@ -11,8 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Array
+from milkglass.core.material.library import Material
+from milkglass.core.profiles.base import Family
+from milkglass.core.profiles.dipole import dipoles
 
-LEAST = -700.0  # of an exponent; below, exp underflows, which takes 7 to 40 times as long, and is 0 here
+LEAST_EXPONENT = -700.0  # below it exp underflows, which takes 7 to 40 times as long, and is 0 here
 
 # Variance, mm^2, and the weights of red, green and blue.
 SKIN = (
@@ -27,7 +33,7 @@ SKIN = (
 
 @dataclass(frozen=True)
 class Gaussians:
-    """One colour channel's profile.
+    """The profile of one colour channel.
 
     Parameters
     ----------
@@ -45,38 +51,38 @@ class Gaussians:
 
     @property
     def mean_free_path(self) -> float:
-        """Standard deviation of the narrowest, mm."""
+        """Standard deviation of the narrowest Gaussian, mm."""
         return float(np.sqrt(min((v for w, v in self._pairs if w > 0.0), default=1.0)))
 
     @property
     def detail(self) -> float:
-        """Between the narrowest and the mean deviation, mm: what errors of pictures ask for."""
+        """Geometric mean of the narrowest and the mean standard deviation, mm; measured on errors of pictures."""
         flux = sum(self.weights)
         mean = sum(w * np.sqrt(v) for w, v in self._pairs) / flux if flux > 0.0 else 1.0
         return float(np.sqrt(self.mean_free_path * mean))
 
     def radial(self, rho: npt.ArrayLike) -> Array:
-        """R_d at 3-D distance rho (mm), in mm^-2."""
+        """Return R_d of (a) at 3-D distances rho (mm), in mm^-2."""
         rho2 = np.square(np.asarray(rho, np.float64))
         value = np.zeros_like(rho2)
         for w, v in self._pairs:
             if w > 0.0:  # green and blue have fewer than six
                 power = np.multiply(rho2, -0.5 / v)
-                value += np.exp(np.maximum(power, LEAST)) * (w / (2.0 * np.pi * v) * (power > LEAST))
+                value += np.exp(np.maximum(power, LEAST_EXPONENT)) * (w / (2.0 * np.pi * v) * (power > LEAST_EXPONENT))
         return np.asarray(value)
 
     def total(self, e: npt.ArrayLike) -> Array:
-        """T(e) = sum_i w_i exp(-e^2 / (2 v_i))."""
+        """Return T(e) = sum_i w_i exp(-e^2 / (2 v_i))."""
         e2 = np.square(np.asarray(e, np.float64))
         return np.asarray(sum(w * np.exp(-0.5 * e2 / v) for w, v in self._pairs))
 
     def total_within(self, r: npt.ArrayLike, e: npt.ArrayLike = 0.0) -> Array:
-        """2 pi int_0^r R_d(sqrt(r'^2 + e^2)) r' dr'; r in mm, may be inf."""
+        """Return the part of T(e) inside radius r (mm; may be infinite), (b)."""
         r2, e2 = np.square(np.asarray(r, np.float64)), np.square(np.asarray(e, np.float64))
         return np.asarray(sum(w * np.exp(-0.5 * e2 / v) * -np.expm1(-0.5 * r2 / v) for w, v in self._pairs))
 
     def spectrum(self, k: npt.ArrayLike, e: float = 0.0) -> Array:
-        """2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequency k (mm^-1); T(e) at k = 0."""
+        """Return the 2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequencies k (mm^-1), (c)."""
         k2 = np.square(np.asarray(k, np.float64))
         return np.asarray(sum(w * np.exp(-0.5 * e * e / v - 0.5 * v * k2) for w, v in self._pairs))
 
@@ -90,3 +96,10 @@ def skin(channel: int, reflectance: float) -> Gaussians:
     whole = sum(row[1 + channel] for row in SKIN)
     weights = tuple(reflectance * row[1 + channel] / whole for row in SKIN)
     return Gaussians(weights, tuple(row[0] for row in SKIN))
+
+
+def _channel(material: Material, channel: int) -> Gaussians:
+    return skin(channel, float(dipoles(material)[channel].total(0.0)))
+
+
+FAMILY = Family(_channel, has_given_total=True, has_given_widths=True)

@@ -14,8 +14,9 @@ from scipy.special import j0, jn_zeros
 
 from milkglass.core.arrays import Array
 
-NEAREST = 1e-9  # of the table's unit: values that diverge at 0 go no further, so that they stay finite
-EULER = 24  # lobes of J0 that alternate with slowly falling sums; averaged, they converge like a power of 1/2
+NEAREST_RADIUS = 1e-9  # of the table's unit: values that diverge at 0 go no further, so that they stay finite
+EULER_LOBES = 24  # of J0, whose partial sums alternate; their repeated means converge like a power of 1/2
+LOBES = 120  # of J0 that are integrated
 
 
 class RadialTable:
@@ -37,8 +38,8 @@ class RadialTable:
         half = 0.5 * np.diff(u)
         places = u[:-1] + half + half * nodes[:, None]
         flux = 2.0 * np.pi * half * (weights[:, None] * np.exp(self._value(places) + 2.0 * places)).sum(axis=0)
-        rate = 2.0 * np.pi * values * x * x  # -dB/du
-        tail = rate[-1] / -(self._slopes[1] + 2.0)
+        rate = 2.0 * np.pi * values * x * x  # -dB/du, u = log x
+        tail = rate[-1] / -(self._slopes[1] + 2.0)  # B at the last x, of the power law beyond it
         beyond = np.append(np.cumsum(flux[::-1])[::-1] + tail, tail)
         self._beyond = CubicHermiteSpline(u, np.log(beyond), -rate / beyond)
         # int_0^x0 of the power law, and its exponent
@@ -47,14 +48,14 @@ class RadialTable:
         """B(0)."""
 
     def value(self, x: npt.ArrayLike) -> Array:
-        """R(x); where it diverges at 0, that at `NEAREST`."""
+        """Return R(x); where it diverges at 0, that at `NEAREST_RADIUS`."""
         u, inside = self._places(x)
         excess = u - inside
         log = self._value(inside) + np.where(excess < 0.0, self._slopes[0], self._slopes[1]) * excess
         return np.asarray(np.exp(log))
 
     def beyond(self, x: npt.ArrayLike) -> Array:
-        """B(x), to 1e-7 of itself; x may be infinite."""
+        """Return B(x), to 1e-7 of itself; x may be infinite."""
         u, inside = self._places(x)
         excess = u - inside
         value = np.exp(self._beyond(inside) + (self._slopes[1] + 2.0) * np.maximum(excess, 0.0))
@@ -62,12 +63,15 @@ class RadialTable:
         return np.asarray(np.where(excess < 0.0, value + share * -np.expm1(power * np.minimum(excess, 0.0)), value))
 
     def _places(self, x: npt.ArrayLike) -> tuple[Array, Array]:
-        u = np.log(np.clip(np.asarray(x, np.float64), NEAREST, 1e300))
+        u = np.log(np.clip(np.asarray(x, np.float64), NEAREST_RADIUS, 1e300))
         return u, np.clip(u, self._u[0], self._u[-1])
 
 
 def flux_radius(total: Callable[[float], npt.ArrayLike], share: float, scale: float) -> float:
-    """Radius that a share in (0, 1) of the flux stays within, by bisection, for a B and a length of its order."""
+    """Return the radius within which a share in (0, 1) of the flux stays, by bisection.
+
+    `total` is B, and `scale` a length of the order of the radius.
+    """
     rest, low, high = (1.0 - share) * float(np.asarray(total(0.0))), 0.0, scale
     while float(np.asarray(total(high))) > rest:
         high *= 2.0
@@ -84,10 +88,10 @@ def hankel(
     scale: float = 1.0,
     kinks: Sequence[float] = (),
 ) -> Array:
-    """2-D Fourier transform of R(sqrt(r^2 + e^2)) at angular frequency k > 0 (mm^-1), to 1e-7 of that at 0.
+    """Return the 2-D Fourier transform of R(sqrt(r^2 + e^2)) at angular frequencies k > 0 (mm^-1).
 
-    2 pi int_0^inf R J0(k r) r dr, lobe by lobe of J0. Sums over the last lobes alternate around what they tend to, so
-    their repeated means are taken (Euler's transformation).
+    It is the Hankel transform 2 pi int_0^inf R J0(k r) r dr, to 1e-7 of that at 0, lobe by lobe of J0. Partial sums
+    over the last lobes alternate around their limit, so their repeated means are taken (Euler's transformation).
 
     Parameters
     ----------
@@ -102,13 +106,13 @@ def hankel(
     """
     frequencies = np.asarray(k, np.float64)
     corners = np.array([np.sqrt(kink * kink - e * e) for kink in kinks if kink > e])
-    found = [_transform(radial, float(one), e, scale, corners) for one in frequencies.ravel()]
-    return np.array(found).reshape(frequencies.shape)
+    values = [_transform(radial, float(frequency), e, scale, corners) for frequency in frequencies.ravel()]
+    return np.array(values).reshape(frequencies.shape)
 
 
 def _transform(radial: Callable[[Array], Array], k: float, e: float, scale: float, corners: Array) -> float:
     nodes, weights = np.polynomial.legendre.leggauss(24)
-    zeros = jn_zeros(0, 120) / k
+    zeros = jn_zeros(0, LOBES) / k
     # Within the first lobe R may change much: pieces grow from far below `scale`.
     start = min(1e-6 * scale, 1e-3 * zeros[0])
     inner = np.geomspace(start, zeros[0], 2 + int(3.0 * np.log(zeros[0] / start)))
@@ -117,7 +121,7 @@ def _transform(radial: Callable[[Array], Array], k: float, e: float, scale: floa
     half = 0.5 * np.diff(edges)[:, None]
     r = edges[:-1, None] + half * (nodes + 1.0)
     pieces = 2.0 * np.pi * (half * weights * radial(np.sqrt(r * r + e * e)) * j0(k * r) * r).sum(axis=1)
-    sums = np.append(0.0, np.cumsum(pieces))[np.searchsorted(edges, zeros)][-EULER:]
+    sums = np.append(0.0, np.cumsum(pieces))[np.searchsorted(edges, zeros)][-EULER_LOBES:]
     while len(sums) > 1:
         sums = 0.5 * (sums[1:] + sums[:-1])
     return float(sums[0])

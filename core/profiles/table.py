@@ -1,4 +1,4 @@
-"""A profile of one's own, measured or drawn: radius in mm and R_d of red, green and blue in mm^-2, as text.
+"""Tabulated profiles, measured or drawn: radius in mm and R_d of red, green and blue in mm^-2, as text.
 
 Between the radii log R_d is interpolated by PCHIP (Fritsch and Carlson 1980), which is monotone and leaves exponentials
 exponential. Nearer than the first radius R_d is constant. Beyond the last it goes on as the exponential of the last two
@@ -16,18 +16,20 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
+from milkglass.core.material.library import Material
+from milkglass.core.profiles.base import Family, Profile
 from milkglass.core.profiles.radial import flux_radius, hankel
 
 HEADER = ("radius_mm", "r", "g", "b")
 MAX_RADIUS, MAX_VALUE = 1e6, 1e12  # mm, mm^-2
 MAX_ROWS = 10_000
-MOST = 1.001  # total: rounding, not energy
-PIECES = 32  # of a row, over which the integral is interpolated: 1e-7 where R_d falls by a factor of 40
+MAX_TOTAL = 1.001  # rounding, not energy
+ROW_PIECES = 32  # of a row, over which the integral is interpolated: 1e-7 where R_d falls by a factor of 40
 
 
 @dataclass(frozen=True)
 class TableProfile:
-    """One colour channel's profile.
+    """The profile of one colour channel.
 
     Parameters
     ----------
@@ -59,25 +61,25 @@ class TableProfile:
         return float(self.total(self.radii[-1]) / self.total(0.0)) if not self.is_black else 0.0
 
     def radial(self, rho: npt.ArrayLike) -> Array:
-        """R_d at 3-D distance rho (mm), in mm^-2."""
+        """Return R_d at 3-D distances rho (mm), in mm^-2."""
         return _curve(self).value(np.asarray(rho, np.float64))
 
     def total(self, e: npt.ArrayLike) -> Array:
-        """T(e) = 2 pi int_0^inf R_d(sqrt(r^2 + e^2)) r dr."""
+        """Return T(e) = 2 pi int_0^inf R_d(sqrt(r^2 + e^2)) r dr."""
         return _curve(self).beyond(np.asarray(e, np.float64))
 
     def total_within(self, r: npt.ArrayLike, e: npt.ArrayLike = 0.0) -> Array:
-        """2 pi int_0^r R_d(sqrt(r'^2 + e^2)) r' dr'; r in mm, may be inf."""
+        """Return 2 pi int_0^r R_d(sqrt(r'^2 + e^2)) r' dr'; r in mm, may be infinite."""
         e = np.asarray(e, np.float64)
         return self.total(e) - self.total(np.hypot(np.asarray(r, np.float64), e))
 
     def spectrum(self, k: npt.ArrayLike, e: float = 0.0) -> Array:
-        """2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequency k > 0 (mm^-1), numerical."""
+        """Return the 2-D Fourier transform of R_d(sqrt(r^2 + e^2)) at angular frequencies k > 0 (mm^-1), numerical."""
         return hankel(self.radial, k, e, self.mean_free_path, self.radii)
 
 
 class _Curve:
-    """A table's interpolant and its integral."""
+    """The interpolant of a table, and its integral."""
 
     def __init__(self, profile: TableProfile) -> None:
         radii, values = np.array(profile.radii), np.array(profile.values)
@@ -97,9 +99,9 @@ class _Curve:
         self.detail = min(self.shortest, half / 3.0)
 
     def _integral(self, r: Array) -> CubicHermiteSpline:
-        """Logarithm of the integral beyond, between the first and the last radius."""
+        """Return the logarithm of B, the integral beyond a radius, between the first and the last radius r."""
         assert self._log is not None
-        fine = np.unique(np.concatenate([np.linspace(a, b, PIECES + 1) for a, b in itertools.pairwise(r)]))
+        fine = np.unique(np.concatenate([np.linspace(a, b, ROW_PIECES + 1) for a, b in itertools.pairwise(r)]))
         nodes, weights = np.polynomial.legendre.leggauss(6)
         half = 0.5 * np.diff(fine)
         t = fine[:-1] + half + half * nodes[:, None]
@@ -109,7 +111,7 @@ class _Curve:
         return CubicHermiteSpline(fine, np.log(beyond), -2.0 * np.pi * np.exp(self._log(fine)) * fine / beyond)
 
     def value(self, rho: Array) -> Array:
-        """R_d."""
+        """Return R_d at radii rho."""
         inside = np.clip(rho, self._first, self._last)
         within = np.full(rho.shape, self._at[1]) if self._log is None else np.exp(self._log(inside))
         excess = np.minimum(np.maximum(rho - self._last, 0.0), 1e300)
@@ -117,7 +119,7 @@ class _Curve:
         return np.asarray(within * fall)
 
     def beyond(self, rho: Array) -> Array:
-        """2 pi int_rho^inf R_d t dt."""
+        """Return B(rho) = 2 pi int_rho^inf R_d t dt."""
         inside = np.clip(rho, self._first, self._last)
         core = np.pi * self._at[0] * (self._first**2 - np.square(np.minimum(rho, self._first)))
         rest = self._outer(np.array(self._last))
@@ -125,7 +127,7 @@ class _Curve:
         return np.asarray(np.where(rho > self._last, self._outer(np.maximum(rho, self._last)), within + core))
 
     def _outer(self, rho: Array) -> Array:
-        """`beyond`, from the last radius that is not 0 onwards."""
+        """Return B from the last radius onwards at which R_d is not 0: of an exponential, or a line that ends in 0."""
         value, decay = self._at[1], self._decay
         if not self._ends:
             finite = np.minimum(rho, self._last + 700.0 * decay)
@@ -195,8 +197,15 @@ def _profile(radii: tuple[float, ...], values: tuple[float, ...], channel: str, 
     if values[-1] > 0.0 and values[-1] == values[-2]:
         raise InputError(f"{name}: {channel} does not fall at its end, so that its tail has none; add a row of 0")
     total = float(profile.total(0.0))
-    if total > MOST:
+    if total > MAX_TOTAL:
         raise InputError(
             f"{name}: {channel} returns {total:.3g} times the light that enters (2 pi int R r dr); values are per mm^2"
         )
     return profile
+
+
+def _channel(material: Material, channel: int) -> Profile:
+    raise InputError("the profile table needs a file of radii and values")
+
+
+FAMILY = Family(_channel, has_given_total=True, has_given_widths=True)

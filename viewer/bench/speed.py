@@ -19,7 +19,7 @@ import pyfftw
 from milkglass.core.errors import InputError
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.profiles.names import PROFILES, TABLE
+from milkglass.core.profiles.registry import PROFILES, TABLE
 from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene

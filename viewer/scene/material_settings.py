@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.core.material.mixtures import LEAST_WATER, dilute, mix
-from milkglass.core.profiles.names import DIPOLE, PROFILES, TABLE
+from milkglass.core.profiles.registry import DIPOLE, PROFILES, TABLE
 from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import check_fields, setting
 
@@ -120,7 +120,7 @@ class MaterialSettings:
             "out, -1 is twice as strong"
     )
     profile: str = setting(
-        "text", DIPOLE, choices=PROFILES,
+        "text", DIPOLE, choices=tuple(PROFILES),
         moves=Part.TRANSPORT, why="diffusion profile R_d that ewald and layered sum; diffusion has no profile"
     )
     profile_table: Path | None = setting(

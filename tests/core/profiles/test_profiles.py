@@ -2,6 +2,9 @@
 
 import functools
 import itertools
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +16,15 @@ from milkglass.core.material.fresnel import internal_moments, transmittance
 from milkglass.core.material.library import Material
 from milkglass.core.profiles.better_dipole import BetterDipole
 from milkglass.core.profiles.burley import Burley
-from milkglass.core.profiles.choose import profiles
+from milkglass.core.profiles.choose import albedo_for, profiles
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.profiles.gaussians import SKIN, skin
-from milkglass.core.profiles.names import PROFILES
 from milkglass.core.profiles.photon_beam import PhotonBeam, multiple_scattering, reflectance, single_scattering
 from milkglass.core.profiles.radial import hankel
+from milkglass.core.profiles.registry import PROFILES
 from milkglass.core.profiles.table import TableProfile
 from milkglass.core.transport import ewald
+from milkglass.viewer.files.images import read_channels
 
 RADII = np.geomspace(0.02, 8.0, 25)
 TABLE = tuple(
@@ -119,12 +123,12 @@ def test_finite_positive_and_falling_whatever_the_albedo(name, eta):
 
 
 def test_nothing_to_meet_is_black():
-    for name in PROFILES[:-1]:
+    for name in [*PROFILES][:-1]:
         for sigma_a in (0.0, 1.0):
             assert all(p.is_black for p in profiles(Material("m", (0.0,) * 3, (sigma_a,) * 3, 1.3), name))
 
 
-@pytest.mark.parametrize("name", PROFILES[:4])
+@pytest.mark.parametrize("name", [*PROFILES][:4])
 def test_object_and_coefficients_scale_together(name):
     rho = np.array([0.01, 0.3, 2.0, 20.0])
     for s in (1e-3, 30.0):
@@ -246,3 +250,30 @@ def test_texel_means_sum_to_the_flux(profile):
     whole = texel**2 * (4.0 * means.sum() - 2.0 * means[0].sum() - 2.0 * means[:, 0].sum() + means[0, 0])
     inner, outer = (float(profile.total_within(r)) for r in (5.5 * texel, 5.5 * np.sqrt(2.0) * texel))
     assert inner * (1 - 5e-4) <= whole <= outer * (1 + 5e-4)  # a kink costs the rule of 32 nodes so much
+
+
+def test_a_profile_in_the_registry_is_chosen_by_name(monkeypatch):
+    monkeypatch.setitem(PROFILES, "exponential", "tests.support.exponential")
+    assert profiles(SKIN1, "exponential")[1].total(0.0) == pytest.approx(float(SKIN1.alpha_prime[1]) ** 2)
+    assert albedo_for(0.25, 1.3, "exponential") == pytest.approx(0.5)
+
+
+NEW_PROFILE = """
+import sys
+from milkglass.core.profiles import registry
+registry.PROFILES["exponential"] = "tests.support.exponential"
+from milkglass.viewer.commands.cli import main
+from milkglass.viewer.scene.settings_docs import settings_markdown
+assert "`gaussians`, `table`, `exponential`" in settings_markdown()
+assert "scipy" not in sys.modules
+picture = ["--image-size", "32x24", "--samples", "1", "--transport", "layered", "--output", sys.argv[1]]
+sys.exit(main(["render", "--profile", "exponential", *picture]))
+"""
+
+
+@pytest.mark.gl
+def test_a_profile_in_the_registry_is_in_help_and_pictures(tmp_path):
+    command = [sys.executable, "-c", NEW_PROFILE, str(tmp_path / "a.exr")]
+    run = subprocess.run(command, cwd=Path(__file__).parents[3], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert read_channels(tmp_path / "a.exr")["exitance.R"].max() > 0.0

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from milkglass.core.profiles.names import PROFILES
+from milkglass.core.profiles.registry import PROFILES
 from milkglass.viewer.error.report import error_report
 from tests.support.rendering import MeshRenderer, scene_of
 from tests.support.shapes import ball
@@ -45,7 +45,7 @@ def test_profiles_differ_and_diffusion_has_none(context, table):
         assert all(np.isfinite(M).all() and (M >= 0.0).all() for M in found)
         assert len({M.tobytes() for M in found}) == kinds
     solved = []
-    for name in PROFILES[:4]:
+    for name in [*PROFILES][:4]:
         scene = chosen(name, table, "transport.method=diffusion", "transport.resolution=32")
         solved.append(renderer.render(scene).exitance)
     assert all(np.array_equal(M, solved[0]) for M in solved[1:])
@@ -55,7 +55,7 @@ def test_switching_costs_the_spectra_and_the_convolution(context, table):
     renderer = MeshRenderer(context, ball(subdivisions=4))
     fine = ["transport.layers=8", "transport.resolution=128"]
     renderer.render(chosen("dipole", table, *fine, method="layered"))
-    for name in PROFILES[1:]:
+    for name in [*PROFILES][1:]:
         start = time.perf_counter()
         renderer.render(chosen(name, table, *fine, method="layered"))
         assert time.perf_counter() - start < 5.0

@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 
-from milkglass.core.profiles.names import GAUSSIANS, TABLE
+from milkglass.core.profiles.registry import family
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.scene import Scene
 
 LIKE = 0.02  # distances of nodes that differ by less are told once
-OWN_WIDTHS = (GAUSSIANS, TABLE)  # profiles that the material's mean free path does not change
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ def marks(scene: Scene, lit: LitScene | None) -> list[Mark]:
     """
     material = scene.material.resolve()
     found = []
-    if scene.material.profile not in OWN_WIDTHS:
+    if not family(scene.material.profile).has_given_widths:
         paths = zip(material.sigma_s_prime, material.mean_free_path, strict=True)
         found += [Mark("mean free path", float(path), i) for i, (scatters, path) in enumerate(paths) if scatters > 0.0]
     if lit is not None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from milkglass.core.profiles.names import BEAM, PROFILES, TABLE
+from milkglass.core.profiles.registry import BEAM, PROFILES, TABLE
 from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import CHANNELS, Box, Controls
 from milkglass.viewer.gui.toolkit import MUTED, WARNING, icons, imgui

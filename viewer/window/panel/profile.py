@@ -7,7 +7,7 @@ import numpy as np
 
 from milkglass.core.errors import InputError
 from milkglass.core.profiles.choose import reflectance
-from milkglass.core.profiles.names import DIPOLE, TABLE
+from milkglass.core.profiles.registry import DIPOLE, TABLE
 from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import TYPE_HINT, Controls, explained
 from milkglass.viewer.gui.sliders import significant

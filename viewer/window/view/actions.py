@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.errors import InputError
-from milkglass.core.profiles.names import TABLE
+from milkglass.core.profiles.registry import TABLE
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import FileDialog, Request

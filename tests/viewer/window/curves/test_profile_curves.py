@@ -10,7 +10,7 @@ from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.core.profiles.choose import profiles
 from milkglass.core.profiles.curves import curve_radii, reach, table_text
-from milkglass.core.profiles.names import PROFILES
+from milkglass.core.profiles.registry import PROFILES
 from milkglass.core.profiles.table import parse_table
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.window.curves.axes import Axes, axes_for, dashes, plotted, round_down, round_up
@@ -18,7 +18,7 @@ from milkglass.viewer.window.curves.curves import CurvesJob, Wish, curves_of
 from milkglass.viewer.window.curves.marks import Mark
 
 TABLE = "0,0.1,0.08,0\n1,0.05,0.04,0\n2,0.01,0.01,0\n3,0,0,0\n"
-NAMES = PROFILES[:-1]
+NAMES = [*PROFILES][:-1]
 
 
 def unread(path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.profiles.choose import profiles
-from milkglass.core.profiles.names import PROFILES
+from milkglass.core.profiles.registry import PROFILES
 from milkglass.viewer.gui.events import Focused, MouseMoved
 from milkglass.viewer.scene.tables import read_profile_table
 from milkglass.viewer.window.curves import plot as profile_plot
@@ -63,7 +63,7 @@ def test_closed_it_does_nothing_and_the_picture_is_as_it_was(driver, lines):
 def test_the_curves_are_the_profiles_own(driver, lines):
     driver.click("toggle_profiles")
     driver.settle()
-    for name in PROFILES[1:-1]:
+    for name in [*PROFILES][1:-1]:
         driver.session.edit("material", profile=name)
         driver.settle()
         for letter, own in zip("RGB", profiles(driver.session.scene.material.resolve(), name), strict=True):

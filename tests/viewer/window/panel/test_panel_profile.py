@@ -3,7 +3,7 @@
 import numpy as np
 
 from milkglass.core.material import library as materials
-from milkglass.core.profiles.names import PROFILES
+from milkglass.core.profiles.registry import PROFILES
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, given_by, profile_reflectance, table_notes
 
@@ -22,7 +22,7 @@ def test_every_profile_is_offered_and_makes_another_picture(driver):
     assert offered == set(PROFILES)
     driver.click("material.profile=dipole", 0.3)
     pictures = [driver.picture().tobytes()]
-    for name in PROFILES[1:-1]:
+    for name in [*PROFILES][1:-1]:
         choose(driver, "material.profile", name)
         assert driver.session.scene.material.profile == name
         pictures.append(driver.picture().tobytes())
@@ -96,7 +96,7 @@ def test_a_material_by_colour_and_back(driver):
 
 def test_given_by_is_the_same_material():
     for name in ("skin1", "chicken1", "spectralon", "Whole Milk"):
-        for profile in PROFILES[:-1]:
+        for profile in [*PROFILES][:-1]:
             named = MaterialSettings(name=name, profile=profile)
             colour = MaterialSettings(**given_by(named, COLOUR), profile=profile)
             np.testing.assert_allclose(colour.resolve().sigma_s_prime, named.resolve().sigma_s_prime, rtol=2e-3)
