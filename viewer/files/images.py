@@ -29,7 +29,7 @@ MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photogra
 # ringing and become 0; more of them mean that the picture is something else.
 NEGATIVE_SHARE = 1e-3
 BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
-_PNG_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
+_PNG_FILTER_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
 _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 _FORMATS |= {".tif": "tiff", ".tiff": "tiff", ".webp": "webp", ".bmp": "bmp"}
 
@@ -146,7 +146,7 @@ def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str]
 def write_png(path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | None = None) -> None:
     """Write (h, w, 1, 3 or 4) uint8 or uint16, sRGB with unassociated alpha, as a PNG, bit for bit.
 
-    Tagged sRGB, or with an ICC profile of its own.
+    Tagged sRGB, or with the ICC profile given.
     """
     write_png_bands(path, pixels.shape[:2], [pixels], profile)
 
@@ -155,20 +155,20 @@ def write_png_bands(
     path: str | os.PathLike[str], size: tuple[int, ...], bands: Iterable[PixelsInt], profile: bytes | None = None
 ) -> None:
     """Write a PNG as `write_png`, whose rows come in bands (rows, w, 1, 3 or 4), from the top."""
-    made = iter(bands)
-    first = next(made)
+    remaining = iter(bands)
+    first = next(remaining)
     if first.dtype not in (np.uint8, np.uint16) or first.ndim != 3 or first.shape[2] not in (1, 3, 4):
         raise ValueError(f"pixels must be (h, w, 1, 3 or 4) uint8 or uint16, not {first.shape} {first.dtype}")
     spec = oiio.ImageSpec(size[1], size[0], first.shape[2], first.dtype.name)
     # Half the time of zlib's level 4 without a filter; files are 3 % smaller (photographs) to 11 % larger (windows).
     spec.attribute("compression", "rle")
-    spec.attribute("png:filter", _PNG_AVERAGE)
+    spec.attribute("png:filter", _PNG_FILTER_AVERAGE)
     if profile is None:
         spec.attribute("oiio:ColorSpace", "sRGB")
     else:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
     spec.attribute("oiio:UnassociatedAlpha", 1)  # else colours are divided by alpha on the way out
-    _write(Path(path), ".png", spec, itertools.chain([first], made))
+    _write(Path(path), ".png", spec, itertools.chain([first], remaining))
 
 
 def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) -> None:
@@ -203,7 +203,7 @@ def write_exr_bands(
 def _read(
     path: Path, suffixes: Collection[str], dtype: str, limit: int | None
 ) -> tuple[list[str], npt.NDArray[np.generic]]:
-    """Channel names and (h, w, c) pixels of the first image in a file, turned upright; no dtype: as stored."""
+    """Return channel names and (h, w, c) pixels of the first image in a file, turned upright; no dtype: as stored."""
     _check_input(path, suffixes)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # else colours are multiplied by alpha on the way in
@@ -232,7 +232,7 @@ def _read(
 
 
 def _stored(kind: oiio.TypeDesc) -> str:
-    """Name of the dtype that keeps what is stored: uint8, uint16 or float."""
+    """Return the dtype that keeps what is stored: uint8, uint16 or float."""
     if kind.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
         return "float"
     return "uint8" if kind.basesize() == 1 else "uint16"
@@ -289,7 +289,7 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.ND
 
 
 def _count(mask: npt.NDArray[np.bool_]) -> str:
-    """'3 pixels', from a mask (h, w, 3)."""
+    """Return "3 pixels" of a mask (h, w, 3)."""
     count = int(mask.any(axis=-1).sum())
     return f"{count:,} pixel{'' if count == 1 else 's'}"
 
@@ -298,8 +298,9 @@ _PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksu
 
 
 def is_complete(path: Path, height: int) -> bool:
-    """Whether a file just written has its end: on a full disk OpenImageIO reports success for PNG, and for EXR too
-    where only the last few kilobytes are missing.
+    """Return whether a file just written is complete.
+
+    On a full disk OpenImageIO reports success for PNG, and for EXR too where only the last few kilobytes are missing.
     """
     if path.suffix == ".png":
         with path.open("rb") as file:

@@ -45,7 +45,7 @@ class FileModel:
 
 
 def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
-    """Read the mesh of a model file alone; returns one sentence on its flaws, or None. See `read_model`."""
+    """Return the mesh of a model file, and one sentence on its flaws or None; see `read_model`."""
     model = read_model(path, size_mm, up)
     return model.mesh, next(iter(model.warnings), None)
 
@@ -103,7 +103,7 @@ def builtin_model(size_mm: float, up: str = "y") -> Mesh:
 
 
 def supported_suffixes() -> tuple[str, ...]:
-    """Suffixes, with their dot, that can be read with the packages installed."""
+    """Return the suffixes, with their dot, that can be read with the packages installed."""
     # Points have no surface to render; stl_ascii is a name for export only.
     formats = trimesh.exchange.load.mesh_formats() - {"xyz", "stl_ascii"}
     return tuple(sorted(f".{name}" for name in formats))

@@ -25,12 +25,12 @@ NORMAL_BITS = 10
 
 
 def all_degenerate(path: Path) -> str:
-    """Say that no face has an area."""
+    """Return the sentence that no face has an area."""
     return f"{path} has no face with an area; export it again, without mesh compression."
 
 
 def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners: Ints) -> tuple[Mesh, Ints, str | None]:
-    """Make a `Mesh` of placed vertices and whatever normals (NaN: none) and faces (m, 3) the file has.
+    """Make a `Mesh` of placed vertices (n, 3) with the normals (n, 3), NaN for none, and faces (m, 3) of a file.
 
     Returns
     -------
@@ -59,8 +59,8 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
             found = replace(found, inconsistent_edges=left.inconsistent_edges)
     parts = [_merge_given(group, vertices, normals, faces[given])] if given.any() else []
     if not given.all():
-        used, own = compact(group[faces[~given]], len(first))
-        parts.append(crease_normals(vertices[first[used]], own))
+        used, renumbered = compact(group[faces[~given]], len(first))
+        parts.append(crease_normals(vertices[first[used]], renumbered))
     offsets = np.cumsum([0] + [len(part[0]) for part in parts])
     mesh = Mesh.of(
         np.concatenate([part[0] for part in parts]),

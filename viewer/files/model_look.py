@@ -26,7 +26,7 @@ from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
 Int32 = npt.NDArray[np.int32]
 Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
 
-LARGEST = 8192  # texels a side; larger textures of a file are averaged to fit
+MAX_TEXELS = 8192  # texels a side; larger textures of a file are averaged to fit
 LINEAR_SUFFIXES = (".glb", ".gltf")  # whose vertex colours are linear (glTF 2.0, 3.7.2.1), not sRGB
 TROUBLES = ("image", "materials", "texture")  # words of what trimesh logs where it does without them
 
@@ -42,7 +42,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What a file says of a mesh's surface.
+    """The colours and relief of a mesh's surface, as its file has them.
 
     Attributes
     ----------
@@ -66,17 +66,17 @@ class Look:
     @computed_once
     def has_colours(self) -> bool:
         """Whether the file has colours."""
-        plain = all(each.colour is None and each.factor == (1.0, 1.0, 1.0) for each in self.materials)
+        plain = all(material.colour is None and material.factor == (1.0, 1.0, 1.0) for material in self.materials)
         return not plain or bool((self.colours != 1.0).any())
 
     @property
     def has_relief(self) -> bool:
         """Whether the file has a normal map."""
-        return any(each.normal is not None for each in self.materials)
+        return any(material.normal is not None for material in self.materials)
 
 
 class LookParts:
-    """Takes the parts of a scene as they are joined."""
+    """Collects the look of a scene's parts while these are joined."""
 
     def __init__(self, suffix: str) -> None:
         self._linear = suffix in LINEAR_SUFFIXES
@@ -86,7 +86,7 @@ class LookParts:
         self._mapped = False
 
     def add(self, part: trimesh.Trimesh, faces: Ints) -> Int32:
-        """Take a part; returns the row of each corner of its faces (m, 3), as the file winds them."""
+        """Add a part and return the row of each corner of its faces (m, 3), as the file winds them."""
         (coordinates, colours), rows = self._table(part, faces)
         start = self._starts[-1]
         self._tables.append((coordinates, colours))
@@ -95,7 +95,7 @@ class LookParts:
         return (rows + start).astype(np.int32)
 
     def look(self, rows: Ints) -> Look | None:
-        """Return the whole, by the rows (m, 3) of the faces that were kept; None if it says nothing."""
+        """Return the look of all parts for the rows (m, 3) of the faces that were kept; None where it is plain."""
         pictures = any(m.colour is not None or m.normal is not None for m in self._materials)
         one_factor = len({material.factor for material in self._materials}) == 1
         if one_factor and not pictures and all(len(colours) == 1 for _, colours in self._tables):
@@ -115,8 +115,8 @@ class LookParts:
         visual, n = part.visual, len(part.vertices)
         if visual.kind == "face":
             colours = self._colours(visual.face_colors)
-            each = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
-            return (np.zeros((len(colours), 2), np.float32), colours), each
+            rows = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
+            return (np.zeros((len(colours), 2), np.float32), colours), rows
         uv = getattr(visual, "uv", None)
         given = visual.vertex_colors if visual.kind == "vertex" else None
         if visual.kind == "texture":
@@ -143,19 +143,19 @@ class LookParts:
 def detail_of(
     look: Look | None, mesh: Mesh, name: str, texture: Path | None, normal_map: Path | None, colours: bool, relief: bool
 ) -> tuple[Detail | None, tuple[str, ...]]:
-    """Decode what is wanted of a look, pictures of one's own in place of the file's; and sentences on what failed.
+    """Return the decoded detail of a look, given pictures in place of the file's, and a sentence on each that failed.
 
     Raises
     ------
     InputError
-        If a picture of one's own cannot be read, or there are no texture coordinates to put it on.
+        If a given picture cannot be read, or there are no texture coordinates to put it on.
     """
     for key, path in (("texture", texture), ("normal_map", normal_map)):
         if path is not None and (look is None or not look.mapped):
             raise InputError(f"model.{key} needs texture coordinates, which {name} does not have; unwrap it first")
     if look is None:
         return None, ()
-    own = None if texture is None or not colours else Texture(_picture(texture, "texture"))
+    given = None if texture is None or not colours else Texture(_picture(texture, "texture"))
     bumps = None if normal_map is None or not relief else Texture(_picture(normal_map, "normal_map"), NORMAL)
     troubles: list[str] = []
     decoded: dict[tuple[int, str], Texture | None] = {}  # materials may share a picture
@@ -169,7 +169,7 @@ def detail_of(
     skins = []
     for material in look.materials:
         tinted = colours and texture is None
-        colour = own if texture is not None else decode(material.colour, COLOUR) if tinted else None
+        colour = given if texture is not None else decode(material.colour, COLOUR) if tinted else None
         normal = bumps if normal_map is not None else decode(material.normal, NORMAL) if relief else None
         skins.append(Skin(material.factor if tinted else (1.0, 1.0, 1.0), colour, normal))
     tints = look.colours if colours and texture is None else np.ones_like(look.colours)
@@ -180,7 +180,7 @@ def detail_of(
 
 @contextlib.contextmanager
 def texture_troubles() -> Iterator[list[str]]:
-    """Collect what trimesh does without, in one sentence, while a file is read; nothing is printed."""
+    """Collect, while a file is read, a sentence on textures that trimesh leaves out; nothing is printed."""
     logger, found = logging.getLogger("trimesh"), list[str]()
 
     class Collector(logging.Handler):
@@ -202,7 +202,7 @@ def texture_troubles() -> Iterator[list[str]]:
 
 
 def _material(given: Any) -> Material:
-    """Take a material of trimesh."""
+    """Return a material of trimesh as factor and pictures."""
     parts = getattr(given, "materials", None)  # of several, the first
     given = parts[0] if parts else given
     colour = getattr(given, "baseColorTexture", None) or getattr(given, "image", None)
@@ -241,7 +241,7 @@ def _picture(path: Path, key: str) -> npt.NDArray[np.uint8]:
 
 def _decoded(image: Any, kind: str, troubles: list[str]) -> Texture | None:
     try:
-        shrink = -(-max(image.size) // LARGEST)
+        shrink = -(-max(image.size) // MAX_TEXELS)
         return Texture(np.asarray((image.reduce(shrink) if shrink > 1 else image).convert("RGB"), np.uint8), kind)
     except Exception as problem:  # whatever Pillow's decoders raise
         troubles.append(f"its {kind} texture could not be read ({_reason(problem)}), so it is drawn without")

@@ -18,9 +18,9 @@ from milkglass.core.errors import InputError
 from milkglass.core.threads import thread_pool
 from milkglass.viewer.files.images import PixelsInt, read_photo
 
-LEAST_SIDE = 8  # pixels of the outline's longer side
+MIN_SIDE = 8  # pixels of the outline's longer side
 # Coverage below the first counts as none and above the second as full: what JPEG leaves around an edge.
-NONE, FULL = 0.02, 0.98
+NO_COVERAGE, FULL_COVERAGE = 0.02, 0.98
 _BAND_PIXELS = 1 << 20
 
 
@@ -60,17 +60,17 @@ class Photo:
     def __post_init__(self) -> None:
         # Tables: 8 and 16 bits have few values, and a photograph many pixels.
         object.__setattr__(self, "_linear", linear(_levels(self.pixels)))
-        coverage = np.clip((_levels(self.mask) - NONE) / (FULL - NONE), 0.0, 1.0)
+        coverage = np.clip((_levels(self.mask) - NO_COVERAGE) / (FULL_COVERAGE - NO_COVERAGE), 0.0, 1.0)
         object.__setattr__(self, "_coverage", coverage.astype(np.float32))
 
     @property
     def size(self) -> tuple[int, int]:
-        """Height and width."""
+        """Height and width of the photograph, pixels."""
         return self.pixels.shape[0], self.pixels.shape[1]
 
     @property
     def whole(self) -> Region:
-        """All of it."""
+        """The region of the whole photograph."""
         return Region(0, 0, *self.size)
 
     @property
@@ -82,32 +82,32 @@ class Photo:
         InputError
             If there is none, or it is too small.
         """
-        present = self.mask > int(NONE * np.iinfo(self.mask.dtype).max)
+        present = self.mask > int(NO_COVERAGE * np.iinfo(self.mask.dtype).max)
         rows, columns = np.flatnonzero(present.any(axis=1)), np.flatnonzero(present.any(axis=0))
         if len(rows) == 0:
             raise InputError(f"{self.mask_path} is empty: paint the object white, the rest black")
         region = Region(int(rows[0]), int(columns[0]), int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1)
-        if max(region.height, region.width) < LEAST_SIDE:
+        if max(region.height, region.width) < MIN_SIDE:
             raise InputError(
-                f"{self.mask_path} shows an object of {region.width}x{region.height} pixels: it needs {LEAST_SIDE} at "
+                f"{self.mask_path} shows an object of {region.width}x{region.height} pixels: it needs {MIN_SIDE} at "
                 "least; take a larger photograph"
             )
         return region
 
     def linear(self, region: Region) -> Float32:
-        """Linear RGB of a region in [0, 1]: (height, width, 3)."""
+        """Return linear RGB of a region in [0, 1]: (height, width, 3)."""
         return np.asarray(self._linear.take(_cut(self.pixels, region)))
 
     def linear_at(self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer]) -> Float32:
-        """Linear RGB of k pixels in [0, 1]: (k, 3)."""
+        """Return linear RGB of k pixels in [0, 1]: (k, 3)."""
         return np.asarray(self._linear.take(self.pixels[rows, columns]))
 
     def coverage(self, region: Region) -> Float32:
-        """Share of each pixel that the object covers, as the mask says: (height, width)."""
+        """Return the share of each pixel that the object covers, from the mask: (height, width)."""
         return np.asarray(self._coverage.take(_cut(self.mask, region)))
 
     def reduced(self, region: Region, block: int) -> tuple[Float32, Float32]:
-        """Means over squares of `block` pixels of linear RGB (h, w, 3) and of coverage (h, w).
+        """Return means over squares of `block` pixels of linear RGB (h, w, 3) and of coverage (h, w).
 
         Height and width of the region are multiples of `block`.
         """
@@ -119,9 +119,9 @@ class Photo:
 
 
 def load_photo(path: Path, mask_path: Path | None) -> Photo:
-    """Read a photograph and its mask.
+    """Read a photograph and the mask of its object.
 
-    The mask is white where the object is; one that has an alpha of its own is opaque there instead. None: an empty one.
+    The mask is white where the object is; one with an alpha channel is opaque there instead. None is an empty mask.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def load_photo(path: Path, mask_path: Path | None) -> Photo:
 
 
 def bands(region: Region, block: int = 1) -> Iterator[Region]:
-    """Cut a region into bands of rows, each of a multiple of `block`, from the top."""
+    """Yield the bands of rows of a region, from the top, each a multiple of `block` high."""
     rows = max(1, _BAND_PIXELS // max(1, region.width * block)) * block
     for start in range(0, region.height, rows):
         yield Region(region.top + start, region.left, min(rows, region.height - start), region.width)

@@ -74,7 +74,7 @@ class LightSource:
         return self.shadow.sub_light_count
 
     def entering(self, flux: Float32) -> EnteringLight:
-        """Light of this source that enters with a flux (n, 3) at the surface samples."""
+        """Return the light of this source that enters with a flux (n, 3) at the surface samples."""
         x, y, z = self.vector
         if self.kind == DIRECTIONAL:
             return EnteringLight(flux, direction=(-x, -y, -z))

@@ -15,8 +15,8 @@ CUBE_MARGIN = 1.05  # of the bounding sphere: nearer lights need all six faces o
 # Bounding-sphere radii beyond which a point light's rays are parallel to a fifth of a texel; beyond a thousand times as
 # many, a frustum's float32 depth no longer tells the object's front from its back.
 FAR = 1e4
-WIDE = 2.0  # tangent of a cone's half angle from which on it is no view of its own
-WIDEST = 4.0  # of half a view that holds the object: wider ones are a cube's six faces
+MAX_CONE_TANGENT = 2.0  # of the half angle of a cone that is a view of its own
+MAX_VIEW_TANGENT = 4.0  # of half a view that holds the object: wider ones are a cube's six faces
 CUBE_FACES = (  # forward, up
     ((1, 0, 0), (0, 1, 0)),
     ((-1, 0, 0), (0, 1, 0)),
@@ -28,7 +28,7 @@ CUBE_FACES = (  # forward, up
 
 
 def directional_view(mesh: Mesh, direction: tuple[float, float, float], side: int) -> tuple[list[Array], float]:
-    """Orthographic box around the object seen from a direction, square texels."""
+    """Return the orthographic view of the object from a direction, and the size of its square texels, mm."""
     axes = _axes(-np.asarray(direction, np.float64))
     low, high = _extent(mesh.vertices @ axes)
     half = 0.5 * float((high - low)[:2].max()) * side / (side - 4)  # two texels of margin all around
@@ -43,7 +43,7 @@ def directional_view(mesh: Mesh, direction: tuple[float, float, float], side: in
 
 
 def frustum_view(mesh: Mesh, position: tuple[float, float, float], side: int) -> tuple[list[Array], float]:
-    """One frustum around the bounding sphere of the object, from outside it."""
+    """Return the frustum around the bounding sphere from a place outside, and its texel (mm per mm of depth)."""
     eye = np.asarray(position, np.float64)
     distance = float(np.linalg.norm(eye))
     axes = _axes(-eye)
@@ -53,7 +53,7 @@ def frustum_view(mesh: Mesh, position: tuple[float, float, float], side: int) ->
 
 
 def cube_views(mesh: Mesh, position: tuple[float, float, float], side: int) -> tuple[list[Array], float]:
-    """Six faces of a cube around a light at or inside the object's bounding sphere."""
+    """Return the six views of a cube around a place at or inside the object's bounding sphere, and their texel."""
     eye = np.asarray(position, np.float64)
     far = float(np.linalg.norm(eye)) + mesh.radius
     views = [
@@ -66,7 +66,7 @@ def cube_views(mesh: Mesh, position: tuple[float, float, float], side: int) -> t
 def _perspective(
     eye: Array, axes: Array, tangent: float, near: float, far: float, middle: npt.ArrayLike = (0.0, 0.0)
 ) -> Array:
-    """Frustum of slopes up to `tangent` about `middle` (2,)."""
+    """Return the matrix of a frustum of slopes up to `tangent` about `middle` (2,)."""
     view = np.eye(4)
     view[:3, :3] = axes
     view[3, :3] = -eye @ axes
@@ -78,7 +78,7 @@ def _perspective(
 
 
 def _axes(forward: Array, up: Array | None = None) -> Array:
-    """Columns right, up, backward of a view along `forward`: world to view rotation, row vectors."""
+    """Return the columns right, up, backward of a view along `forward`: world to view rotation, row vectors."""
     back = -forward / np.linalg.norm(forward)
     if up is None:  # the world axis least parallel to the view
         up = np.eye(3)[np.abs(back).argmin()]
@@ -116,7 +116,7 @@ class SoftViews:
 
 
 def soft_views(mesh: Mesh, lights: SubLights) -> SoftViews:
-    """Views from sub-lights: one of each wherever one can hold the object, or the cone of a spot light."""
+    """Return the views from sub-lights: one of each wherever one can hold the object or the cone, else a cube's six."""
     if lights.kind == DIRECTIONAL:
         return _directions(mesh, lights)
     corners = _corners(mesh)
@@ -126,12 +126,12 @@ def soft_views(mesh: Mesh, lights: SubLights) -> SoftViews:
     cone = _cone_tangent(lights) if lights.shape == CONE else np.inf
     views = [_around_object(corners, eye, least) for eye in lights.vectors]
     widest = max(np.inf if view is None else view.tangent for view in views)
-    if cone < min(widest, WIDE):
+    if cone < min(widest, MAX_CONE_TANGENT):
         near = max(0.99 * (float(distance.min()) - mesh.radius), least)
         axes = _axes(np.array(lights.axis))
         matrices = [_perspective(eye, axes, cone, near, far) for eye in lights.vectors]
         return SoftViews(np.array(matrices)[:, None], 2.0 * cone, (near, far))
-    if widest > WIDEST:
+    if widest > MAX_VIEW_TANGENT:
         cubes = [
             [_perspective(eye, _axes(np.array(forward, float), np.array(up, float)), 1.0, least, far)
              for forward, up in CUBE_FACES]
@@ -168,20 +168,20 @@ def _corners(mesh: Mesh) -> Array:
 
 def _around_object(corners: Array, eye: Array, least: float) -> _View | None:
     """Aim a view from a place at the object and fit it; None where it is all around, or nearer than `least` mm."""
-    ways = corners - eye
-    way = np.mean(ways / np.maximum(np.linalg.norm(ways, axis=1), least)[:, None], axis=0)
+    offsets = corners - eye
+    aim = np.mean(offsets / np.maximum(np.linalg.norm(offsets, axis=1), least)[:, None], axis=0)
     for _ in range(2):  # the second time at the middle of what the first one saw
-        if np.linalg.norm(way) < 1e-6:
+        if np.linalg.norm(aim) < 1e-6:
             return None
-        axes = _axes(way)
-        x, y, z = np.einsum("nc,ck->kn", ways, axes)
+        axes = _axes(aim)
+        x, y, z = np.einsum("nc,ck->kn", offsets, axes)
         nearest = -float(z.max())
         if nearest < least:
             return None
         slopes = np.stack([x, y]) / -z
         low, high = slopes.min(axis=1), slopes.max(axis=1)
         aside = np.tan(0.5 * (np.arctan(low) + np.arctan(high)))
-        way = axes @ (*aside, -1.0)
+        aim = axes @ (*aside, -1.0)
     half = max(0.5 * float((high - low).max()), 1e-6)
     return _View(axes, 0.5 * (low + high), half, nearest)
 

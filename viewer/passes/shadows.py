@@ -16,7 +16,7 @@ from milkglass.viewer.passes.shadow_views import CUBE_MARGIN, FAR, cube_views, d
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import SubLights
 
-SIZE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 mm
+MAP_SIDE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class ShadowMap:
 class ShadowsPass:
     """Renders shadow maps."""
 
-    def __init__(self, context: moderngl.Context, size: int = SIZE) -> None:
+    def __init__(self, context: moderngl.Context, size: int = MAP_SIDE) -> None:
         self._context, self._tiles = context, DepthTiles(context)
         self._size = min(size, int(context.info["GL_MAX_TEXTURE_SIZE"]))
         nothing = self._texture((1, 1))

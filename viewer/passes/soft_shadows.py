@@ -16,14 +16,14 @@ from milkglass.viewer.passes.shadow_views import FAR, SoftViews, soft_views
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import PARTS, SubLights
 
-TEXELS = 2560  # a side of all tiles together, about
-LARGEST, SMALLEST = 2048, 448  # texels a side of a tile
-MOST_CUBES = 32  # sub-lights of a light amid the object, each of which takes six views
-TAPS = 64  # of a filter over all sub-lights, about
-LEAST_TAPS, MOST_TAPS = 4, 24
-SAMPLE_TAPS, FEWEST_TAPS = 16, 2  # at a surface sample
-FILTER = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
-THINNEST = 0.0095  # of the longest side: light leaks through thinner walls only
+ATLAS_SIDE = 2560  # texels a side of all tiles together, about
+MAX_TILE, MIN_TILE = 2048, 448  # texels a side of a tile
+MAX_CUBES = 32  # sub-lights of a light amid the object, each of which takes six views
+LIGHT_TAPS = 64  # of a filter over all sub-lights, about
+MIN_TAPS, MAX_TAPS = 4, 24
+SAMPLE_TAPS, MIN_SAMPLE_TAPS = 16, 2  # at a surface sample
+FILTER_RADIUS = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
+MIN_WALL = 0.0095  # of the longest side: light leaks through thinner walls only
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +93,14 @@ class SoftShadow:
             "u_shadow_tiles": self.tiles,
             "u_shadow_texel": self.texel,
             "u_shadow_range": self.range,
-            "u_piece": lights.cell * (FILTER if len(lights) > 1 else 1.0),
+            "u_piece": lights.cell * (FILTER_RADIUS if len(lights) > 1 else 1.0),
             "u_widest": self.widest,
-            "u_taps": int(np.clip(TAPS // len(lights), LEAST_TAPS, MOST_TAPS)),
+            "u_taps": int(np.clip(LIGHT_TAPS // len(lights), MIN_TAPS, MAX_TAPS)),
         }
 
     def sample_uniforms(self) -> dict[str, object]:
         """Return the values for surface samples: steps from sub-light to sub-light are smoothed by transport anyway."""
-        taps = max(FEWEST_TAPS, SAMPLE_TAPS // len(self.lights))
+        taps = max(MIN_SAMPLE_TAPS, SAMPLE_TAPS // len(self.lights))
         return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
 
     def depth_uniforms(self) -> dict[str, object]:
@@ -131,15 +131,16 @@ class SoftShadowsPass:
         count = len(lights) * views
         columns = int(np.ceil(np.sqrt(count)))
         tiles = columns, -(-count // columns)
-        side = int(np.clip(TEXELS / np.sqrt(count), SMALLEST, LARGEST)) // 8 * 8
+        side = int(np.clip(ATLAS_SIDE / np.sqrt(count), MIN_TILE, MAX_TILE)) // 8 * 8
         side = min(side, self._largest // columns)
         matrices, texel = placed.tiles(side)
         size = side * tiles[0], side * tiles[1]
         texture = self._tiles.texture(size, "the shadow maps of a light")
         seen = yield from self._tiles.steps(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
         table = self._table(lights, matrices)
-        told, widest = bodies is not None, THINNEST * longest_side(mesh)
-        return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, seen, told)
+        widest = MIN_WALL * longest_side(mesh)
+        tells_bodies = bodies is not None
+        return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, seen, tells_bodies)
 
     def _table(self, lights: SubLights, matrices: Array) -> moderngl.Texture:
         """(n, 1 + 8 views, 4): see shadows_soft.glsl."""
@@ -159,7 +160,7 @@ def divided(light: Light, count: int, mesh: Mesh) -> tuple[SubLights, SoftViews]
     far = FAR * mesh.radius  # from there on its rays count as parallel
     lights = light.sub_lights(count, far)
     placed = soft_views(mesh, lights)
-    if count > MOST_CUBES and placed.matrices.shape[1] > 1:
-        lights = light.sub_lights(MOST_CUBES, far)
+    if count > MAX_CUBES and placed.matrices.shape[1] > 1:
+        lights = light.sub_lights(MAX_CUBES, far)
         placed = soft_views(mesh, lights)
     return lights, placed

@@ -19,12 +19,12 @@ from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
-MAX_IRRADIANCE = 1e9  # that a light may have
+MAX_IRRADIANCE = 1e9  # of a directional light
 SHADOWS = {Stage.LIGHT: Stage.LIGHT_SHADOW, Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW}
 
 
 class Lamps:
-    """Makes the sources of lamps, in one OpenGL context."""
+    """Makes light sources of the lights of a scene, with their shadow maps, in one OpenGL context."""
 
     def __init__(self, context: moderngl.Context, stages: Stages) -> None:
         self._run, self._spread = stages.run, stages.spread
@@ -33,7 +33,7 @@ class Lamps:
 
     @property
     def no_shadow(self) -> ShadowMap:
-        """What casts none."""
+        """The shadow map of a source that casts no shadow."""
         return self._shadows.none
 
     def source(
@@ -47,7 +47,7 @@ class Lamps:
     ) -> LightSource:
         """Return the source of a light in world space; `bodies` as of `viewer.passes.shadows.ShadowsPass.render`.
 
-        Its shadow knows no brightness: a brighter light casts it no second time.
+        Shadow maps do not depend on brightness: they are kept while that alone changes.
         """
         count = 0 if light.is_sharp else light.sub_light_count(mesh.radius, draft)
         unit = light.brightened((1.0, 1.0, 1.0))
@@ -67,7 +67,7 @@ class Lamps:
 
 
 class Surround:
-    """Makes the sources of light of an environment, in one OpenGL context."""
+    """Makes the light sources of an environment, in one OpenGL context."""
 
     def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, lamps: Lamps) -> None:
         self._context, self._run = context, stages.run
@@ -80,7 +80,7 @@ class Surround:
         return self._run(Stage.PROBE, [source], lambda: self._assets.probe(source))
 
     def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
-        """Return the sources of its probe that shine as lamps, and the probe of the rest; None where no light is."""
+        """Return the sources of the probe that shine as lamps, and the probe of the rest; None if nothing shines."""
         if not shines(environment):
             return None
         key = [self.probe(environment), environment.extract]
@@ -96,9 +96,9 @@ class Surround:
         self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
         bodies: moderngl.Buffer | None, occlusion: Occlusion | None, draft: bool,
     ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
-        """Return an environment's sources of light, lamps with shadow maps first, and highlights of what is no lamp.
+        """Return the light sources of an environment, lamps first, and the probe of the rest filtered for highlights.
 
-        `bodies` as of `viewer.passes.shadows.ShadowsPass.render`; `occlusion` of the rest.
+        `bodies` as of `viewer.passes.shadows.ShadowsPass.render`; `occlusion` is of the rest.
         """
         if not shines(environment):
             return [], None

@@ -10,7 +10,7 @@ from milkglass.viewer.gl.buffers import MeshBuffers, SampleBuffers
 from milkglass.viewer.gl.context import latlong_texture
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.light_source import lamp
-from milkglass.viewer.passes.shadows import SIZE, ShadowsPass
+from milkglass.viewer.passes.shadows import MAP_SIDE, ShadowsPass
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from tests.support.rendering import random_samples
 from tests.support.shapes import ball, plate
@@ -74,7 +74,7 @@ def test_a_light_in_the_bounding_sphere_needs_six_views(context, shadows, light,
     mesh = ball(20.0, 3)
     shadow = shadows.render(MeshBuffers(context, mesh), mesh, light)
     assert shadow.views == views
-    assert shadow.texture.size == ((SIZE, SIZE) if views == 1 else (SIZE // 2 * 3, SIZE // 2 * 2))
+    assert shadow.texture.size == ((MAP_SIDE, MAP_SIDE) if views == 1 else (MAP_SIDE // 2 * 3, MAP_SIDE // 2 * 2))
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_one_view_holds_the_whole_object_with_two_texels_to_spare(context, shado
     clip = np.c_[mesh.vertices.astype(np.float64), np.ones(len(mesh.vertices))] @ shadow.world_to_clip[0]
     assert np.all(clip[:, 3] > 0.0)
     window = clip[:, :3] / clip[:, 3:]
-    assert np.abs(window[:, :2]).max() <= 1.0 - 4.0 / SIZE + 1e-6
+    assert np.abs(window[:, :2]).max() <= 1.0 - 4.0 / MAP_SIDE + 1e-6
     assert np.abs(window[:, 2]).max() < 1.0
 
 
@@ -106,9 +106,9 @@ def test_a_texel_covers_what_it_says(context, shadows):
     """Neighbouring texels of a directional map lie `texel` mm apart on a surface that faces the light."""
     mesh = ball(20.0, 4)
     shadow = shadows.render(MeshBuffers(context, mesh), mesh, DirectionalLight((0.3, 0.4, 1.0)))
-    per_mm = np.linalg.norm(shadow.world_to_clip[0][:3, :2], axis=0) * SIZE / 2
+    per_mm = np.linalg.norm(shadow.world_to_clip[0][:3, :2], axis=0) * MAP_SIDE / 2
     np.testing.assert_allclose(shadow.texel * per_mm, 1.0, rtol=1e-6)
-    np.testing.assert_allclose(shadow.texel, 20.0 / (SIZE - 4), rtol=2e-3)
+    np.testing.assert_allclose(shadow.texel, 20.0 / (MAP_SIDE - 4), rtol=2e-3)
 
 
 # Visibility
@@ -123,7 +123,7 @@ def test_the_shadow_of_a_square_is_a_square(irradiance_of, direction):
     actual = irradiance_of(mesh, samples, light)
     offset = samples.points[:, :2] + 5.0 * towards[:2] / towards[2]
     edge = np.abs(offset).max(axis=1) - 5.0  # < 0 in the shadow
-    margin = 3.0 * 60.0 / SIZE / towards[2]
+    margin = 3.0 * 60.0 / MAP_SIDE / towards[2]
     np.testing.assert_allclose(actual[edge < -margin], 0.0)
     np.testing.assert_allclose(actual[edge > margin], expected, rtol=1e-5)
     assert np.mean(np.abs(edge) <= margin) < 0.15
@@ -199,7 +199,7 @@ def test_a_light_without_a_shadow_reaches_everything_that_faces_it(context, shad
 
 
 def test_the_smallest_map_still_works(context, shapes):
-    """A GPU's limit, or a caller, may ask for less than SIZE."""
+    """A GPU's limit, or a caller, may ask for less than MAP_SIDE."""
     mesh = shapes["ball"]
     coarse = ShadowsPass(context, 64)
     shadow = coarse.render(MeshBuffers(context, mesh), mesh, DirectionalLight((0.0, 0.0, 1.0)))

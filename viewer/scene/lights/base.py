@@ -51,7 +51,7 @@ def intensity_setting(why: str = "") -> Any:
 
 @dataclass(frozen=True)
 class Light(ABC):
-    """A light of a scene, of any kind.
+    """A light of a scene, of any kind; immutable, and equal to one of equal values.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """Lights with a size as sub-lights: points or directions spread evenly over it, each with an equal share.
 
-The same places for the same light, so that nothing flickers; the first tell of all of it as well as their number lets
-them (a spiral over a disc, a Fibonacci lattice over a rectangle). Mirrors shaders/light/arrival_soft.glsl.
+The same light has the same sub-lights, so that nothing flickers. They are low-discrepancy point sets (a golden spiral
+over a disc, a Fibonacci lattice over a rectangle). Mirrors shaders/light/arrival_soft.glsl.
 """
 
 from dataclasses import dataclass
@@ -16,30 +16,30 @@ Vector = tuple[float, float, float]
 
 DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # kinds of light; the last has no sub-lights
 EVEN, SPHERE, FACE, CONE, BALL = range(5)  # shapes
-GOLDEN = 0.6180339887498949  # turns: 1 - this is the golden angle's share
+GOLDEN_RATIO = 0.6180339887498949  # its fractional part; in turns, 1 less it is the golden angle
 PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out
 
 
 @dataclass(frozen=True, eq=False)
 class SubLights:
-    """What stands for one light with a size.
+    """The points or directions that stand for one light, each with an equal share of it.
 
     Attributes
     ----------
     kind : int
         DIRECTIONAL or POINT.
     vector : 3 floats
-        Unit, towards its middle; or where that is, mm.
+        Of the light: the unit direction towards its middle, or the place of its middle, mm.
     vectors : (n, 3) float64
         The same of each sub-light.
     colour : 3 floats
-        Irradiance or intensity of all together, so that a surface that faces the light and sees it all gets it.
+        Irradiance or radiant intensity of all sub-lights together, as a surface receives it that faces the whole light.
     cell : float
         Radius of the disc that has a sub-light's share of the light: radians or mm.
     shape : int
         EVEN, SPHERE, FACE, CONE or BALL, a sphere in patches of its surface.
     axis : 3 floats
-        Unit, the way it shines; of FACE and CONE.
+        Unit direction in which a FACE or a CONE shines.
     cone : 2 floats
         Cosines to the axis where a CONE is dark, and from where on it is not dimmed.
     radius : float
@@ -60,13 +60,13 @@ class SubLights:
         return len(self.vectors)
 
     def emission(self, i: int, points: npt.ArrayLike) -> Array:
-        """Irradiance of a sub-light over its share of `colour`, on surfaces at points (n, 3) that face it: (n,)."""
+        """Return the irradiance (n,) of sub-light i over its share of `colour`, at points (n, 3) that face it."""
         points = np.asarray(points, np.float64)
         if self.kind == DIRECTIONAL:
             return np.ones(len(points))
-        way = self.vectors[i] - points
-        distance2 = np.maximum(np.einsum("ij,ij->i", way, way), 1e-12)
-        along = -(way @ np.array(self.axis)) / np.sqrt(distance2)
+        towards = self.vectors[i] - points
+        distance2 = np.maximum(np.einsum("ij,ij->i", towards, towards), 1e-12)
+        along = -(towards @ np.array(self.axis)) / np.sqrt(distance2)
         if self.shape == FACE:
             return np.asarray(np.maximum(along, 0.0) / distance2)
         if self.shape == CONE:
@@ -75,7 +75,8 @@ class SubLights:
             return np.asarray(t * t * (3.0 - 2.0 * t) / distance2)
         if self.shape == BALL:
             normal = (self.vectors[i] - np.array(self.vector)) / self.radius
-            return np.asarray(4.0 * np.maximum(-(way @ normal), 0.0) / distance2**1.5)
+            return np.asarray(4.0 * np.maximum(-(towards @ normal), 0.0) / distance2**1.5)
+        # A sphere: 2 (1 - cos a) / sin^2 a / d^2 at an angular radius a, sin a = radius / d (arrival_soft.glsl).
         centre2 = np.maximum(np.square(np.array(self.vector) - points).sum(axis=1), max(self.radius**2, 1e-12))
         return np.asarray(2.0 / (1.0 + np.sqrt(1.0 - self.radius**2 / centre2)) / centre2)
 
@@ -95,7 +96,7 @@ def spiral(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.float
     `i` (n,) counts them from 1/2 on.
     """
     first, second = across(axis[None])
-    angle = 2.0 * np.pi * GOLDEN * i
+    angle = 2.0 * np.pi * GOLDEN_RATIO * i
     circle = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     return np.asarray(radii[:, None] * circle)
 
@@ -103,4 +104,4 @@ def spiral(axis: Array, radii: npt.NDArray[np.floating], i: npt.NDArray[np.float
 def lattice(count: int) -> Array:
     """Return the points of a Fibonacci lattice in the square [-1/2, 1/2]^2: (n, 2)."""
     i = np.arange(count) + 0.5
-    return np.stack([i / count, (i * GOLDEN) % 1.0], axis=1) - 0.5
+    return np.stack([i / count, (i * GOLDEN_RATIO) % 1.0], axis=1) - 0.5
