@@ -1,4 +1,4 @@
-"""Lights of the benchmark: directional ones from the front, from behind and through slats, and a sky of our own."""
+"""Lights of the benchmark: directional ones from the front, from behind and through slats, and an analytic sky."""
 
 import functools
 from dataclasses import dataclass
@@ -22,33 +22,33 @@ HAZE = 0.15  # sine of the elevation over which ground turns into sky
 
 
 class Surface(Protocol):
-    """Places on a surface, whichever kind of samples or sources they are."""
+    """Places on a surface: samples or sources."""
 
     @property
     def points(self) -> npt.NDArray[np.floating]:
-        """(n, 3), mm."""
+        """Points (n, 3), mm."""
 
     @property
     def normals(self) -> npt.NDArray[np.floating]:
-        """(n, 3), unit."""
+        """Unit normals (n, 3)."""
 
 
 class BenchLight(Protocol):
-    """What the error sweep lights shapes with."""
+    """A light of the error sweep."""
 
     @property
     def name(self) -> str:
-        """In tables and files."""
+        """Name of the light in tables and files."""
 
     @property
     def sharp(self) -> bool:
         """Whether it casts shadows."""
 
     def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """E that enters at the places, (n, 3)."""
+        """Return the irradiance E that enters at the places, (n, 3)."""
 
     def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
-        """Thickness (n,) of the sheet between the places and where light enters, mm, and E (n, 3) over there."""
+        """Return the thickness (n,), mm, of the thin slab that light crosses to the places, and E (n, 3) beyond it."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class Directional:
 
     @property
     def sharp(self) -> bool:
-        """Always."""
+        """Whether it casts shadows: it does."""
         return True
 
     def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """E at the places, (n, 3), shadows cast by rays."""
+        """Return E at the places, (n, 3), with shadows cast by rays."""
         normals = getattr(places, "face_normals", places.normals)  # rays start on the outer side of the faces
         entering = occluder.irradiance(places.points, places.normals, normals, self.direction, np.ones(3), eta)
         return np.asarray(entering * self._slats(places.points)[:, None])
@@ -73,7 +73,7 @@ class Directional:
     def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
         """See `BenchLight.across`.
 
-        As sheet.glsl has it: for places that face away from the light; 0 where there is no sheet.
+        As in sheet.glsl, for places that face away from the light; 0 where there is no thin slab.
         """
         towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
         other = rays.other_side(places.points, places.normals, towards, reach)
@@ -81,7 +81,7 @@ class Directional:
         return other.thickness, np.tile(entering[:, None], 3)
 
     def _slats(self, points: npt.NDArray[np.floating]) -> Array:
-        """1 in the light and 0 in the shadow of the bars, (n,)."""
+        """Return 1 in the light and 0 in the shadow of the bars, (n,)."""
         if self.stripe <= 0.0:
             return np.ones(len(points))
         across = np.cross([0.0, 1.0, 0.0], self.direction)
@@ -91,26 +91,26 @@ class Directional:
 
 @dataclass(frozen=True)
 class Sky:
-    """The environment of `sky_pixels` alone, not occluded and without sheets, as in pictures."""
+    """The environment of `sky_pixels` alone, not occluded and without thin slabs, as in pictures."""
 
     name: str
 
     @property
     def sharp(self) -> bool:
-        """Never."""
+        """Whether it casts shadows: it does not."""
         return False
 
     def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """E at the places, (n, 3), by their normals alone."""
+        """Return E at the places, (n, 3), by their normals alone."""
         return lookup(_sky_table(eta), places.normals)
 
     def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
-        """Nothing."""
+        """See `BenchLight.across`; 0 throughout."""
         return np.zeros(len(places.points)), np.zeros((len(places.points), 3))
 
 
 def sky_pixels(height: int = SKY_HEIGHT) -> Float32:
-    """Radiance of a sky with a soft sun over dark ground: (height, 2 height, 3) lat-long map, row 0 at +y."""
+    """Return the radiance of a sky with a soft sun over dark ground: (height, 2 height, 3), lat-long, row 0 at +y."""
     v, u = ((np.arange(n) + 0.5) / n for n in (height, 2 * height))
     direction = latlong_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
     up = direction[..., 1:2]

@@ -69,12 +69,12 @@ def scene_options(
     start: Scene | None = None,
     also: Sequence[Flag] = (),
 ) -> Callable[..., None]:
-    """Give a command all shared options; it receives the scene they describe as its first argument.
+    """Return a command with all shared options, which receives the scene that they describe as its first argument.
 
-    Those whose parameters are to be left out, it has not; `also` are more of them. `start` is what the options change
-    where no scene file is.
+    `leave_out` names parameters of options that it does not have, `also` are further options. `start` is the scene that
+    options change where no scene file is given.
     """
-    own = list(inspect.signature(command).parameters.values())[1:]
+    particular = list(inspect.signature(command).parameters.values())[1:]
     shared = [parameter for parameter in _parameters(also) if parameter.name not in leave_out]
 
     def with_scene(**values: Any) -> None:
@@ -83,7 +83,7 @@ def scene_options(
 
     with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
     keyword = inspect.Parameter.KEYWORD_ONLY
-    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *own]]
+    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *particular]]
     with_scene.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
     with_scene.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return with_scene
