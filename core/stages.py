@@ -15,7 +15,7 @@ Steps = Generator[None, None, T]  # work that yields wherever it may be left for
 class Part(StrEnum):
     """A part of the pipeline: what a setting moves is declared by it, and every stage belongs to one."""
 
-    OBJECT = "object"  # of a photograph: made, it has a path of its own, which is how the shape follows
+    OBJECT = "object"  # of a photograph: made anew, it is another mesh, which is how the shape follows
     SHAPE = "shape"  # the mesh
     BODIES = "bodies"  # which of it scatters light together
     SAMPLES = "samples"  # of its surface, as dense as transport's nodes ask for

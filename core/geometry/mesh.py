@@ -36,11 +36,14 @@ class Mesh:
     vertices : (n, 3) float32, mm
     normals : (n, 3) float32, unit, outward
     faces : (m, 3) int32, counter-clockwise seen from outside
+    closed : bool
+        Whether the mesh is closed by construction, so that nobody needs to measure it; False says nothing.
     """
 
     vertices: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
     faces: npt.NDArray[np.int32]
+    closed: bool = False
 
     def __post_init__(self) -> None:
         casts = {"vertices": np.float32, "normals": np.float32, "faces": np.int32}

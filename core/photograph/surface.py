@@ -6,7 +6,7 @@ well as anything, and what is behind it, nobody saw. As smooth as that is, it ha
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -113,7 +113,7 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
     place_behind[:, 2] = back.ravel()
     used, faces = compact(np.concatenate([front_faces, back_faces]), 2 * h * w)
     vertices = np.concatenate([place, place_behind])[used] * spacing
-    return Mesh.of(vertices, vertex_normals(vertices, faces), faces)
+    return replace(Mesh.of(vertices, vertex_normals(vertices, faces), faces), closed=True)
 
 
 def _rows_and_columns(outline: Outline) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from milkglass.viewer.assets.keeper import PartedProbe
+from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.sources import probe_lamps

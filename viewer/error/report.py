@@ -26,7 +26,7 @@ from milkglass.core.reference.transport_error import Beam, find_truth, transport
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.separate import AnySolution
-from milkglass.viewer.assets.keeper import PartedProbe
+from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
 from milkglass.viewer.error.map import error_map
 from milkglass.viewer.error.point_exitance import scene_exitance

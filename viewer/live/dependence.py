@@ -1,7 +1,23 @@
 """What a picture depends on, for deciding what to do again."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.quality import sample_spacing
+from milkglass.viewer.assets.sources import (
+    BodiesOf,
+    DetailOf,
+    PartsOf,
+    ProfileFile,
+    RoughnessOf,
+    RowSumsOf,
+    SamplesOf,
+    Source,
+    model_source,
+    probe_source,
+)
+from milkglass.viewer.render.lighting import quality_of
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.keys import version
 from milkglass.viewer.scene.scene import Scene
@@ -11,6 +27,33 @@ from milkglass.viewer.scene.settings import CameraSettings
 def files(scene: Scene) -> tuple[object, ...]:
     """Everything that has to be read or sampled before a scene can be lit."""
     return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport, scene.detail
+
+
+def scene_sources(scene: Scene, assets: Assets, *, draft: bool = False) -> Iterator[Source[object]]:
+    """Yield the sources of all that lighting a scene needs, each once those before it are at hand.
+
+    A draft lights whatever samples there are.
+    """
+    model, environment, table = model_source(scene.model), scene.environment, scene.material.table_in_use
+    yield model
+    yield DetailOf.asked(scene.model, scene.detail)
+    if environment.given:
+        yield (probe := probe_source(environment))
+        if environment.extract:
+            yield PartsOf(assets.get(probe))
+    if table is not None:
+        yield ProfileFile(table)
+    mesh = assets.get(model).mesh
+    if scene.separate:
+        yield BodiesOf(mesh)
+    if scene.transport.facts.on_open_surface is not None:
+        yield RowSumsOf(mesh, scene.separate)
+    if draft:
+        return
+    settings = assets.possible(scene.transport, mesh, scene.separate)
+    if settings.facts.needs_roughness:
+        yield RoughnessOf(mesh)
+    yield SamplesOf(mesh, sample_spacing(mesh, settings, quality_of(scene, mesh, assets).resolution))
 
 
 def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:

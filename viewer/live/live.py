@@ -11,16 +11,14 @@ from dataclasses import replace
 
 import moderngl
 
-from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import Timings, Unfinished
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.quality import sample_spacing
-from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, turned
+from milkglass.viewer.assets.sources import LobesOf
+from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, scene_sources, turned
 from milkglass.viewer.live.draft import Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.visibility import VisibilityJob
 from milkglass.viewer.passes.gather import Gather
-from milkglass.viewer.render.lighting import quality_of
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.render.renderer import Renderer
@@ -178,35 +176,17 @@ class Live:
         return replace(self._ready, camera=scene.camera, display=display)
 
     def _has_files(self, scene: Scene, detail: Detail) -> bool:
-        assets, table = self.assets, scene.material.table_in_use
-        if not (assets.has_detail(scene.model, scene.detail) and assets.has_surround(scene.environment)):
-            return False
-        mesh, _ = assets.mesh(scene.model)
-        if not assets.has_profile_table(table) or (scene.separate and not assets.has_bodies(mesh)):
-            return False
-        if scene.transport.facts.on_open_surface is not None and not assets.has_row_sums(mesh, scene.separate):
-            return False
-        settings = assets.possible(scene.transport, mesh, scene.separate)
-        rough = not settings.facts.needs_roughness or assets.has_roughness(mesh)
-        return detail.draft or (rough and assets.has_samples(mesh, self._sample_spacing(scene, mesh)))
+        return all(self.assets.has(source) for source in scene_sources(scene, self.assets, draft=detail.draft))
 
     def _read(self, scene: Scene) -> None:
         self._failed = scene
-        mesh, _ = self.assets.mesh(scene.model)
-        self.assets.detail(scene.model, scene.detail)
-        if scene.separate:
-            self.assets.bodies(mesh)
-        if scene.environment.source is not None:
-            lobes = self.assets.lobes(self.assets.surround(scene.environment)[1])
+        for source in scene_sources(scene, self.assets):
+            self.assets.get(source)
+        if scene.environment.given:
+            lobes = self.assets.get(LobesOf(self.assets.surround(scene.environment)[1]))
             if scene.specular.strength > 0.0:
                 lobes.prepare(scene.specular.shininess)
-        scene.material.profiles(self.assets.profile_table)
-        self.assets.samples(mesh, self._sample_spacing(scene, mesh))  # and what chooses the resolution before
         self._failed = None
-
-    def _sample_spacing(self, scene: Scene, mesh: Mesh) -> float:
-        settings = self.assets.possible(scene.transport, mesh, scene.separate)
-        return sample_spacing(mesh, settings, quality_of(scene, mesh, self.assets).resolution)
 
     # light and transport
 

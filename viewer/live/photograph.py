@@ -81,7 +81,7 @@ class PhotoLive(Live):
         assert self.finished is not None
         (made, scene), lit = self.shown, self.finished.lit
         exposure = scene.display.key / KEY
-        if scene.environment.path == made.light_path and scene.environment.intensity > 0.0:
+        if scene.environment.probe is made.light and scene.environment.intensity > 0.0:
             return exposure
         # Seen are just those that face the camera: a height field hides nothing of itself.
         seen = lit.samples.normals[:, 2].clip(0.0)
@@ -99,7 +99,7 @@ class PhotoLive(Live):
         if newest is None:
             return None
         drawn, lit, gather = newest
-        made = self._work.assets.made_of(lit.model.mesh)
+        made = self._work.object_of(lit.model.mesh)
         if made is None:  # the other half of a split view, left behind by several
             return None
         assert self._work.made is not None

@@ -3,16 +3,13 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.light.probe import Probe
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.files.model import FileModel
 from milkglass.viewer.files.photograph import Photo
 from milkglass.viewer.live.live import KEEP
 from milkglass.viewer.photograph.cut import Box, cut_out
@@ -20,7 +17,6 @@ from milkglass.viewer.photograph.edit import placed_scene
 from milkglass.viewer.photograph.made import MADE, Made, Wanted, make_object
 from milkglass.viewer.photograph.mask import PaintedMask
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import ModelSettings
 
 FIXED = "the camera is the photograph's: it cannot be moved"
 
@@ -30,47 +26,6 @@ LARGEST = 0.25  # likewise, of the photograph's longer side
 
 
 TOOLS = ("brush", "box")
-
-
-class PhotoAssets(Assets):
-    """Assets that know the objects made last, and their light, by their names."""
-
-    def __init__(self) -> None:
-        super().__init__(KEEP)
-        self._made: tuple[Made, ...] = ()
-
-    def take(self, made: Made) -> None:
-        """Know an object; the last few stay, for as long as they are on screen or on their way there."""
-        self._made = (*self._made[1 - MADE :], made)
-
-    def made_of(self, mesh: Mesh) -> Made | None:
-        """Return the object that a mesh is of."""
-        return next((made for made in self._made if made.geometry.mesh is mesh), None)
-
-    def has_mesh(self, settings: ModelSettings) -> bool:
-        """Whether `mesh` would return at once."""
-        return any(made.path == settings.path for made in self._made) or super().has_mesh(settings)
-
-    def probe(self, source: Path | str) -> Probe:
-        """Return the light of an object, or another light probe."""
-        made = next((made for made in self._made if made.light_path == source), None)
-        return super().probe(source) if made is None else made.light
-
-    def has_probe(self, source: Path | str) -> bool:
-        """Whether `probe` would return at once."""
-        return any(made.light_path == source for made in self._made) or super().has_probe(source)
-
-    def _model(self, settings: ModelSettings) -> FileModel:
-        made = next((made for made in self._made if made.path == settings.path), None)
-        return super()._model(settings) if made is None else FileModel(made.geometry.mesh)
-
-    def row_sums(self, mesh: Mesh, separate: bool = False) -> npt.NDArray[np.float64]:
-        """Return what they are: the object is closed by construction."""
-        return np.full(1, -0.5)
-
-    def has_row_sums(self, mesh: Mesh, separate: bool = False) -> bool:
-        """Whether `row_sums` would return at once: always."""
-        return True
 
 
 class PhotoWork:
@@ -95,13 +50,13 @@ class PhotoWork:
         self.made: Made | None = None
         self.trouble = ""
         self.wake: Callable[[], object] = lambda: None  # called from the worker when something is ready
-        self.assets = PhotoAssets()
+        self.assets = Assets(KEEP)
+        self._objects: tuple[Made, ...] = ()  # the last few: on screen, or on their way there
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="photograph")
         self._job: tuple[Wanted, Future[Made]] | None = None
         self._cut: Future[npt.NDArray[np.uint8]] | None = None
         self._answered: Wanted | None = None
         self._masked, self._of_version = photo, 0
-        self._count = 0
 
     @property
     def busy(self) -> bool:
@@ -133,8 +88,7 @@ class PhotoWork:
         if not self._masked.mask.any():
             self.made, self._answered, self.trouble = None, wanted, ""
             return
-        self._count += 1
-        arguments = self._masked, wanted, self._count, self.made
+        arguments = self._masked, wanted, self.made
         self._job = wanted, self._worker.submit(make_object, *arguments)
         self._job[1].add_done_callback(lambda _: self.wake())
 
@@ -145,14 +99,16 @@ class PhotoWork:
             self._cut.add_done_callback(lambda _: self.wake())
 
     def placed(self, scene: Scene) -> Scene:
-        """Return the scene with the object that was made, in its light unless the scene has a probe of its own."""
-        made = self.made
-        assert made is not None
-        placed = placed_scene(scene, made.photo, made.geometry)
-        model = replace(scene.model, path=made.path, builtin=None, texture=None, normal_map=None)
-        if not scene.environment.given:
-            placed = replace(placed, environment=replace(scene.environment, path=made.light_path))
-        return replace(placed, model=model)
+        """Return the scene with the newest object, in its light unless the scene has another environment."""
+        assert self.made is not None
+        placed = placed_scene(scene, self.made.geometry, self.made.light)
+        model = replace(placed.model, texture=None, normal_map=None)
+        environment = replace(placed.environment, extract=scene.environment.extract)
+        return replace(placed, model=model, environment=environment)
+
+    def object_of(self, mesh: Mesh) -> Made | None:
+        """Return the object whose surface a mesh is, if it is one of the last few."""
+        return next((made for made in self._objects if made.geometry.mesh is mesh), None)
 
     def wait(self, timeout: float) -> None:
         """Wait for the worker; for tests and replays."""
@@ -176,7 +132,7 @@ class PhotoWork:
             except InputError as error:
                 self.made, self.trouble = None, str(error)
                 raise
-            self.assets.take(self.made)
+            self._objects = (*self._objects[1 - MADE :], self.made)
 
 
 def eight_bits(mask: npt.NDArray[np.integer]) -> npt.NDArray[np.uint8]:

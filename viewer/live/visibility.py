@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.bake import Cancelled
 from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.sources import VisibilityOf, model_source
 from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.scene.scene import Scene
 
@@ -47,7 +48,7 @@ class VisibilityJob:
     def follow(self, scene: Scene) -> None:
         """Bake for a scene whose mesh is loaded, if it needs that; else give up."""
         mesh = self._assets.mesh(scene.model)[0] if needs_visibility(scene.environment) else None
-        if mesh is not None and self._assets.has_visibility(mesh):
+        if mesh is not None and self._assets.has(VisibilityOf(mesh)):
             mesh = None
         if mesh is self._mesh:
             return
@@ -62,8 +63,8 @@ class VisibilityJob:
         """Whether light is occluded by now: what it depends on beside the scene."""
         return (
             needs_visibility(scene.environment)
-            and self._assets.has_mesh(scene.model)
-            and self._assets.has_visibility(self._assets.mesh(scene.model)[0])
+            and self._assets.has(model_source(scene.model))
+            and self._assets.has(VisibilityOf(self._assets.mesh(scene.model)[0]))
         )
 
     def wait(self, timeout: float) -> None:
@@ -86,7 +87,7 @@ class VisibilityJob:
                 self._wake()
 
         try:
-            self._assets.visibility(mesh, report, cancelled)
+            self._assets.get(VisibilityOf(mesh, report, cancelled))
         except Cancelled:
             return
         except Exception:  # the window goes on without

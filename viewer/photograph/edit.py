@@ -7,25 +7,19 @@ background -> light (`core.photograph.surround`), then the renderer's own pipeli
 
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from pathlib import Path
 from time import perf_counter
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import label
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Float32
 from milkglass.core.display import luminance
-from milkglass.core.geometry.bodies import Bodies
-from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe, irradiance_table, lookup
 from milkglass.core.photograph.light import Shading, light_around
 from milkglass.core.photograph.surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
 from milkglass.core.stages import Stage, Timings
 from milkglass.core.threads import one_blas_thread, thread_pool
-from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.files.model import FileModel
 from milkglass.viewer.files.photograph import Photo, Region
 from milkglass.viewer.gl.context import read_rgba
 from milkglass.viewer.photograph.framing import frame_object
@@ -34,7 +28,7 @@ from milkglass.viewer.render.lighting import Progress
 from milkglass.viewer.render.picture import Frame, read_frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DisplaySettings, ModelSettings
+from milkglass.viewer.scene.settings import DisplaySettings
 
 SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
 NODES = 48  # of diffusion along the object, unless it is told: what they miss is far less than an estimated shape does
@@ -75,32 +69,6 @@ class Edited:
     behind: Float32
     timings: Timings
     warnings: tuple[str, ...]
-
-
-class PhotoAssets(Assets):
-    """Assets whose mesh is the object of a photograph, and whose probe under the photograph's name is its light."""
-
-    def __init__(self, geometry: Geometry, path: Path, light: Probe) -> None:
-        super().__init__()
-        self._mesh, self._path, self._light = geometry.mesh, path, light
-        self._inside = geometry.base > 0.0
-
-    def probe(self, source: Path | str) -> Probe:
-        """Return the photograph's light, or another light probe."""
-        return self._light if source == self._path else super().probe(source)
-
-    def bodies(self, mesh: Mesh) -> Bodies:
-        """Return its bodies: one, where the outline's nodes hang together."""
-        if label(self._inside, np.ones((3, 3)))[1] == 1:
-            return Bodies(np.zeros(len(mesh.faces), np.int32), 1, 0)
-        return super().bodies(mesh)
-
-    def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
-        """Return what they are: the object is closed by construction."""
-        return np.full(1, -0.5)
-
-    def _model(self, settings: ModelSettings) -> FileModel:
-        return FileModel(self._mesh)
 
 
 @one_blas_thread()
@@ -158,11 +126,11 @@ def edit(
     progress("looking at the surround")
     light = lit[0].result()
     lap(Stage.LIGHT)
-    placed = placed_scene(scene, photo, geometry)
-    renderer = Renderer(context, assets=PhotoAssets(geometry, photo.path, light))
+    placed = placed_scene(scene, geometry, light)
+    renderer = Renderer(context)
     renderer.develops = parts
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
-    own = placed.environment.path == photo.path and placed.environment.intensity > 0.0
+    own = placed.environment.probe is light and placed.environment.intensity > 0.0
     # A height field casts short shadows: a window of the surround needs few sub-lights.
     picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True)
     timings |= renderer.timings
@@ -180,8 +148,8 @@ def edit(
     return Edited(photo, geometry, radiance, covered, frame, *kept)
 
 
-def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
-    """Return the scene with the photograph's camera, and its light where there is no other environment.
+def placed_scene(scene: Scene, geometry: Geometry, light: Probe) -> Scene:
+    """Return the scene with a photograph's object and camera, and its light where there is no other environment.
 
     What is bright in the background is behind the object, and need not shine as a lamp: only one in front does.
     """
@@ -189,12 +157,19 @@ def placed_scene(scene: Scene, photo: Photo, geometry: Geometry) -> Scene:
     environment = scene.environment
     if not environment.given:
         sharp = environment.extract and geometry.shading.lamp is not None
-        environment = replace(environment, path=photo.path, extract=sharp)
+        environment = replace(environment, probe=light, extract=sharp)
     transport = scene.transport
     if transport.facts.solves and transport.resolution is None and transport.error_target is None:
         transport = replace(transport, resolution=NODES)
     display = replace(scene.display, image_size=(columns, rows), background="black")
-    return replace(scene, camera=geometry.camera, display=display, environment=environment, transport=transport)
+    return replace(
+        scene,
+        model=replace(scene.model, path=None, builtin=None, mesh=geometry.mesh),
+        camera=geometry.camera,
+        display=display,
+        environment=environment,
+        transport=transport,
+    )
 
 
 def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:

@@ -1,7 +1,7 @@
 """The object of a photograph as a mesh in front of a camera that sees it where the photograph shows it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +136,7 @@ def make_geometry(
         height = given
     mesh = height_surface(outline, height, base, framing.mm)
     centre = mesh.bounds.mean(axis=0)
-    mesh = Mesh(mesh.vertices - centre.astype(np.float32), mesh.normals, mesh.faces)
+    mesh = replace(mesh, vertices=mesh.vertices - centre.astype(np.float32))
     camera = _camera(framing, mesh, centre)
     return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
 

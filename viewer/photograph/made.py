@@ -44,8 +44,6 @@ class Made:
     Attributes
     ----------
     wanted : Wanted
-    path, light_path : Path
-        Names of the object and of its light; no files.
     photo : Photo
     geometry : Geometry
     light : Probe
@@ -56,8 +54,6 @@ class Made:
     """
 
     wanted: Wanted
-    path: Path
-    light_path: Path
     photo: Photo
     geometry: Geometry
     light: Probe
@@ -65,17 +61,16 @@ class Made:
     edges: npt.NDArray[np.uint8]
 
 
-def make_object(photo: Photo, wanted: Wanted, number: int, last: Made | None) -> Made:
+def make_object(photo: Photo, wanted: Wanted, last: Made | None) -> Made:
     """Make the object, with what can stay of the last one; in the worker."""
     framing = frame_object(photo, wanted.size_mm)
     geometry = make_geometry(
         photo, framing, wanted.white, strength=wanted.strength, smoothing=wanted.smoothing, depth=wanted.depth
     )
-    path = photo.path.with_name(f"{photo.path.name}#{number}")
     if last is not None and last.wanted.light == wanted.light:
-        return Made(wanted, path, last.light_path, photo, geometry, last.light, last.behind, last.edges)
+        return Made(wanted, photo, geometry, last.light, last.behind, last.edges)
     light = photo_light(photo, geometry.shading, wanted.white)
-    return Made(wanted, path, path, photo, geometry, light, background(geometry), soft_edges(photo))
+    return Made(wanted, photo, geometry, light, background(geometry), soft_edges(photo))
 
 
 def shown_block(photo: Photo) -> int:

@@ -15,8 +15,9 @@ from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
-from milkglass.viewer.assets.keeper import Assets, PartedProbe, shape_of
+from milkglass.viewer.assets.keeper import Assets, shape_of
 from milkglass.viewer.assets.quality import AnyTransport, Quality, make_transport, sample_spacing
+from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import table_texture, volume_texture
 from milkglass.viewer.passes.detail_uniforms import Surface

@@ -16,6 +16,7 @@ from milkglass.core.light.harmonics import rotated
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.sources import VisibilityOf
 from milkglass.viewer.assets.visibility import BakedVisibility, needs_visibility
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.occlusion import Occlusion
@@ -30,7 +31,7 @@ class OcclusionStages:
 
     def known(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
         """Whether what keeps an environment's light from a mesh is wanted, and there or to be waited for."""
-        return needs_visibility(environment) and (self._assets.bakes or self._assets.has_visibility(mesh))
+        return needs_visibility(environment) and (self._assets.bakes or self._assets.has(VisibilityOf(mesh)))
 
     def of(
         self,
@@ -50,7 +51,7 @@ class OcclusionStages:
         def report(share: float) -> None:
             say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
 
-        baked = self._run(Stage.VISIBILITY, [mesh], lambda: self._assets.visibility(mesh, report))
+        baked = self._run(Stage.VISIBILITY, [mesh], lambda: self._assets.get(VisibilityOf(mesh, report)))
         return self._occlusion(baked, buffers, rest(environment), environment.rotation_deg)
 
     def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:

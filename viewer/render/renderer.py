@@ -21,7 +21,8 @@ from milkglass.core.stages import Stages, Timings
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.separate import AnySolution
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
-from milkglass.viewer.assets.keeper import Assets, PartedProbe
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render import memory

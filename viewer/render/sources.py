@@ -8,7 +8,8 @@ from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.probe import Probe, irradiance_table
 from milkglass.core.light.sources import ProbeSource
 from milkglass.core.stages import NumberedStage, Stage, Stages, Steps
-from milkglass.viewer.assets.keeper import Assets, PartedProbe
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.sources import LobesOf, PartedProbe, probe_source
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import latlong_texture
 from milkglass.viewer.passes.light_source import LightSource, lamp, surround
@@ -75,9 +76,8 @@ class Surround:
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
-        source = environment.source
-        assert source is not None
-        return self._run(Stage.PROBE, [source], lambda: self._assets.probe(source))
+        source = probe_source(environment)
+        return self._run(Stage.PROBE, [source], lambda: self._assets.get(source))
 
     def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
         """Return the sources of the probe that shine as lamps, and the probe of the rest; None if nothing shines."""
@@ -119,7 +119,7 @@ class Surround:
             [table, environment, occlusion],
             lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
-        return [*found, around], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.lobes(rest))
+        return [*found, around], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
 
 
 def shines(environment: EnvironmentSettings) -> bool:

@@ -134,9 +134,20 @@ def setting(kind: Kind, default: Any = MISSING, *, moves: Part | tuple[Part, ...
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
+def in_memory(*, moves: Part | tuple[Part, ...]) -> Any:
+    """Return a dataclass field for an object of this process, None by default; no scene file names one."""
+    return field(default=None, metadata={"moves": (moves,) if isinstance(moves, Part) else moves})
+
+
 def settings_of(table: Any) -> dict[str, Setting]:
     """Return the settings of a dataclass (or an instance of one) by key, in the order of the scene file."""
     return {f.name: f.metadata["setting"] for f in fields(table) if "setting" in f.metadata}
+
+
+def moves_of(table: Any) -> dict[str, tuple[Part, ...]]:
+    """Return the parts of the pipeline that the fields of a dataclass move, by key: settings, and what is in memory."""
+    in_memory = {f.name: f.metadata["moves"] for f in fields(table) if "moves" in f.metadata}
+    return {key: declared.moves for key, declared in settings_of(table).items()} | in_memory
 
 
 def check_fields(instance: Any, label: str) -> None:

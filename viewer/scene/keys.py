@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from milkglass.core.stages import Part
-from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.declaration import moves_of
 from milkglass.viewer.scene.settings import TABLES
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def _values(table: Any, parts: frozenset[Part]) -> Key:
 
 @functools.cache
 def _keys(table: type[object], parts: frozenset[Part]) -> tuple[str, ...]:
-    """Return the keys of a table whose settings move one of the parts."""
-    return tuple(key for key, declared in settings_of(table).items() if not parts.isdisjoint(declared.moves))
+    """Return the keys of a table whose values move one of the parts."""
+    return tuple(key for key, moved in moves_of(table).items() if not parts.isdisjoint(moved))
 
 
 def _told_apart(value: object) -> object:

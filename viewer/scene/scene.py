@@ -271,6 +271,8 @@ def _light(content: dict[str, Any], label: str) -> Light:
 
 
 def _to_toml(scene: Scene, base: Path) -> str:
+    if scene.model.mesh is not None or scene.environment.probe is not None:
+        raise InputError("a scene file cannot hold a mesh or a light probe in memory: write it to a file and name that")
     document: dict[str, Any] = {}
     for name in (f.name for f in dataclasses.fields(scene)):
         content = getattr(scene, name)

@@ -6,14 +6,18 @@ table: ``dataclasses.replace(scene.camera, zoom=2.0)``.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.core.transport.methods import DEFAULT_METHOD, METHODS, Method
-from milkglass.viewer.scene.declaration import check_fields, setting
+from milkglass.viewer.scene.declaration import check_fields, in_memory, setting
 from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
+
+if TYPE_CHECKING:
+    from milkglass.core.geometry.mesh import Mesh
+    from milkglass.core.light.probe import Probe
 
 # fmt: off
 # ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
@@ -73,6 +77,7 @@ class EnvironmentSettings:
     occluded: bool = setting(
         "boolean", True, moves=Part.OCCLUSION, why="whether the object is in the way of the light that reaches it"
     )
+    probe: "Probe | None" = in_memory(moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY))  # instead of path and builtin
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -80,9 +85,9 @@ class EnvironmentSettings:
             raise InputError("environment.path and environment.builtin are both given; keep one of them")
 
     @property
-    def source(self) -> Path | str | None:
-        """The file, else the name of the builtin probe; None without an environment."""
-        return self.path or self.builtin
+    def source(self) -> "Probe | Path | str | None":
+        """The probe in memory, else its file or the name of a builtin one; None without an environment."""
+        return self.probe or self.path or self.builtin
 
     @property
     def given(self) -> bool:
@@ -202,6 +207,7 @@ class ModelSettings:
         moves=Part.SURFACE,
         why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
+    mesh: "Mesh | None" = in_memory(moves=Part.SHAPE)  # in world space, instead of path and builtin
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -210,8 +216,8 @@ class ModelSettings:
 
     @property
     def builtin_name(self) -> str | None:
-        """Name of the builtin shape in use, None where a file is."""
-        return (self.builtin or BUILTINS[0]) if self.path is None else None
+        """Name of the builtin shape in use; None where a file or a mesh in memory is."""
+        return (self.builtin or BUILTINS[0]) if self.path is None and self.mesh is None else None
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from milkglass.viewer.assets.quality import (
     sample_spacing,
     survey_spacing,
 )
+from milkglass.viewer.assets.sources import RoughnessOf
 from milkglass.viewer.scene.settings import TransportSettings
 from tests.support.shapes import ball, plate
 
@@ -126,7 +127,7 @@ def test_layered_promises_nothing_and_needs_no_shape():
     assert (quality.method, quality.layers, quality.resolution) == ("layered", 8, 128)
     assert quality.predicted_error is None
     assert quality.warning is None
-    assert not assets.has_roughness(BALL)
+    assert not assets.has(RoughnessOf(BALL))
     chosen = assets.quality(TransportSettings(method="layered", layers=4, resolution=256), profiles(2.0), BALL, True)
     assert (chosen.layers, chosen.resolution) == (4, 256)
 

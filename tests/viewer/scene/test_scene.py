@@ -149,6 +149,15 @@ def test_save_through_a_link(tmp_path):
     assert Scene.load(linked / "s.toml") == Scene.load(real / "s.toml") == scene
 
 
+@pytest.mark.parametrize(
+    "scene", [Scene(model=ModelSettings(mesh=object())), Scene(environment=EnvironmentSettings(probe=object()))]
+)
+def test_what_is_in_memory_is_no_part_of_a_file(tmp_path, scene):
+    with pytest.raises(InputError, match="in memory"):
+        scene.save(tmp_path / "scene.toml")
+    assert not (tmp_path / "scene.toml").exists()
+
+
 def test_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "s.toml"
     Scene().save(path)

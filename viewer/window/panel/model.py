@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from milkglass.viewer.assets.sources import model_source
 from milkglass.viewer.files.model_look import Look
 from milkglass.viewer.gui.controls import RESET_HINT, explained
 from milkglass.viewer.gui.toolkit import imgui
@@ -53,7 +54,7 @@ class ModelSection(Section):
     def _surface(self, live: Live) -> None:
         """Draw the rows for the colours and the relief of the surface."""
         model, controls = self._session.scene.model, self._controls
-        look = live.assets.look(model) if live.assets.has_mesh(model) else None
+        look = live.assets.look(model) if live.assets.has(model_source(model)) else None
         for key, label, fact in PICTURES:
             self._picture(look, key, label, of_file=look is not None and getattr(look, fact))
         colours, relief = missing(look, model.texture is not None, model.normal_map is not None)

@@ -1,0 +1,313 @@
+"""Sources of assets: files, built-in shapes and objects in memory, and what is computed of them.
+
+A source is a value: equal sources give the same asset, which `viewer.assets.keeper.Assets` keeps under its source.
+Meshes and probes compare by identity, and a kept source holds its own: no other can take over its identity.
+"""
+
+import threading
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+
+from milkglass.core.arrays import Array
+from milkglass.core.geometry.bodies import Bodies, find_bodies
+from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
+from milkglass.core.light.highlights import LobeFilter
+from milkglass.core.light.presets import preset
+from milkglass.core.light.probe import Probe
+from milkglass.core.light.sources import ProbeSource, extract
+from milkglass.core.profiles.base import Profiles
+from milkglass.core.transport.accuracy import Roughness, roughness
+from milkglass.core.transport.diffusion.boundary import row_sums
+from milkglass.viewer.assets.quality import Quality, choose_quality, survey_spacing
+from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility
+from milkglass.viewer.files.images import read_radiance
+from milkglass.viewer.files.model import FileModel, builtin_model, read_model
+from milkglass.viewer.files.model_look import detail_of
+from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
+from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
+
+if TYPE_CHECKING:
+    from milkglass.viewer.assets.keeper import Assets
+
+T_co = TypeVar("T_co", covariant=True)
+LoadedDetail = tuple[Detail | None, tuple[str, ...]]
+PartedProbe = tuple[tuple[ProbeSource, ...], Probe]
+
+
+class Source(Hashable, Protocol[T_co]):
+    """What an asset is read from or computed of."""
+
+    def load(self, assets: "Assets") -> T_co:
+        """Read or compute the asset, from other assets where it needs some; raises `InputError` for unusable files."""
+
+
+class ModelSource(Source[FileModel], Protocol):
+    """Source of a model."""
+
+    @property
+    def name(self) -> str:
+        """What sentences about the model call it."""
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A model in a file; parameters and errors as `viewer.files.model.read_model`."""
+
+    path: Path
+    size_mm: float
+    up: str
+
+    @property
+    def name(self) -> str:
+        """What sentences about the model call it."""
+        return str(self.path)
+
+    def load(self, assets: "Assets") -> FileModel:
+        """Read the file."""
+        return read_model(self.path, self.size_mm, self.up)
+
+
+@dataclass(frozen=True)
+class BuiltinModel:
+    """A shape that needs no file, see `viewer.files.model.builtin_model`."""
+
+    shape: str
+    size_mm: float
+    up: str
+
+    @property
+    def name(self) -> str:
+        """What sentences about the model call it."""
+        return f"the built-in {self.shape}"
+
+    def load(self, assets: "Assets") -> FileModel:
+        """Make the shape."""
+        return FileModel(builtin_model(self.size_mm, self.up))
+
+
+@dataclass(frozen=True)
+class ModelInMemory:
+    """A mesh that was computed in this process, as that of a photograph's object."""
+
+    mesh: Mesh
+    name: str = "the model in memory"
+
+    def load(self, assets: "Assets") -> FileModel:
+        """Return the mesh as a model without a look of its own."""
+        return FileModel(self.mesh)
+
+
+@dataclass(frozen=True)
+class ProbeFile:
+    """A light probe in a file; errors as `viewer.files.images.read_radiance`."""
+
+    path: Path
+
+    def load(self, assets: "Assets") -> Probe:
+        """Read the file."""
+        return Probe.from_pixels(read_radiance(self.path))
+
+
+@dataclass(frozen=True)
+class BuiltinProbe:
+    """A light probe that needs no file, see `core.light.presets.preset`."""
+
+    name: str
+
+    def load(self, assets: "Assets") -> Probe:
+        """Compute the probe."""
+        return Probe.from_pixels(preset(self.name))
+
+
+@dataclass(frozen=True)
+class ProbeInMemory:
+    """A light probe that was computed in this process, as the light around a photograph's object."""
+
+    probe: Probe
+
+    def load(self, assets: "Assets") -> Probe:
+        """Return the probe."""
+        return self.probe
+
+
+PROBE_SOURCES = (ProbeFile, BuiltinProbe, ProbeInMemory)
+
+
+@dataclass(frozen=True)
+class ProfileFile:
+    """Measured profiles in a file; errors as `viewer.scene.tables.read_profile_table`."""
+
+    path: Path
+
+    def load(self, assets: "Assets") -> ProfileTable:
+        """Read the file."""
+        return read_profile_table(self.path)
+
+
+@dataclass(frozen=True)
+class DetailOf:
+    """Colours and relief of a model's surface, see `viewer.files.model_look.detail_of`.
+
+    Attributes
+    ----------
+    model : ModelSource
+    texture, normal_map : Path, optional
+        Pictures in place of the file's own.
+    colours, relief : bool
+        Which of them are asked for.
+    """
+
+    model: ModelSource
+    texture: Path | None
+    normal_map: Path | None
+    colours: bool
+    relief: bool
+
+    @classmethod
+    def asked(cls, model: ModelSettings, settings: DetailSettings) -> "DetailOf":
+        """Return the source of the detail that a scene's settings ask for."""
+        shown = settings.albedo != "off", settings.normal_strength > 0.0
+        return cls(model_source(model), model.texture, model.normal_map, *shown)
+
+    def load(self, assets: "Assets") -> LoadedDetail:
+        """Decode the pictures; returns the detail, and sentences on what of it failed."""
+        model = assets.get(self.model)
+        pictures = self.texture, self.normal_map
+        return detail_of(model.look, model.mesh, self.model.name, *pictures, self.colours, self.relief)
+
+
+@dataclass(frozen=True)
+class PartsOf:
+    """A probe's strong small sources and the rest of its light, see `core.light.sources.extract`."""
+
+    probe: Probe
+
+    def load(self, assets: "Assets") -> PartedProbe:
+        """Take the sources out of the probe."""
+        return extract(self.probe)
+
+
+@dataclass(frozen=True)
+class LobesOf:
+    """What prefilters a probe for highlights."""
+
+    probe: Probe
+
+    def load(self, assets: "Assets") -> LobeFilter:
+        """Prepare the filter."""
+        return LobeFilter(self.probe)
+
+
+@dataclass(frozen=True)
+class SamplesOf:
+    """Samples of a mesh's surface, `spacing` mm apart, see `core.geometry.samples.surface_samples`."""
+
+    mesh: Mesh
+    spacing: float
+
+    def load(self, assets: "Assets") -> SurfaceSamples:
+        """Sample the surface."""
+        return surface_samples(self.mesh, self.spacing)
+
+
+@dataclass(frozen=True)
+class BodiesOf:
+    """Connected bodies of a mesh, see `core.geometry.bodies.find_bodies`."""
+
+    mesh: Mesh
+
+    def load(self, assets: "Assets") -> Bodies:
+        """Find the bodies."""
+        return find_bodies(self.mesh)
+
+
+@dataclass(frozen=True)
+class RoughnessOf:
+    """How rough a mesh is, see `core.transport.accuracy.roughness`."""
+
+    mesh: Mesh
+
+    def load(self, assets: "Assets") -> Roughness:
+        """Measure the mesh, by samples that serve most grids too."""
+        return roughness(assets.samples(self.mesh, survey_spacing(self.mesh)), self.mesh.bounds)
+
+
+@dataclass(frozen=True)
+class RowSumsOf:
+    """How closed a mesh is, or each of its bodies if `separate`, see `core.transport.diffusion.boundary.row_sums`."""
+
+    mesh: Mesh
+    separate: bool
+
+    def load(self, assets: "Assets") -> Array:
+        """Measure the mesh, unless it is closed by construction."""
+        if self.mesh.closed:
+            return np.full(1, -0.5)
+        bodies = assets.bodies(self.mesh) if self.separate else None
+        return row_sums(self.mesh, body=None if bodies is None or bodies.count == 1 else bodies.of_face)
+
+
+@dataclass(frozen=True)
+class QualityOf:
+    """Layers and resolution of transport, see `viewer.assets.quality.choose_quality`."""
+
+    settings: TransportSettings
+    profiles: Profiles
+    mesh: Mesh
+    sharp_light: bool
+    separate: bool
+
+    def load(self, assets: "Assets") -> Quality:
+        """Choose the quality, by the shape where the method needs to know it."""
+        mesh, settings = self.mesh, assets.possible(self.settings, self.mesh, self.separate)
+        shape = assets.roughness(mesh) if settings.facts.needs_roughness else None
+        quality = choose_quality(settings, self.profiles, mesh, shape, self.sharp_light)
+        if settings != self.settings:
+            sums = assets.row_sums(mesh, self.separate)
+            quality = replace(quality, open_surface=float(sums[np.abs(sums + 0.5).argmax()]))
+        return quality
+
+
+@dataclass(frozen=True)
+class VisibilityOf:
+    """What a mesh's vertices see of what is around; parameters as of `viewer.assets.visibility.bake_visibility`."""
+
+    mesh: Mesh
+    progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
+    cancelled: threading.Event | None = field(default=None, compare=False)
+
+    def load(self, assets: "Assets") -> BakedVisibility:
+        """Cast the rays; a window, which does not wait for them, may ask for all that they tell at any time."""
+        return bake_visibility(self.mesh, self.progress, self.cancelled, ahead=not assets.bakes)
+
+
+def model_source(settings: ModelSettings) -> ModelSource:
+    """Return the source of a scene's model."""
+    if settings.mesh is not None:
+        return ModelInMemory(settings.mesh)
+    if settings.path is not None:
+        return ModelFile(settings.path, settings.size_mm, settings.up)
+    assert settings.builtin_name is not None
+    return BuiltinModel(settings.builtin_name, settings.size_mm, settings.up)
+
+
+def probe_source(environment: EnvironmentSettings) -> Source[Probe]:
+    """Return the source of the light probe of a scene's environment, which has one."""
+    if environment.probe is not None:
+        return ProbeInMemory(environment.probe)
+    if environment.path is not None:
+        return ProbeFile(environment.path)
+    assert environment.builtin is not None
+    return BuiltinProbe(environment.builtin)
+
+
+def depends_on(source: object, path: Path) -> bool:
+    """Tell whether a source reads a file, or is computed of a model in it."""
+    parts = vars(source).values()
+    return any(part == path or (isinstance(part, ModelFile) and depends_on(part, path)) for part in parts)
