@@ -1,40 +1,45 @@
 """Translucent materials: a scene, its light, transport through the object, and a picture of it.
 
 >>> import milkglass as mg
->>> frame = mg.render(mg.Scene.load("jade.toml"))  # doctest: +SKIP
+>>> scene = mg.Scene(material=mg.MaterialSettings(name="jade"))
+>>> frame = mg.render(scene)  # doctest: +SKIP
+>>> frame.save("jade.exr")  # doctest: +SKIP
 
 Importing this package makes no OpenGL context, loads no numerics and changes nothing for the rest of the process: each
-name is imported when it is asked for.
+name is imported when it is asked for. `render` works in any thread; several take turns.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.core.errors import InputError
-    from milkglass.viewer.render.picture import Frame
-    from milkglass.viewer.render.renderer import Renderer, render, render_image
-    from milkglass.viewer.scene.scene import Scene
+    from milkglass.core.errors import InputError as InputError
+    from milkglass.core.material.library import Material as Material
+    from milkglass.viewer.render.picture import Frame as Frame
+    from milkglass.viewer.render.picture import Still as Still
+    from milkglass.viewer.render.renderer import Renderer as Renderer
+    from milkglass.viewer.render.renderer import render as render
+    from milkglass.viewer.render.renderer import render_image as render_image
+    from milkglass.viewer.scene.library import materials as materials
+    from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
+    from milkglass.viewer.scene.lights import Light as Light
+    from milkglass.viewer.scene.lights import PointLight as PointLight
+    from milkglass.viewer.scene.lights import RectangleLight as RectangleLight
+    from milkglass.viewer.scene.lights import SphereLight as SphereLight
+    from milkglass.viewer.scene.lights import SpotLight as SpotLight
+    from milkglass.viewer.scene.scene import Scene as Scene
+    from milkglass.viewer.scene.scene import default_scene as default_scene
+    from milkglass.viewer.scene.settings import CameraSettings as CameraSettings
+    from milkglass.viewer.scene.settings import DetailSettings as DetailSettings
+    from milkglass.viewer.scene.settings import DisplaySettings as DisplaySettings
+    from milkglass.viewer.scene.settings import EnvironmentSettings as EnvironmentSettings
+    from milkglass.viewer.scene.settings import MaterialSettings as MaterialSettings
+    from milkglass.viewer.scene.settings import ModelSettings as ModelSettings
+    from milkglass.viewer.scene.settings import PhotoSettings as PhotoSettings
+    from milkglass.viewer.scene.settings import SpecularSettings as SpecularSettings
+    from milkglass.viewer.scene.settings import TransportSettings as TransportSettings
+else:
+    __getattr__, __dir__, __all__ = lazy(__name__)
 
-__all__ = ["Frame", "InputError", "Renderer", "Scene", "render", "render_image"]
-
-_HOMES = {
-    "Frame": "viewer.render.picture",
-    "InputError": "core.errors",
-    "Renderer": "viewer.render.renderer",
-    "Scene": "viewer.scene.scene",
-    "render": "viewer.render.renderer",
-    "render_image": "viewer.render.renderer",
-}
-
-
-def __getattr__(name: str) -> Any:
-    # Imported when asked for: the command line's help and tables need neither OpenGL nor FFTW.
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__version__ = "0.1.0"

@@ -1,6 +1,5 @@
 """The command line. Exit codes: 0 done, 1 a comparison failed, 2 bad input (one sentence on stderr)."""
 
-import importlib.metadata
 import os
 import sys
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from milkglass import __version__
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
@@ -61,7 +61,7 @@ def default(
 ) -> None:
     """Show the default scene in a window; without a display, write a picture of it."""
     if version:
-        typer.echo(f"milkglass {_version()}")
+        typer.echo(f"milkglass {__version__}")
     elif context.invoked_subcommand is None:
         if has_display():
             _run_window(default_scene())
@@ -272,13 +272,6 @@ def _compare(picture: Path, reference: Path, threshold: float) -> None:
     images.write_png(difference, result.difference)
     _say(f"{picture} differs from {reference}: {result}, accepted rms {threshold:.4g}; see {difference}")
     raise typer.Exit(1)
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("milkglass")
-    except importlib.metadata.PackageNotFoundError:  # run from the folder, not installed
-        return "(not installed)"
 
 
 def _fail(sentence: str) -> int:

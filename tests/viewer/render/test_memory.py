@@ -46,7 +46,9 @@ def test_a_picture_rendered_alone_is_that_of_a_kept_renderer(context, tmp_path, 
 
 
 def test_a_solution_leaves_no_garbage():
-    channel = SimpleNamespace(scale=2.0, volume=lambda f: f.astype(np.float32), product=lambda f, volume: f + volume)
+    channel = SimpleNamespace(
+        preconditioner=2.0, volume=lambda f: f.astype(np.float32), matvec=lambda f, volume: f + volume
+    )
     right = np.ones(4)
     iteration = Iteration(channel, Start(np.zeros(4), np.zeros(4, np.float32), right, 2.0, 1), 1e-3, 5)
     iteration.advance()
