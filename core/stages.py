@@ -133,11 +133,8 @@ class Stage(StrEnum):
     SOURCES_B = "sources of B", Part.TRANSPORT
     SOLUTION = "solution", Part.TRANSPORT
     LAYER_VOLUME = "layer volume", Part.TRANSPORT
-    LOCAL = "local", Part.TRANSPORT
-    LOCAL_TABLE = "local table", Part.TRANSPORT
     PIXEL_TERMS = "pixel terms", Part.TRANSPORT
     MEAN_FLUENCE = "mean fluence", Part.TRANSPORT
-    BENDING = "bending", Part.TRANSPORT
     PIXEL_TABLES = "pixel tables", Part.TRANSPORT
     BODY_WINDOWS = "body windows", Part.TRANSPORT
     GATHER = "gather", Part.TRANSPORT

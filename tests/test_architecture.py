@@ -4,6 +4,9 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
+from milkglass.core.transport.methods import METHODS
 from milkglass.viewer.scene.lights import LIGHT_KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -27,3 +30,70 @@ def test_kinds_of_light_are_told_apart_in_their_room_only():
         if isinstance(name, ast.Name) and name.id in names
     ]
     assert not found
+
+
+def classes_asked_for(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and name of every class that `isinstance` is asked of."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
+            for part in ast.walk(node.args[1]):
+                if isinstance(part, ast.Name | ast.Attribute):
+                    yield node.lineno, part.id if isinstance(part, ast.Name) else part.attr
+
+
+def texts_compared(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and text of every string that something is compared with, matched with, or looked up by in a literal."""
+    for node in ast.walk(tree):
+        parts: list[ast.expr] = []
+        if isinstance(node, ast.Compare):
+            parts = [node.left, *node.comparators]
+        elif isinstance(node, ast.MatchValue):
+            parts = [node.value]
+        elif isinstance(node, ast.Dict):
+            parts = [key for key in node.keys if key is not None]
+        for part in parts:
+            for constant in ast.walk(part):
+                if isinstance(constant, ast.Constant) and isinstance(constant.value, str):
+                    yield node.lineno, constant.value
+
+
+def breaches(tree: ast.AST, classes: set[str]) -> list[tuple[int, str]]:
+    """Where a transport or what it has scattered is told by its class, or a method by its name."""
+    by_class = [found for found in classes_asked_for(tree) if found[1] in classes]
+    return by_class + [found for found in texts_compared(tree) if found[1] in METHODS]
+
+
+@pytest.fixture(scope="module")
+def transport_classes() -> set[str]:
+    return {
+        node.name
+        for _, tree in syntax_trees("core/transport")
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    }
+
+
+def test_transports_are_told_apart_in_their_rooms_only(transport_classes):
+    found = [
+        f"{path}:{line}: {what}"
+        for folder in ("core", "viewer")
+        for path, tree in syntax_trees(folder)
+        if not path.is_relative_to("core/transport")
+        for line, what in breaches(tree, transport_classes)
+    ]
+    assert not found
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "isinstance(transport, solver.DiffusionTransport)",
+        "isinstance(scattered, Solution | NodeExitance)",
+        "if quality.method == 'diffusion': pass",
+        "exact = method not in ('ewald', 'tent')",
+        "match method:\n case 'layered': pass",
+        "missed = {'layered': 1}[method]",
+    ],
+)
+def test_a_breach_is_seen(transport_classes, code):
+    assert breaches(ast.parse(code), transport_classes)

@@ -1,37 +1,221 @@
-"""A transport: from the flux of surface samples to a volume from which exitance is read at any surface point."""
+"""Interface of every transport: light enters a placed surface, is scattered, and exitance is gathered at any point.
 
-from collections.abc import Sequence
+A `Transport` places layers for an object, and scatters the flux that enters its surface (`EnteringFlux`) into a
+`Scattered`: a volume at the nodes of the layers, and small tables (`core.transport.pixels`) with which a pixel or a
+point adds what they are too coarse for. The methods are rows of `core.transport.methods`.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.grid.kernels import Kernels, Spectra
-from milkglass.core.grid.layers import LayerGrid, deposit
-from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.profiles.base import Profile, Profiles
-from milkglass.core.stages import Stage, Stages
-from milkglass.core.threads import each, one_blas_thread
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.grid.atlas import Atlas
+from milkglass.core.grid.kernels import Kernels
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.material.medium import Medium
+from milkglass.core.profiles.base import Profiles
+from milkglass.core.stages import Stages
+from milkglass.core.transport.pixels import PixelTables
+
+Bools = npt.NDArray[np.bool_]
+Vector = tuple[float, float, float]
+
+
+# Light that enters
 
 
 @dataclass(frozen=True, eq=False)
-class LocalTerm:
-    """The part of exitance that is a factor on irradiance, M += factor(0) E(x) + factor(thickness) E(other side).
+class EnteringLight:
+    """One light on the surface samples; neither a direction nor a position means from all around.
 
     Attributes
     ----------
-    factors : (n, 3) float64
-        rho_s per channel at n thicknesses evenly from 0 to `reach`; beyond it is 0.
-    reach : float
-        mm; 0 where there is no such part.
+    flux : (samples, 3) float32
+        E dA of each sample.
+    direction : 3-tuple, optional
+        Unit, the way that light travels.
+    position : 3-tuple, optional
+        Where it comes from, mm.
     """
 
-    factors: npt.NDArray[np.float64]
-    reach: float
+    flux: Float32
+    direction: Vector | None = None
+    position: Vector | None = None
+
+
+class Solid(Protocol):
+    """An object, or a body of it by itself."""
+
+    @property
+    def mesh(self) -> Mesh:
+        """Its surface."""
+
+    @property
+    def samples(self) -> SurfaceSamples:
+        """Samples of the surface, with faces of the mesh."""
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, mm^2; perhaps rounded up."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeObject:
+    """An object as a `Solid`."""
+
+    mesh: Mesh
+    samples: SurfaceSamples
+
+    @property
+    def area(self) -> float:
+        """Area of the surface, mm^2."""
+        return self.mesh.area
+
+
+@dataclass(frozen=True, eq=False)
+class EnteringFlux:
+    """Light that enters a surface, ready to be scattered.
+
+    Attributes
+    ----------
+    solid : Solid
+    grid : LayerGrid
+        From `Transport.grid`.
+    coordinates : (n, 3) float32
+        Grid coordinates of the surface samples.
+    flux : (n, 3) float32
+        E dA, the power that each sample carries, of all lights together.
+    lights : tuple of EnteringLight
+        Light by light, where the method takes each light (`core.transport.methods.Method.takes_each_light`).
+    profiles, media : R, G and B
+    """
+
+    solid: Solid
+    grid: LayerGrid
+    coordinates: Float32
+    flux: Float32
+    lights: tuple[EnteringLight, ...]
+    profiles: Profiles
+    media: tuple[Medium, ...]
+
+
+# What comes of it
+
+
+@dataclass(frozen=True, eq=False)
+class LightAtPoints:
+    """One light at n points of a surface.
+
+    Attributes
+    ----------
+    irradiance : (n, 3)
+        E that enters here.
+    cosine : (n,) or None
+        Of the light to the normal, outside; None where it comes from all around.
+    behind : (n, 3)
+        E on the other side of a sheet, times how far the two sides are one.
+    behind_cosine : (n,)
+        Of the light to the normal over there.
+    thickness : (n,)
+        Of the sheet, mm.
+    """
+
+    irradiance: Array
+    cosine: Array | None
+    behind: Array
+    behind_cosine: Array
+    thickness: Array
+
+
+class SurfaceLights(Protocol):
+    """Lights on an object, which know what enters anywhere on its surface."""
+
+    eta: float
+
+    def at(self, points: Array, normals: Array, reach: float, thin: bool) -> list[LightAtPoints]:
+        """Return every light at points (n, 3) with unit outward normals (n, 3).
+
+        Parameters
+        ----------
+        points, normals
+        reach : float
+            Thickness up to which the light behind a sheet matters, mm; 0 where it never does.
+        thin : bool
+            Whether light from all around is asked for on the other side too.
+        """
+
+    def on_body(self, faces: Bools) -> "SurfaceLights":
+        """Return the lights on one body of the object, for whose sheets only these of the object's faces count."""
+
+
+class Scattered(Protocol):
+    """What transport has made of entering light: exitance at any point of the surface can be read from it."""
+
+    @property
+    def grid(self) -> LayerGrid:
+        """Nodes of the whole object; coarser ones than asked for while it is on the way."""
+
+    @property
+    def volume(self) -> Float32:
+        """What the nodes carry, (3 or 4, layers, rows, columns): R, G and B, and K_L 1 where pixels solve an equation.
+
+        The same array as long as it is the same transport of the same light.
+        """
+
+    @property
+    def world_to_texture(self) -> Array:
+        """(4, 4): world space to the volume's texture coordinates, row vectors."""
+
+    @property
+    def windows(self) -> Float32 | None:
+        """Where the volume is an atlas of bodies, `core.grid.atlas.Atlas.windows`."""
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual of each channel's equation; 0 where none is solved."""
+
+    @property
+    def convolutions(self) -> tuple[int, ...]:
+        """Convolutions that each channel's equation took; 0 where none is solved."""
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether the residuals are as small as was asked for, on this grid."""
+
+    @property
+    def boundaries(self) -> tuple[object, ...]:
+        """Surfaces as they lie on the grid, body by body, where `pixel_tables` follow from them too."""
+
+    def pixel_tables(self) -> PixelTables:
+        """Tabulate what pixels need beside the volume."""
+
+    def mean_fluence(self) -> Float32:
+        """Mean 2 A M of the surface near each node, (3, layers, rows, columns), for pixels that solve an equation."""
+
+    def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
+        """M at points of the surface, (n, 3) float64, >= 0, as pixels have it, with light cast by `lights`.
+
+        Parameters
+        ----------
+        points, normals : (n, 3)
+            mm; unit, outward.
+        lights : SurfaceLights
+        tables : PixelTables
+            Its own, or those of a whole object of which this is one body.
+        """
+
+    def on_layers(self) -> Float32:
+        """Exitance on the layers, (3, *grid.shape), all bodies together: flux M dA of a solution."""
+
+
+GoOn = Callable[[Scattered], bool]
 
 
 class Transport(Protocol):
@@ -47,97 +231,41 @@ class Transport(Protocol):
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """W of points (n, 3) in grid coordinates: (nodes, n) sparse."""
 
-    def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
-        """What the layers are too coarse for."""
-
-    def exitance(
-        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
-    ) -> Float32:
-        """O, the part of exitance that the nodes carry.
+    def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Scattered:
+        """Scatter light inside the object.
 
         Parameters
         ----------
-        grid : from `grid`
-        coordinates : (n, 3) float32
-            Grid coordinates of the surface samples.
-        flux : (n, 3) float32
-            E dA, the power that each sample carries.
-        profiles : R, G and B
-        area : float
-            Of the surface, mm^2.
+        lit : EnteringFlux
         stages : Stages
             Keeps the steps' results between calls.
-
-        Returns
-        -------
-        (3, n_layers, height, width) float32
+        go_on : callable, optional
+            Told what there is on the way, where an equation is solved in steps: first on half the nodes; False ends
+            there, and the next call starts from it. Where nobody looks all nodes are solved at once, which takes less
+            time in all.
         """
 
+    def material(self, lit: EnteringFlux) -> tuple[object, ...]:
+        """Return what it depends on of the material, profiles or media, as a key of stages."""
 
-@dataclass
-class FftTransport(Kernels):
-    """Deposit, kernels and convolution; what differs between the methods is left to them."""
-
-    @one_blas_thread()
-    def exitance(
-        self, grid: LayerGrid, coordinates: Float32, flux: Float32, profiles: Profiles, area: float, stages: Stages
-    ) -> Float32:
-        """See `core.transport.base.Transport.exitance`."""
-        convolvers = [self.convolver(self.shape(grid, profile, area), i) for i, profile in enumerate(profiles)]
-        weights = stages.run(Stage.WEIGHTS, (grid, coordinates), lambda: self.weights(grid, coordinates))
-        layers = stages.run(Stage.DEPOSIT, (weights, flux), lambda: deposit(grid, weights, flux))
-        kernels = tuple(
-            None if p.is_black else (p, c.shape, grid.texel, grid.layer_distance)
-            for p, c in zip(profiles, convolvers, strict=True)
-        )
-
-        def make(profile: Profile, shape: ConvolutionShape) -> Float32:
-            return self._spectrum(profile, grid, shape)
-
-        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.spectra(kernels, make))
-        before = stages.kept(Stage.CONVOLUTION)
-
-        def convolve() -> Float32:
-            lit = [i for i, spectrum in enumerate(spectra) if spectrum is not None and layers[i].any()]
-            twins = {i: _twin(i, lit, layers, spectra) for i in lit}
-            known = {i: _known(i, layers, spectra, before) for i in lit if twins[i] == i}
-
-            def convolved(i: int) -> Float32:
-                spectrum, done = spectra[i], known[i]
-                assert spectrum is not None
-                return convolvers[i].convolve(layers[i], spectrum) if done is None else done
-
-            # Layers that mix pair by pair have all threads in one convolution; others are convolved side by side.
-            shared = convolvers[0].shape.mixes_pairs
-            found = dict(zip(known, map(convolved, known) if shared else each(convolved, known), strict=True))
-            dark = np.zeros_like(layers[0])
-            return np.stack([found[twins[i]] if i in twins else dark for i in range(len(layers))])
-
-        return stages.run(Stage.CONVOLUTION, (layers, spectra), convolve)
-
-    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """See `core.transport.base.Transport.weights`."""
-        raise NotImplementedError
-
-    def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
-        """Return the sizes of a channel's transforms, on an object of `area` mm^2."""
-        raise NotImplementedError
-
-    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
-        raise NotImplementedError
+    def release(self) -> None:
+        """Let go of all that is kept; what is needed again is made again."""
 
 
-def _twin(i: int, lit: Sequence[int], layers: Float32, spectra: Sequence[Spectra | None]) -> int:
-    """Return the first of the lit channels that is convolved alike; it may be the channel itself."""
-    return next(k for k in lit if spectra[k] is spectra[i] and np.array_equal(layers[k], layers[i]))
+class SeparableTransport(Transport, Protocol):
+    """A transport of which `core.transport.separate.OfBodies` makes one in each body of an object alone."""
 
+    kernels: Kernels
 
-def _known(
-    i: int, layers: Float32, spectra: Sequence[Spectra | None], before: tuple[tuple[Any, ...], Float32] | None
-) -> Float32 | None:
-    """Return a channel's convolution if it was done before; None if it is new."""
-    if before is not None:
-        (old_layers, old_spectra), old = before
-        if old_layers is layers and old_spectra[i] is spectra[i]:
-            return np.asarray(old[i])
-    return None
+    def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
+        """Tabulate what pixels need where the volume is an atlas of several bodies; None for a dark one."""
+
+    def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> Transport:
+        """Return the transport in one body of an object, which shares all kernels.
+
+        Parameters
+        ----------
+        whole : Mesh
+        crop : callable
+            Gives the body's part of the whole object's grid.
+        """

@@ -10,7 +10,7 @@ Works for any radial profile: the filter needs no Bessel functions, only the pro
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,24 +18,32 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse import csc_array
 
 from milkglass.core.arrays import Array, Float32
-from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.grid import assignment
+from milkglass.core.geometry.mesh import Mesh, longest_side
 from milkglass.core.grid.assignment import SHEET_REACH, TENT, TSC, undo_assignment
+from milkglass.core.grid.kernels import Kernels
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix, tent_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 from milkglass.core.profiles.base import Profile, Profiles
-from milkglass.core.transport import ewald
-from milkglass.core.transport.base import FftTransport, LocalTerm
+from milkglass.core.transport.accuracy import LIT, SHINING, SURROUNDED, Roughness, predicted_error, spacing_for
+from milkglass.core.transport.fft import FftTransport
+from milkglass.core.transport.pixels import LocalTerm
+from milkglass.core.transport.quality import (
+    COARSEST,
+    DEFAULT_ERROR_TARGET,
+    LOOSE_TAIL,
+    SAMPLE_EDGE,
+    SURVEY,
+    TAIL,
+    Asked,
+    Quality,
+    survey_spacing,
+)
 
 SHEET_NODES = 64  # thicknesses at which a local term is tabulated
 
-# Share of a channel's reflectance that may wrap around its padded box: next to nothing, for a ball's dark side shows
-# LOOSE_TAIL; enough where the nodes err by more.
-TAIL, LOOSE_TAIL = 1e-4, 0.02
 
-
-@dataclass
+@dataclass(eq=False)
 class EwaldTransport(FftTransport):
     """Particle-mesh Ewald split on layers that are fixed to the object, so that orbiting convolves nothing.
 
@@ -49,37 +57,36 @@ class EwaldTransport(FftTransport):
         ``tsc``, quadratic B-splines over 27 nodes, or ``tent``, linear ones over 8.
     tail : float
         See `tail_reach`; the padding follows from it.
-    threads, effort, keep
-        See `core.grid.kernels.Kernels`.
+    kernels : Kernels
     """
 
     resolution: int = 60
     n_layers: int | None = None
-    assignment: str = assignment.TSC
+    assignment: str = TSC
     tail: float = TAIL
 
     @property
     def smooth(self) -> bool:
-        """With TSC."""
-        return self.assignment == assignment.TSC
+        """Whether the assignment is TSC."""
+        return self.assignment == TSC
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
         return fit_nodes(mesh.bounds, self.resolution, self.n_layers)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """B-splines of the assignment's order."""
+        """Return the B-spline weights of points, of the assignment's order."""
         return smooth_matrix(grid, coordinates) if self.smooth else tent_matrix(grid, coordinates)
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
-        """The rho_s of `core.transport.ewald.local_table`."""
+        """Return rho_s of every channel, see `local_table`."""
         s = self._window_width(grid)
-        thickness = np.linspace(0.0, assignment.SHEET_REACH * s, SHEET_NODES)
-        factors = [np.zeros(SHEET_NODES) if p.is_black else ewald.local_table(p, s)(thickness) for p in profiles]
+        thickness = np.linspace(0.0, SHEET_REACH * s, SHEET_NODES)
+        factors = [np.zeros(SHEET_NODES) if p.is_black else local_table(p, s)(thickness) for p in profiles]
         return LocalTerm(np.stack(factors, axis=-1), float(thickness[-1]))
 
     def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
-        """Pad a channel by its `tail_reach`; at most by the extent."""
+        """Return sizes padded by a channel's `tail_reach`, at most by the extent."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         counts = np.array(grid.shape)
         extra = np.minimum(np.ceil(tail_reach(profile, area, self.tail) / spacing), np.maximum(counts - 2, 0))
@@ -87,13 +94,14 @@ class EwaldTransport(FftTransport):
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
     def _window_width(self, grid: LayerGrid) -> float:
-        return ewald.WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
+        return WINDOW[self.assignment] * max(grid.texel, grid.layer_distance)
 
-    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+    def spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+        """Return the spectrum of R_L, with the assignment undone."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         furthest = float(np.linalg.norm(spacing * (np.array(shape.quadrant) - 1)))
-        kernel = ewald.long_range(profile, self._window_width(grid), furthest)
-        return ewald.node_spectrum(kernel, grid, shape, self.assignment)
+        kernel = long_range(profile, self._window_width(grid), furthest)
+        return node_spectrum(kernel, grid, shape, self.assignment)
 
 
 @functools.lru_cache(maxsize=1024)  # every body asks again
@@ -182,3 +190,93 @@ def node_spectrum(
     z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
     rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
     return undo_assignment(kernel_spectrum(radial(rho), shape), shape, assignment)
+
+
+# Choice of the grid
+
+
+FINEST = 512  # nodes along the longest side
+STEP = 4  # chosen resolutions are multiples of it: a material that changes a little keeps its grid and all plans on it
+# Padded nodes, over the channels, that an error target may choose, in those of the paper's setting. Where they meet the
+# default target, or nearly, they may take a few times the paper's time, which a picture at rest can wait for; where
+# they would miss it by far, no more than the paper's. A target that a person has set may take longer.
+PAPER_NODES = 3 * 4 * 512 * 512
+NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 5, 16 * PAPER_NODES
+NEAR = 2.0  # of the target
+
+
+def choose_quality(
+    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+) -> Quality:
+    """See `core.transport.quality.choose_quality`: nodes from the error to expect, by `core.transport.accuracy`."""
+    assert shape is not None
+    longest = longest_side(mesh)
+    law, lit_law = (SHINING, LIT) if sharp_light else (SURROUNDED, SURROUNDED)
+    target = None if asked.resolution is not None else asked.error_target or DEFAULT_ERROR_TARGET
+    has_target = target is not None and asked.error_target is not None
+
+    def quality(resolution: int, assignment: str, tail: float = TAIL) -> Quality:
+        grid = EwaldTransport(resolution=resolution, n_layers=asked.layers).grid(mesh, np.eye(3))
+        spacing = max(grid.texel, grid.layer_distance)
+        worst, lit = (predicted_error(each, profiles, spacing, shape, assignment) for each in (law, lit_law))
+        return Quality(
+            asked.method, asked.layers, resolution, assignment, worst, min(lit, worst), target, has_target, tail
+        )
+
+    if asked.resolution is not None:
+        chosen = quality(asked.resolution, asked.assignment or TSC)
+        return replace(chosen, tail=TAIL if chosen.error <= NEAR * DEFAULT_ERROR_TARGET else LOOSE_TAIL)
+    assert target is not None
+    orders = (TENT, TSC) if asked.assignment is None else (asked.assignment,)
+    most = _most_nodes(asked, profiles, mesh, TAIL, NODES if asked.error_target is None else NODES_ASKED_FOR)
+    wanted = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
+    found = [quality(int(np.clip(STEP * np.ceil(n / STEP), COARSEST, most)), order) for order, n in wanted.items()]
+    # Tents are read and written in a third of the time: theirs, where they need no finer grid.
+    good = [q for q in found if q.error <= target]
+    if good:
+        return min(good, key=lambda q: q.resolution)
+    best = min(found, key=lambda q: q.error)
+    if best.error <= NEAR * target:
+        return best
+    budget = NODES_OUT_OF_REACH if asked.error_target is None else NODES_ASKED_FOR
+    return quality(_most_nodes(asked, profiles, mesh, LOOSE_TAIL, budget), orders[-1], LOOSE_TAIL)
+
+
+def make_transport(quality: Quality, kernels: Kernels) -> EwaldTransport:
+    """Make the transport of a quality."""
+    return EwaldTransport(
+        resolution=quality.resolution,
+        n_layers=quality.layers,
+        assignment=quality.assignment,
+        tail=quality.tail,
+        kernels=kernels,
+    )
+
+
+def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
+    """See `core.transport.quality.sample_spacing`.
+
+    The samples of `SURVEY` nodes serve every coarser grid, and finer ones come in steps: a material that changes the
+    grid keeps its samples.
+    """
+    if asked.resolution is not None:
+        return SAMPLE_EDGE * longest_side(mesh) / (asked.resolution - 1)
+    steps = max(0, int(np.ceil(2.0 * np.log2(resolution / SURVEY))))
+    return float(survey_spacing(mesh) * 2.0 ** (-0.5 * steps))
+
+
+def _most_nodes(asked: Asked, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
+    """Largest resolution whose padded grid keeps within a budget, by bisection."""
+    low, high = COARSEST, FINEST + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        transport = EwaldTransport(resolution=middle, n_layers=asked.layers, tail=tail)
+        fits = padded_nodes(transport, profiles, mesh) <= budget
+        low, high = (middle, high) if fits else (low, middle)
+    return low // STEP * STEP
+
+
+def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
+    """Nodes that the transforms have at least, over the channels."""
+    grid = transport.grid(mesh, np.eye(3))
+    return sum(transport.shape(grid, p, mesh.area).least_nodes for p in profiles if not p.is_black)

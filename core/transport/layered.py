@@ -1,15 +1,4 @@
-"""Transport: from the flux of surface samples to a volume from which exitance is read at any surface point.
-
-M(x) = sum of W(x) O over nodes near x + a local term: W spreads flux over the layers and gathers exitance from them, O
-is the deposited flux convolved with a kernel, and the local term is what the layers are too coarse for. Two methods:
-
-* `LayeredTransport`, the paper's: layers across the view, W tents, the kernel R_d itself, no local term.
-* `EwaldTransport`, closer to equation (1) at the same cost: layers fixed to the object, W quadratic B-splines or tents,
-  the kernel R_d smoothed to what the layers can carry, and the rest local (see `core.transport.ewald`).
-
-Each step is kept until something that it depends on changes: kernels with (material, layers), the deposit with
-(light, layers).
-"""
+"""The paper's transport: layers across the view, W tents, the kernel R_d itself between all layers, (3) to (6)."""
 
 from dataclasses import dataclass
 
@@ -18,17 +7,24 @@ import numpy.typing as npt
 from scipy.sparse import csc_array
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.mesh import Mesh, longest_side
+from milkglass.core.grid.assignment import TENT
+from milkglass.core.grid.kernels import Kernels
 from milkglass.core.grid.layers import LayerGrid, fit_layers, tent_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum, layer_kernels
 from milkglass.core.profiles.base import Profile, Profiles
-from milkglass.core.transport.base import FftTransport, LocalTerm
+from milkglass.core.transport.accuracy import Roughness
+from milkglass.core.transport.fft import FftTransport
+from milkglass.core.transport.pixels import LocalTerm
+from milkglass.core.transport.quality import SAMPLE_EDGE, Asked, Quality
+
+DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128
 
 
-@dataclass
+@dataclass(eq=False)
 class LayeredTransport(FftTransport):
-    """The paper: layers across the view, every pair convolved, (3) to (6).
+    """Layers across the view, every pair of which is convolved, (3) to (6); it has no local term.
 
     Parameters
     ----------
@@ -36,16 +32,15 @@ class LayeredTransport(FftTransport):
         1 to 128.
     resolution : int
         Texels along the longer side of a map, 16 to 1024.
-    threads, effort, keep
-        See `core.grid.kernels.Kernels`.
+    kernels : Kernels
     """
 
-    n_layers: int = 8
-    resolution: int = 128
+    n_layers: int = DEFAULT_LAYERS
+    resolution: int = DEFAULT_RESOLUTION
 
     @property
     def smooth(self) -> bool:
-        """Never."""
+        """Return False: W are tents."""
         return False
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
@@ -53,16 +48,35 @@ class LayeredTransport(FftTransport):
         return fit_layers(mesh.vertices, rotation, self.n_layers, self.resolution)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """Tents."""
+        """Return the tents of points, see `core.grid.layers.tent_matrix`."""
         return tent_matrix(grid, coordinates)
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
-        """Nothing."""
+        """Return no factors: all exitance is on the layers."""
         return LocalTerm(np.zeros((1, 3)), 0.0)
 
     def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
-        """Padded to twice the size: no tail wraps around."""
+        """Return sizes padded to twice the layers', so that no tail wraps around."""
         return ConvolutionShape(*grid.shape)
 
-    def _spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+    def spectrum(self, profile: Profile, grid: LayerGrid, shape: ConvolutionShape) -> Float32:
+        """Return the spectra of the profile between all layers, (5)."""
         return kernel_spectrum(layer_kernels(profile, grid), shape)
+
+
+def choose_quality(
+    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+) -> Quality:
+    """See `core.transport.quality.choose_quality`: no error is predicted."""
+    layers, resolution = asked.layers or DEFAULT_LAYERS, asked.resolution or DEFAULT_RESOLUTION
+    return Quality(asked.method, layers, resolution, TENT)
+
+
+def make_transport(quality: Quality, kernels: Kernels) -> LayeredTransport:
+    """Make the transport of a quality."""
+    return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, kernels=kernels)
+
+
+def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
+    """See `core.transport.quality.sample_spacing`."""
+    return SAMPLE_EDGE * longest_side(mesh) / ((asked.resolution or DEFAULT_RESOLUTION) - 1)

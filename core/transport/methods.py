@@ -12,6 +12,8 @@ class Method:
 
     Attributes
     ----------
+    home : str
+        Its module, with `choose_quality`, `make_transport` and `sample_spacing` as of `core.transport.quality`.
     below_grid : str
         What a picture misses where the mean free path is shorter than the grid's spacing, a clause.
     grid_unit, grid_points : str
@@ -38,6 +40,7 @@ class Method:
         Seconds that transport may take while something moves, before its grid gets coarser.
     """
 
+    home: str
     below_grid: str
     grid_unit: str = "node"
     grid_points: str = "nodes"
@@ -60,6 +63,7 @@ _AVERAGED = (
 
 METHODS = {
     "diffusion": Method(
+        "milkglass.core.transport.diffusion.choice",
         _AVERAGED,
         uses_profile=False,
         solves=True,
@@ -69,8 +73,9 @@ METHODS = {
         shapes_a_body=8,  # R, G, B and no absorption, on two grids
         draft_seconds=1.0,  # another grid takes half a second by itself
     ),
-    "ewald": Method(_AVERAGED, needs_roughness=True),
+    "ewald": Method("milkglass.core.transport.ewald", _AVERAGED, needs_roughness=True),
     "layered": Method(
+        "milkglass.core.transport.layered",
         "light and shadow are blurred over that, and about a third of the light that falls between layers goes",
         grid_unit="texel",
         grid_points="texels or layers",

@@ -1,93 +1,329 @@
-"""Transport in each body alone: equation (1) summed over a body's own surface, so that no light crosses the air.
+"""Transport in each body of an object alone, so that no light crosses the air; for every method.
 
-Wraps a `core.transport.base.Transport`: each body's samples run through it on the body's own layers
-(`core.grid.atlas`), with the body's own area, and what a body computed is kept until something that it depends on
-changes. The cost grows with the bodies' boxes together, and where a body is in the dark there is none.
+Each body has those nodes of the whole object's that it touches to itself (`core.grid.atlas`), and samples, lights and,
+where a method asks for it, a mesh of its own. What a body computed is kept until something that it depends on changes.
+Where an equation is solved in steps the coarse solutions come first, body by body, and are a picture together; then the
+fine ones. The cost grows with the bodies' boxes together, and a body in the dark costs nothing.
 """
 
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csc_array
 
-from milkglass.core.arrays import Float32
-from milkglass.core.geometry.bodies import Bodies
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.geometry.bodies import Bodies, bodies_at
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.grid.atlas import Atlas
-from milkglass.core.profiles.base import Profiles
+from milkglass.core.grid.atlas import Atlas, fit_atlas
+from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.transport.base import Transport
+from milkglass.core.threads import computed_once
+from milkglass.core.transport.base import (
+    EnteringFlux,
+    EnteringLight,
+    GoOn,
+    Scattered,
+    SeparableTransport,
+    SurfaceLights,
+    Transport,
+)
+from milkglass.core.transport.pixels import PixelTables
+
+Ints = npt.NDArray[np.int64]
 
 # Areas are rounded up to this many steps each factor of two, so that alike bodies share padding and kernels.
 AREAS_A_DOUBLING = 2
+ATLASES = 4  # kept: a coarse and a fine one, of the last two grids
 
 
-class SeparateTransport:
-    """Scatters light in each body of an object alone.
+class Body:
+    """One body of an object by itself, as a `core.transport.base.Solid`, with its transport and the stages of that.
+
+    Attributes
+    ----------
+    chosen : (n,) int64
+        Its samples, of the whole object's.
+    transport : Transport
+    stages : Stages
+    """
+
+    def __init__(
+        self, whole: Mesh, faces: Ints, samples: SurfaceSamples, chosen: Ints, area: float, transport: Transport
+    ) -> None:
+        self._whole, self._faces, self._of_whole, self.chosen = whole, faces, samples, chosen
+        self.area, self.transport, self.stages = area, transport, Stages()
+
+    @computed_once
+    def mesh(self) -> Mesh:
+        """Its faces, with the vertices that they use."""
+        used, corners = np.unique(self._whole.faces[self._faces], return_inverse=True)
+        return Mesh.of(self._whole.vertices[used], self._whole.normals[used], corners.reshape(-1, 3))
+
+    @computed_once
+    def samples(self) -> SurfaceSamples:
+        """Its samples, with faces of its own mesh."""
+        whole, chosen = self._of_whole, self.chosen
+        faces = np.searchsorted(self._faces, whole.faces[chosen]).astype(np.int32)
+        return SurfaceSamples(whole.points[chosen], whole.normals[chosen], whole.areas[chosen], faces)
+
+
+@dataclass(frozen=True, eq=False)
+class ScatteredInBodies:
+    """A `core.transport.base.Scattered` of several bodies on nodes of one spacing, in an atlas.
+
+    Attributes
+    ----------
+    transport : OfBodies
+        That has made it.
+    atlas : Atlas
+        Of those nodes.
+    lit : EnteringFlux
+        The light that it is of.
+    parts : tuple of Scattered or None
+        Of each body; None where it is dark, or has not been computed yet.
+    waiting : bool
+        Whether some have not been computed yet.
+    """
+
+    transport: "OfBodies"
+    atlas: Atlas
+    lit: EnteringFlux
+    parts: tuple[Scattered | None, ...]
+    waiting: bool = False
+
+    @property
+    def known(self) -> list[Scattered]:
+        """What there is of bodies that are not dark."""
+        return [part for part in self.parts if part is not None]
+
+    @property
+    def boundaries(self) -> tuple[object, ...]:
+        """Surfaces of these bodies as they lie on the grid."""
+        return tuple(boundary for part in self.known for boundary in part.boundaries)
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual of each channel in the worst body; 1, that of no solution, while some wait."""
+        if self.waiting:
+            return 1.0, 1.0, 1.0
+        return tuple(max(each) for each in zip((0.0, 0.0, 0.0), *(part.residuals for part in self.known), strict=True))
+
+    @property
+    def convolutions(self) -> tuple[int, ...]:
+        """Of each channel the most that a body took."""
+        return tuple(max(each) for each in zip((0, 0, 0), *(part.convolutions for part in self.known), strict=True))
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether all bodies are."""
+        return not self.waiting and all(part.is_solved for part in self.known)
+
+    @computed_once
+    def volume(self) -> Float32:
+        """Volumes of the bodies in the atlas, (3 or 4, *atlas.shape)."""
+        return self.filled([None if part is None else part.volume for part in self.parts])
+
+    @property
+    def grid(self) -> LayerGrid:
+        """Nodes of the whole object."""
+        return self.atlas.whole
+
+    @property
+    def world_to_texture(self) -> Array:
+        """(4, 4): see `core.grid.atlas.Atlas.world_to_texture`."""
+        return self.atlas.world_to_texture
+
+    @property
+    def windows(self) -> Float32:
+        """Where each body lies, see `core.grid.atlas.Atlas.windows`."""
+        return self.atlas.windows
+
+    def pixel_tables(self) -> PixelTables:
+        """Tabulate what pixels need beside the volume, one set for all bodies."""
+        return self.transport.whole.tables_of(self.lit, self.atlas, self.parts)
+
+    def mean_fluence(self) -> Float32:
+        """Return means near the nodes of each body, in the atlas: (3, *atlas.shape)."""
+        return self.filled([None if part is None else part.mean_fluence() for part in self.parts])
+
+    def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
+        """See `core.transport.base.Scattered.exitance`; 0 on dark bodies."""
+        bodies = self.transport.bodies
+        found, body = np.zeros((len(points), 3)), bodies_at(self.transport.mesh, bodies, points)
+        for i, part in enumerate(self.parts):
+            here = body == i
+            if part is not None and here.any():
+                on_body = lights.on_body(bodies.of_face == i)
+                found[here] = part.exitance(points[here], normals[here], on_body, tables)
+        return found
+
+    def on_layers(self) -> Float32:
+        """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""
+        return self.atlas.unfolded(self.filled([None if part is None else part.on_layers() for part in self.parts]))
+
+    def filled(self, parts: Sequence[Float32 | None]) -> Float32:
+        """Put one volume of each body, or None where it is dark, into an atlas."""
+        channels = next((len(part) for part in parts if part is not None), 3)
+        return self.atlas.filled(parts, channels)
+
+
+class OfBodies:
+    """A `core.transport.base.Transport` that scatters light in each body of an object alone.
 
     Parameters
     ----------
-    transport : Transport
-        Keeps convolvers for all bodies, up to three each.
+    transport : SeparableTransport
+        Of the whole object; its kernels serve all bodies.
+    mesh : Mesh
     bodies : Bodies
+        Two or more.
     samples : SurfaceSamples
-        Made from the faces that `bodies` speaks of.
+        Of the mesh.
     """
 
-    def __init__(self, transport: Transport, bodies: Bodies, samples: SurfaceSamples) -> None:
-        self._transport = transport
-        body = bodies.of_face[samples.faces]
-        order = np.argsort(body, kind="stable")
-        bounds = np.searchsorted(body[order], np.arange(bodies.count + 1))
-        self._samples = [order[start:stop] for start, stop in pairwise(bounds)]
-        areas = np.maximum(np.bincount(body, samples.areas, bodies.count), np.finfo(np.float64).tiny)
-        self._areas = 2.0 ** (np.ceil(AREAS_A_DOUBLING * np.log2(areas)) / AREAS_A_DOUBLING)
-        self._stages = [Stages() for _ in self._samples]
+    def __init__(self, transport: SeparableTransport, mesh: Mesh, bodies: Bodies, samples: SurfaceSamples) -> None:
+        self.whole, self.mesh, self.bodies = transport, mesh, bodies
+        self._of_vertex = bodies.of_vertex(mesh)
+        self._atlases: dict[LayerGrid, Atlas] = {}  # the latest last; replaced, not changed, by `atlas`
+        self._lock = threading.Lock()
+        of_sample = bodies.of_face[samples.faces]
+        faces, chosen = _grouped(bodies.of_face, bodies.count), _grouped(of_sample, bodies.count)
+        areas = np.maximum(np.bincount(of_sample, samples.areas, bodies.count), np.finfo(np.float64).tiny)
+        areas = 2.0 ** (np.ceil(AREAS_A_DOUBLING * np.log2(areas)) / AREAS_A_DOUBLING)
+        self._bodies = [
+            Body(mesh, faces[i], samples, chosen[i], float(areas[i]), transport.in_body(mesh, self._crop(i)))
+            for i in range(bodies.count)
+        ]
 
-    def exitance(
-        self, atlas: Atlas, coordinates: Float32, flux: Float32, profiles: Profiles, stages: Stages
-    ) -> Float32:
-        """O of every body, in the atlas: (3, *atlas.shape) float32.
+    @property
+    def smooth(self) -> bool:
+        """Whether W are quadratic B-splines rather than tents."""
+        return self.whole.smooth
 
-        Parameters
-        ----------
-        atlas : from `core.grid.atlas.fit_atlas`
-        coordinates : (n, 3) float32
-            Of the samples, in the whole object's grid.
-        flux : (n, 3) float32
-        profiles : R, G and B
-        stages : Stages
-            Keeps what the bodies have in common; their steps' times are added to its own.
+    def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
+        """Place the whole object's layers."""
+        return self.whole.grid(mesh, rotation)
+
+    def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+        """W of points on the whole object's layers."""
+        return self.whole.weights(grid, coordinates)
+
+    def material(self, lit: EnteringFlux) -> tuple[object, ...]:
+        """Return what it depends on of the material."""
+        return self.whole.material(lit)
+
+    def atlas(self, grid: LayerGrid) -> Atlas:
+        """Return the bodies' parts of the whole object's layers."""
+        with self._lock:  # lighting asks too, perhaps in another thread
+            atlas = self._atlases.get(grid) or fit_atlas(grid, self.smooth, self.mesh.vertices, self._of_vertex)
+            others = [(key, kept) for key, kept in self._atlases.items() if key != grid]
+            self._atlases = {**dict(others[1 - ATLASES :]), grid: atlas}
+        return atlas
+
+    def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> ScatteredInBodies:
+        """See `core.transport.base.Transport.scatter`: `go_on` is told all bodies together.
+
+        `stages` keep what the bodies have in common; times of the bodies' own steps are added to theirs.
         """
-        places = stages.run(Stage.BODY_SAMPLES, (atlas, coordinates), lambda: self._placed(atlas, coordinates))
-        fluxes = stages.run(Stage.BODY_FLUX, (flux,), lambda: [flux[own] for own in self._samples])
-        key = places, fluxes, tuple(profiles)
-        # Outside of the stage, so that the bodies' steps keep their own times.
-        parts = [] if stages.has(Stage.BODIES, key) else self._parts(atlas, places, fluxes, profiles, stages)
-        return stages.run(Stage.BODIES, key, lambda: atlas.filled(parts))
+        atlas = self.atlas(lit.grid)
+        places = stages.run(Stage.BODY_SAMPLES, (atlas, lit.coordinates), lambda: self._placed(atlas, lit.coordinates))
+        fluxes = stages.run(Stage.BODY_FLUX, (self, lit.flux), lambda: [lit.flux[body.chosen] for body in self._bodies])
+        shares = [
+            stages.run(Stage.BODY_LIGHT_FLUX.of(i), (self, light), lambda light=light: self._shares(light))  # type: ignore[misc]
+            for i, light in enumerate(lit.lights, start=1)
+        ]
+        key = self, atlas, places, fluxes, *shares, *self.material(lit)
+        if stages.has(Stage.BODIES, key):
+            return stages.run(Stage.BODIES, key, lambda: self._dark(lit))
+        each = [
+            replace(lit, solid=body, grid=crop, coordinates=place, flux=flux, lights=tuple(filter(None, lights)))
+            for body, crop, place, flux, *lights in zip(self._bodies, atlas.crops, places, fluxes, *shares, strict=True)
+        ]
+        for body in self._bodies:
+            body.stages.begin()
+        scattered = self._scatter(lit, each, go_on)
+        for body in self._bodies:
+            for name, milliseconds in body.stages.timings.items():
+                stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
+        if scattered.atlas is atlas and scattered.is_solved:
+            stages.run(Stage.BODIES, key, lambda: scattered)
+        return scattered
 
     def release(self) -> None:
-        """Let go of what the bodies have computed."""
-        for own in self._stages:
-            own.clear()
+        """Let go of what the bodies have computed, and of all kernels."""
+        for body in self._bodies:
+            body.transport.release()
+            body.stages.clear()
+        self.whole.release()
+
+    def _scatter(self, lit: EnteringFlux, each: Sequence[EnteringFlux], go_on: GoOn | None) -> ScatteredInBodies:
+        """Scatter body by body, all of them on coarse nodes first where somebody looks."""
+        shining = [i for i, part in enumerate(each) if part.flux.any()]
+        parts: dict[int, Scattered] = {}
+        newest = replace(self._dark(lit), waiting=bool(shining))
+
+        def take(i: int, part: Scattered) -> None:
+            nonlocal newest
+            if parts.get(i) is not part:
+                parts[i] = part
+                newest = self._together(lit, parts, shining, i) or newest
+
+        rounds = (True, False) if go_on is not None else (False,)
+        for coarse, i in [(coarse, i) for coarse in rounds for i in shining]:
+            body, grid, ended = self._bodies[i], each[i].grid, False
+            if (known := parts.get(i)) is not None and known.is_solved and known.grid == grid:
+                continue
+
+            def told(part: Scattered, i: int = i, coarse: bool = coarse, grid: LayerGrid = grid) -> bool:
+                nonlocal ended
+                take(i, part)
+                ended = go_on is not None and not go_on(newest)
+                enough = coarse and part.grid != grid and part.is_solved
+                return not ended and not enough
+
+            take(i, body.transport.scatter(each[i], body.stages, None if go_on is None else told))
+            if ended:
+                break
+        return newest
+
+    def _together(
+        self, lit: EnteringFlux, parts: dict[int, Scattered], shining: Sequence[int], latest: int
+    ) -> ScatteredInBodies | None:
+        """Put bodies together where all of the lit ones are known for the latest one's spacing."""
+        if len(parts) < len(shining):
+            return None
+        grid = parts[latest].grid
+        atlas = next(atlas for atlas in self._atlases.values() if atlas.crops[latest] == grid)
+        if not all(parts[i].grid == atlas.crops[i] for i in shining):
+            return None
+        return ScatteredInBodies(self, atlas, lit, tuple(parts.get(i) for i in range(len(self._bodies))))
+
+    def _dark(self, lit: EnteringFlux) -> ScatteredInBodies:
+        return ScatteredInBodies(self, self.atlas(lit.grid), lit, (None,) * len(self._bodies))
 
     def _placed(self, atlas: Atlas, coordinates: Float32) -> list[Float32]:
         """Coordinates of each body's samples in its own crop; whole nodes off, so no bit is lost."""
         return [
-            coordinates[own] - np.asarray(first[::-1], np.float32)
-            for own, first in zip(self._samples, atlas.first, strict=True)
+            coordinates[body.chosen] - np.asarray(first[::-1], np.float32)
+            for body, first in zip(self._bodies, atlas.first, strict=True)
         ]
 
-    def _parts(
-        self, atlas: Atlas, places: list[Float32], fluxes: list[Float32], profiles: Profiles, stages: Stages
-    ) -> list[Float32 | None]:
-        parts: list[Float32 | None] = []
-        for i, (crop, own) in enumerate(zip(atlas.crops, self._stages, strict=True)):
-            if not fluxes[i].any():
-                parts.append(None)
-                continue
-            own.begin()
-            area = float(self._areas[i])
-            parts.append(self._transport.exitance(crop, places[i], fluxes[i], profiles, area, own))
-            for name, milliseconds in own.timings.items():
-                stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
-        return parts
+    def _shares(self, light: EnteringLight) -> list[EnteringLight | None]:
+        """Return what each body has of a light; None where it is dark."""
+        fluxes = (light.flux[body.chosen] for body in self._bodies)
+        return [replace(light, flux=flux) if flux.any() else None for flux in fluxes]
+
+    def _crop(self, i: int) -> Callable[[LayerGrid], LayerGrid]:
+        return lambda grid: self.atlas(grid).crops[i]
+
+
+def _grouped(body: npt.NDArray[np.integer], count: int) -> list[Ints]:
+    """Indices of the elements of each body, in ascending order."""
+    order = np.argsort(body, kind="stable")
+    bounds = np.searchsorted(body[order], np.arange(count + 1))
+    return [order[start:stop] for start, stop in pairwise(bounds)]

@@ -12,8 +12,9 @@ from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering
 from milkglass.core.stages import Stages
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary
-from milkglass.core.transport.diffusion.entry import EnteringLight, second_scattering
+from milkglass.core.transport.diffusion.entry import second_scattering
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
 
 DOWN = (0.0, 0.0, -1.0)
@@ -57,7 +58,7 @@ class Solved:
 
     def exitance(self, channel: int) -> Array:
         """(n,) M of the patches."""
-        return self.solution.fluence[channel] / (2.0 * self.media[channel].extrapolation_factor)
+        return self.solution.two_A_M[channel] / (2.0 * self.media[channel].extrapolation_factor)
 
     def leaving(self, channel: int) -> float:
         """Flux."""

@@ -48,7 +48,7 @@ class Lit:
         matrix[3, :3] += phase
         grid = replace(grid, world_to_grid=tuple(map(tuple, matrix.tolist())))
         u = grid.coordinates(self.sources).astype(np.float32)
-        nodes = transport.exitance(grid, u, self.flux.astype(np.float32), self.profiles, self.mesh.area, Stages())
+        nodes = transport.node_exitance(grid, u, self.flux.astype(np.float32), self.profiles, self.mesh.area, Stages())
         local = transport.local(grid, self.profiles).factors[0] * self.E
         return gather(transport.weights(grid, grid.coordinates(self.points)), nodes) + local
 

@@ -18,7 +18,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness
 from milkglass.core.transport.diffusion.boundary import is_closed
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import (
     PROBE_SOURCES,
     BodiesOf,
@@ -170,7 +170,7 @@ class Assets:
         sharp_light: bool,
         separate: bool = False,
     ) -> Quality:
-        """Return layers and resolution of transport, see `viewer.assets.quality.choose_quality`."""
+        """Return layers and resolution of transport, see `core.transport.quality.choose_quality`."""
         return self.get(QualityOf(settings, profiles, mesh, sharp_light, separate))
 
     def _spacing_at_hand(self, mesh: Mesh, spacing: float) -> float:

@@ -24,7 +24,7 @@ from milkglass.core.light.sources import ProbeSource, extract
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness, roughness
 from milkglass.core.transport.diffusion.boundary import row_sums
-from milkglass.viewer.assets.quality import Quality, choose_quality, survey_spacing
+from milkglass.core.transport.quality import Quality, choose_quality, survey_spacing
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility
 from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import FileModel, builtin_model, read_model
@@ -255,7 +255,7 @@ class RowSumsOf:
 
 @dataclass(frozen=True)
 class QualityOf:
-    """Layers and resolution of transport, see `viewer.assets.quality.choose_quality`."""
+    """Layers and resolution of transport, see `core.transport.quality.choose_quality`."""
 
     settings: TransportSettings
     profiles: Profiles
@@ -270,7 +270,8 @@ class QualityOf:
         quality = choose_quality(settings, self.profiles, mesh, shape, self.sharp_light)
         if settings != self.settings:
             sums = assets.row_sums(mesh, self.separate)
-            quality = replace(quality, open_surface=float(sums[np.abs(sums + 0.5).argmax()]))
+            worst = float(sums[np.abs(sums + 0.5).argmax()])
+            quality = replace(quality, instead_of=self.settings.method, open_surface=worst)
         return quality
 
 

@@ -19,15 +19,16 @@ from milkglass.core.grid import layers
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
+from milkglass.core.material.medium import media
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sheet import SheetRays
 from milkglass.core.stages import Stage, Stages, Timings
-from milkglass.core.transport.base import LocalTerm, Transport
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.core.transport.base import EnteringFlux, Transport, WholeObject
+from milkglass.core.transport.pixels import LocalTerm
+from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.bench.lights import LIGHTS, BenchLight
 from milkglass.viewer.bench.reference import graded_exitance
 from milkglass.viewer.bench.schemes import Scheme
@@ -121,6 +122,11 @@ class Placed:
             self._flux[key] = (irradiance * self.samples.areas[:, None]).astype(np.float32)
         return self._flux[key]
 
+    def entering(self, mesh: Mesh, flux: Float32, material: Material) -> EnteringFlux:
+        """Return a flux (n, 3) of the samples as transport takes it."""
+        solid, matter = WholeObject(mesh, self.samples), (dipoles(material), media(material))
+        return EnteringFlux(solid, self.grid, self.coordinates, flux, (), *matter)
+
 
 class Run:
     """A scheme on one shape; keeps what the next light or material can use again, as the renderer does.
@@ -148,7 +154,6 @@ class Run:
             mesh = self.target.mesh
             samples = self._assets.samples(mesh, sample_spacing(mesh, self.scheme.settings, quality.resolution))
             transport = make_transport(quality)
-            assert not isinstance(transport, DiffusionTransport)  # which is measured against transport
             grid = transport.grid(mesh, self.target.rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
             gather = transport.weights(grid, grid.coordinates(self.target.points.points))
@@ -157,15 +162,15 @@ class Run:
 
     def exitance(self, light: BenchLight, material: Material) -> Array:
         """M at the target's points, (n, 3)."""
-        target, profiles = self.target, dipoles(material)
+        target = self.target
         placed = self.place(self.quality(light, material))
         flux = placed.flux(light, target.occluder, material.eta)
         self.stages.begin()
-        transport, grid = placed.transport, placed.grid
-        nodes = transport.exitance(grid, placed.coordinates, flux, profiles, target.mesh.area, self.stages)
-        term = self.stages.run(Stage.LOCAL, [transport, profiles], lambda: transport.local(grid, profiles))
+        scattered = placed.transport.scatter(placed.entering(target.mesh, flux, material), self.stages)
+        key = placed.transport, dipoles(material)
+        term = self.stages.run(Stage.PIXEL_TERMS, key, scattered.pixel_tables).local
         self.timings |= self.stages.timings
-        return np.maximum(layers.gather(placed.gather, nodes) + self._local(term, light, material), 0.0)
+        return np.maximum(layers.gather(placed.gather, scattered.volume) + self._local(term, light, material), 0.0)
 
     def row(self, names: tuple[str, str, str], light: BenchLight, material: Material, reference: Array) -> "ErrorRow":
         """Run and compare; names of shape, material and light."""
@@ -181,9 +186,7 @@ class Run:
         value = term.factors[0] * light.irradiance(target.occluder, target.points, material.eta)
         if term.reach > 0.0:
             thickness, other_side = light.across(target.rays, target.points, material.eta, term.reach)
-            nodes = np.linspace(0.0, term.reach, len(term.factors))
-            factors = np.stack([np.interp(thickness, nodes, f, right=0.0) for f in term.factors.T], axis=-1)
-            value += factors * (thickness > 0.0)[:, None] * other_side
+            value += term.at(thickness) * (thickness > 0.0)[:, None] * other_side
         return np.asarray(value)
 
 

@@ -16,9 +16,9 @@ from milkglass.core.material import fresnel
 from milkglass.core.material import library as materials
 from milkglass.core.material.medium import Medium, media
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.base import EnteringLight
+from milkglass.core.transport.diffusion.choice import DIFFUSION_NODES
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
-from milkglass.viewer.assets.quality import DIFFUSION_NODES
 from milkglass.viewer.bench.report import Report
 from milkglass.viewer.live.job import PRESENTABLE
 

@@ -24,11 +24,10 @@ from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.provenance import shapes_in_sample
 from milkglass.core.reference.transport_error import Beam, TransportError, find_truth, transport_error
 from milkglass.core.stages import Stages
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, Scattered, Transport, WholeObject
 from milkglass.core.transport.diffusion.constants import CONSTANTS
-from milkglass.core.transport.diffusion.entry import EnteringLight
-from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.quality import AnyTransport, Quality, make_transport, sample_spacing
 from milkglass.viewer.bench.error import CAMERA
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import (
@@ -44,7 +43,7 @@ from milkglass.viewer.bench.shapes import (
     torus_knot,
     washer,
 )
-from milkglass.viewer.error.point_exitance import Evaluate, RayLights, diffusion_exitance, dipole_exitance
+from milkglass.viewer.error.point_exitance import Evaluate, RayLights, exitance_in
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.lights import DirectionalLight
@@ -112,7 +111,7 @@ class TransportRow:
 class Placed:
     """Transport placed on a shape, its samples, and their flux light by light."""
 
-    transport: AnyTransport
+    transport: Transport
     grid: LayerGrid
     samples: SurfaceSamples
     coordinates: Float32
@@ -142,7 +141,7 @@ class Run:
         self.scheme, self.stages = scheme, Stages()
         self._mesh, self._lamps, self._assets, self._finer = mesh, lamps, assets, finer
         self._placed: dict[Quality, Placed] = {}
-        self.solution: Solution | None = None
+        self.scattered: Scattered | None = None
 
     def quality(self, material: Material) -> Quality:
         """Return layers and resolution."""
@@ -152,24 +151,18 @@ class Run:
         """Run transport; `stages.timings` then tells of the stages that had to be run."""
         placed, lights = self._place(self.quality(material)), self._lamps(light, material.eta)
         entering = self._entering(placed, light, lights)
-        transport, grid, mesh = placed.transport, placed.grid, self._mesh
+        solid, matter = WholeObject(self._mesh, placed.samples), (dipoles(material), media(material))
+        lit = EnteringFlux(solid, placed.grid, placed.coordinates, entering.flux, (entering,), *matter)
         self.stages.begin()
-        if isinstance(transport, DiffusionTransport):
-            found = transport.solve(mesh, placed.samples, grid, [entering], media(material), self.stages)
-            self.solution = found
-            return diffusion_exitance(transport, found, lights)
-        profiles = dipoles(material)
-        nodes = transport.exitance(grid, placed.coordinates, entering.flux, profiles, mesh.area, self.stages)
-        return dipole_exitance(transport, grid, profiles, nodes, lights)
+        self.scattered = placed.transport.scatter(lit, self.stages)
+        return exitance_in(self.scattered, lights)
 
     def _place(self, quality: Quality) -> Placed:
         if quality not in self._placed:
             mesh = self._mesh
             spacing = sample_spacing(mesh, self.scheme.settings, quality.resolution * self._finer)
             samples = self._assets.samples(mesh, spacing)
-            transport = make_transport(quality)
-            if isinstance(transport, DiffusionTransport):
-                transport.resolution *= self._finer
+            transport = make_transport(replace(quality, resolution=quality.resolution * self._finer))
             grid = transport.grid(mesh, place_camera(CAMERA, mesh.radius, (256, 256)).rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
             self._placed[quality] = Placed(transport, grid, samples, coordinates, {})
@@ -224,12 +217,13 @@ def transport_rows(
                     error = transport_error(truth, evaluate)
                     resolution = run.quality(material).resolution
                     row = TransportRow(run.scheme, shape, name, light, error, changed, ms, resolution)
-                    if run.solution is not None:
-                        surface, solution = truth.regions.samples, run.solution
+                    scattered = run.scattered
+                    if scattered is not None and run.scheme.settings.facts.solves:
+                        surface = truth.regions.samples
                         row = replace(
                             row,
-                            products=max(solution.convolutions),
-                            residual=max(solution.residuals),
+                            products=max(scattered.convolutions),
+                            residual=max(scattered.residuals),
                             numerical=numerical_error(evaluate, fine.exitance(light, material), surface),
                         )
                     yield row

@@ -139,7 +139,9 @@ class Plain:
         assert finished is not None
         lit, (gbuffer, light) = finished.lit, self._targets
         self._gbuffer.render(lit.model.buffers, lit.camera.world_to_clip, gbuffer)
-        surface = replace(finished.gather, local_reach=0.0)
+        textures = finished.gather.tables
+        local = replace(textures.tables.local, reach=0.0)
+        surface = replace(finished.gather, tables=replace(textures, tables=replace(textures.tables, local=local)))
         exhausted(self._light.steps(gbuffer, lit.sources, surface, scene.specular, self._nothing, lit.camera, light))
         average = self._tonemap.log_average(light.irradiance) or 1.0
         nowhere = Background(self._nothing, 0.0, 0.0)

@@ -17,10 +17,11 @@ import scipy.fft
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid import layers
+from milkglass.core.grid.kernels import Kernels
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.stages import Stage
-from milkglass.core.transport.ewald import EwaldTransport
+from milkglass.core.transport.ewald import make_transport
 from milkglass.viewer.bench.error import Run, Target
 from milkglass.viewer.bench.lights import LIGHTS
 from milkglass.viewer.bench.report import Report
@@ -76,18 +77,17 @@ class NewLight:
 
     def __init__(self, scheme: Scheme, target: Target) -> None:
         self._run, self._target = Run(scheme, target), target
-        material, light = materials.lookup(MATERIAL), LIGHTS[LIGHT]
-        self._profiles = dipoles(material)
-        self._placed = self._run.place(self._run.quality(light, material))
-        self._flux = self._placed.flux(light, target.occluder, material.eta)
+        self._material, light = materials.lookup(MATERIAL), LIGHTS[LIGHT]
+        self._quality = self._run.quality(light, self._material)
+        self._placed = self._run.place(self._quality)
+        self._flux = self._placed.flux(light, target.occluder, self._material.eta)
         self.times: dict[str, list[float]] = {}
 
     @property
     def boxes(self) -> tuple[Box, ...]:
-        """What `ewald` pads its channels to."""
-        transport, grid = self._placed.transport, self._placed.grid
-        assert isinstance(transport, EwaldTransport)
-        found = [transport.shape(grid, p, self._target.mesh.area) for p in self._profiles if not p.is_black]
+        """Sizes to which `ewald` pads its channels."""
+        transport, grid, area = make_transport(self._quality, Kernels()), self._placed.grid, self._target.mesh.area
+        found = [transport.shape(grid, p, area) for p in dipoles(self._material) if not p.is_black]
         return tuple((s.padded_layers, s.padded_height, s.padded_width) for s in found)
 
     def __call__(self) -> None:
@@ -95,8 +95,7 @@ class NewLight:
         placed, stages = self._placed, self._run.stages
         flux = self._flux.copy()  # another light, for all that stages know
         stages.begin()
-        area = self._target.mesh.area
-        volume = placed.transport.exitance(placed.grid, placed.coordinates, flux, self._profiles, area, stages)
+        volume = placed.transport.scatter(placed.entering(self._target.mesh, flux, self._material), stages).volume
         stages.run(Stage.GATHER, [volume], lambda: layers.gather(placed.gather, volume))
         for stage in (Stage.DEPOSIT, Stage.CONVOLUTION, Stage.GATHER):
             self.times.setdefault(stage, []).append(stages.timings[stage])

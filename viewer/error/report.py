@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import face_cross
@@ -25,7 +24,7 @@ from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
 from milkglass.core.reference.transport_error import Beam, find_truth, transport_error
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
-from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.core.transport.base import Scattered
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
 from milkglass.viewer.error.map import error_map
@@ -44,7 +43,7 @@ REGIONS = 150  # of the surface, over which photons and the picture are compared
 def transport_content(
     scene: Scene,
     lit: LitScene,
-    scattered: npt.NDArray[np.float32] | AnySolution,
+    scattered: Scattered,
     illumination: Illumination,
     photons: int,
     seed: int = 0,
@@ -98,7 +97,7 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the material does not scatter"
     if lit.detail is not None:
         return "photons do not know the colours and the relief of the model's surface"
-    if lit.separated is not None and lit.quality.facts.uses_profile:
+    if lit.body_marks is not None and lit.quality.facts.uses_profile:
         return "bodies that are separate are compared with transport diffusion only"
     return None
 

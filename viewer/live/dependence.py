@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+from milkglass.core.transport.quality import sample_spacing
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.quality import sample_spacing
 from milkglass.viewer.assets.sources import (
     BodiesOf,
     DetailOf,

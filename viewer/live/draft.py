@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from milkglass.core.stages import Allowance
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.scene.scene import Scene
 
 SMALLEST_DRAFT = 32  # texels
@@ -41,7 +41,7 @@ def draft_resolution(scene: Scene, quality: Quality, cost: tuple[float, int, int
     """
     settings = scene.transport
     seconds, resolution, layers = cost
-    is_of_method = settings.method == quality.method or quality.open_surface is not None
+    is_of_method = settings.method == quality.method or quality.instead_of is not None
     automatic = settings.resolution is None and is_of_method
     wanted = settings.resolution or quality.resolution
     # Layers of their own number cost as many times a map; else they grow with the resolution.

@@ -20,7 +20,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import Stages
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.live.dependence import lighting_key

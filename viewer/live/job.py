@@ -14,8 +14,7 @@ import numpy as np
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.layers import deposit
 from milkglass.core.stages import Stage, Timings
-from milkglass.core.transport.diffusion.separate import AnySolution, SeparateSolution
-from milkglass.core.transport.diffusion.solver import Solution
+from milkglass.core.transport.base import Scattered
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.renderer import Renderer
@@ -23,17 +22,23 @@ from milkglass.viewer.render.renderer import Renderer
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """The light it is of, the volume that is drawn, what came back; `complete` unless it is on the way to better."""
+    """What is drawn, or on the way to it.
+
+    Attributes
+    ----------
+    lit : LitScene
+        The light that it is of.
+    gather : Gather
+        The volume that pixels read.
+    scattered : Scattered
+    complete : bool
+        Whether nothing better is on the way.
+    """
 
     lit: LitScene
     gather: Gather
-    scattered: Float32 | AnySolution
+    scattered: Scattered
     complete: bool = True
-
-    @property
-    def solution(self) -> AnySolution | None:
-        """With `diffusion`, how far it is solved."""
-        return self.scattered if isinstance(self.scattered, AnySolution) else None
 
     def incoming(self) -> Float32:
         """Flux on the layers, (3, n_layers, height, width)."""
@@ -41,23 +46,8 @@ class Finished:
         return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
 
     def outgoing(self) -> Float32:
-        """Exitance on the layers, (3, n_layers, height, width), all bodies together; with `diffusion` flux again."""
-        if isinstance(self.scattered, Solution):
-            return _leaving(self.scattered)
-        if isinstance(self.scattered, SeparateSolution):
-            return self.scattered.atlas.unfolded(self.scattered.filled(_leaving))
-        separated = self.lit.separated
-        return self.scattered if separated is None else separated.atlas.unfolded(self.scattered)
-
-
-def _leaving(solution: Solution) -> Float32:
-    """M dA on the layers: the volume of a solution is no light yet."""
-    boundary = solution.boundary
-    flux = np.zeros((len(boundary.patches), 3), np.float32)
-    for i, (medium, fluence) in enumerate(zip(solution.media, solution.fluence, strict=True)):
-        if not medium.is_black:
-            flux[:, i] = np.maximum(fluence, 0.0) / (2.0 * medium.extrapolation_factor) * boundary.patches.areas
-    return deposit(boundary.grid, boundary.weights, flux)
+        """Exitance on the layers, (3, n_layers, height, width), see `core.transport.base.Scattered.on_layers`."""
+        return self.scattered.on_layers()
 
 
 # Relative residual from which on a solution may be seen: pixels magnify it a few times, to 1 % rms. At 0.005 shadows
@@ -68,14 +58,14 @@ SURFACE_STAGES = {Stage.RAYS, Stage.BOUNDARY}  # run once a mesh and grid, which
 
 
 @dataclass(frozen=True, eq=False)
-class Scattered:
-    """What transport gives.
+class Outcome:
+    """What a job has come to.
 
     Attributes
     ----------
     lit : LitScene
-        The light it is of.
-    result : volume or Solution
+        The light that it is of.
+    scattered : Scattered
     timings : Timings
         Empty on the way.
     complete : bool
@@ -85,7 +75,7 @@ class Scattered:
     """
 
     lit: LitScene
-    result: Float32 | AnySolution
+    scattered: Scattered
     timings: Timings
     complete: bool
     seen_after: float = np.inf
@@ -93,14 +83,14 @@ class Scattered:
     @property
     def is_presentable(self) -> bool:
         """Whether it may be seen."""
-        return self.complete or not isinstance(self.result, AnySolution) or _is_presentable(self.result)
+        return self.complete or _is_presentable(self.scattered)
 
     @property
     def seconds(self) -> float | None:
         """What a drag costs on this grid until it may be seen; None where that is not to be told from this."""
         if not self.complete:
             return None
-        if isinstance(self.result, AnySolution):
+        if self.lit.quality.facts.solves:
             known = Stage.SOLUTION in self.timings and not SURFACE_STAGES & self.timings.keys()
             return self.seen_after if known else None
         if Stage.CONVOLUTION not in self.timings:
@@ -123,11 +113,11 @@ class TransportJob:
     def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
         self._renderer, self._lit, self._wake = renderer, lit, wake
         self._superseded, self._unwanted = threading.Event(), threading.Event()
-        self._preview: AnySolution | None = None
-        self._shown: AnySolution | None = None
+        self._preview: Scattered | None = None
+        self._shown: Scattered | None = None
         self._shown_at, self._gave_up = -np.inf, False
         self._began, self._seen_after = 0.0, np.inf
-        self.future: Future[Scattered] = worker.submit(self._scatter)
+        self.future: Future[Outcome] = worker.submit(self._scatter)
         self.future.add_done_callback(lambda _: wake())
 
     def supersede(self, at_once: bool) -> None:
@@ -136,21 +126,21 @@ class TransportJob:
         if at_once:
             self._unwanted.set()
 
-    def preview(self) -> Scattered | None:
+    def preview(self) -> Outcome | None:
         """Return the newest solution on the way, once."""
         solution, self._preview = self._preview, None  # one that comes in between is followed by others, or the end
-        return None if solution is None else Scattered(self._lit, solution, {}, complete=False)
+        return None if solution is None else Outcome(self._lit, solution, {}, complete=False)
 
-    def _scatter(self) -> Scattered:
+    def _scatter(self) -> Outcome:
         """Run in the worker: nothing here touches OpenGL."""
         stages = self._renderer.transport_stages
         stages.begin()
         self._began = time.perf_counter()
-        result = self._renderer.scatter(self._lit, self._go_on)
+        scattered = self._renderer.scatter(self._lit, self._go_on)
         self._seen_after = min(self._seen_after, time.perf_counter() - self._began)
-        return Scattered(self._lit, result, dict(stages.timings), not self._gave_up, self._seen_after)
+        return Outcome(self._lit, scattered, dict(stages.timings), not self._gave_up, self._seen_after)
 
-    def _go_on(self, solution: AnySolution) -> bool:
+    def _go_on(self, solution: Scattered) -> bool:
         """Show the first solution that may be seen at once and some of the later ones; give up in good time."""
         presentable = _is_presentable(solution)
         self._gave_up = self._unwanted.is_set() or (presentable and self._superseded.is_set())
@@ -165,5 +155,5 @@ class TransportJob:
         return not self._gave_up
 
 
-def _is_presentable(solution: AnySolution) -> bool:
-    return max(solution.residuals) <= PRESENTABLE
+def _is_presentable(scattered: Scattered) -> bool:
+    return max(scattered.residuals) <= PRESENTABLE

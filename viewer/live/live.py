@@ -253,18 +253,18 @@ class Live:
             return
         if done := job.future.done():
             self._job = None
-        scattered = job.future.result() if done else job.preview()
-        if scattered is None:
+        outcome = job.future.result() if done else job.preview()
+        if outcome is None:
             return
-        if done and not scattered.complete:
+        if done and not outcome.complete:
             self._sent = None  # where the light comes back, it is solved after all
-        lit = scattered.lit
-        if scattered.is_presentable:
-            gather = self.renderer.gather(lit, scattered.result)
-            self.finished = Finished(lit, gather, scattered.result, scattered.complete)
-        if scattered.seconds is not None:
-            self._cost = scattered.seconds, lit.quality.resolution, lit.grid.n_layers
-        self.renderer.stages.timings.update(scattered.timings)
+        lit = outcome.lit
+        if outcome.is_presentable:
+            gather = self.renderer.gather(lit, outcome.scattered)
+            self.finished = Finished(lit, gather, outcome.scattered, outcome.complete)
+        if outcome.seconds is not None:
+            self._cost = outcome.seconds, lit.quality.resolution, lit.grid.n_layers
+        self.renderer.stages.timings.update(outcome.timings)
 
     def _go_on(self) -> None:
         """Have the next frame drawn at once, for what this one left."""

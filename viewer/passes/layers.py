@@ -68,11 +68,11 @@ class LayersPass:
                 " holds; lower transport.resolution or set model.bodies to joined"
             )
 
-    def windows(self, atlas: Atlas) -> moderngl.Texture:
-        """Upload where each body lies in an atlas, three texels a body in rows of `BODIES_A_ROW`."""
-        rows = -(-len(atlas.windows) // BODIES_A_ROW)
+    def windows(self, windows: Float32) -> moderngl.Texture:
+        """Upload `core.grid.atlas.Atlas.windows`, three texels a body in rows of `BODIES_A_ROW`."""
+        rows = -(-len(windows) // BODIES_A_ROW)
         values = np.zeros((rows * BODIES_A_ROW, 3, 3), np.float32)
-        values[: len(atlas.windows)] = atlas.windows
+        values[: len(windows)] = windows
         texture = float_texture(self._context, (3 * BODIES_A_ROW, rows), 3)
         texture.write(values)
         return texture

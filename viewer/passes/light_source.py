@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
-from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.base import EnteringLight
 from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.passes.shadows import ShadowMap
 from milkglass.viewer.passes.soft_shadows import SoftShadow

@@ -8,20 +8,17 @@ import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.grid.atlas import Atlas
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.medium import media
 from milkglass.core.stages import Stage, Stages, Steps
-from milkglass.core.transport.diffusion.entry import EnteringLight
-from milkglass.core.transport.diffusion.separate import AnySolution
-from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.core.transport.base import EnteringLight, Scattered, SeparableTransport, Transport
+from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets, shape_of
-from milkglass.viewer.assets.quality import AnyTransport, Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.buffers import MeshBuffers
-from milkglass.viewer.gl.context import table_texture, volume_texture
+from milkglass.viewer.gl.context import volume_texture
 from milkglass.viewer.passes.detail_uniforms import Surface
-from milkglass.viewer.passes.gather import DiffuseTables, Gather
+from milkglass.viewer.passes.gather import Gather, TableTextures
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.passes.light_source import LightSource
@@ -45,7 +42,7 @@ class Lighting:
         self._run, self._spread = stages.run, stages.spread
         self._assets = assets
         self._effort = effort
-        self._solvers: dict[Quality, AnyTransport] = {}  # a drag's and the picture's
+        self._solvers: dict[Quality, SeparableTransport] = {}  # a drag's and the picture's
         self._lamps = Lamps(context, stages)
         self._irradiance = SampleIrradiancePass(context)
         self._surround = Surround(context, stages, assets, self._lamps)
@@ -90,11 +87,13 @@ class Lighting:
         samples = run(Stage.SAMPLES, [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface, detail, troubles = self._details.surface(scene, samples)
 
-        separated = marks = None
+        scatters: Transport = transport
+        body_marks = marks = None
         if bodies is not None and count > 1:
-            separated = self._separation.separated(model.mesh, bodies, made_for, transport, grid, samples)
+            body_marks = self._separation.marks(model.mesh, bodies)
+            scatters = self._separation.of_bodies(model.mesh, bodies, made_for, transport, grid, samples)
             # Light through thin sheets asks which body a shadow map shows.
-            marks = separated.marks.buffer if quality.facts.knows_sheets else None
+            marks = body_marks.buffer if quality.facts.knows_sheets else None
 
         say("casting shadows")
         on_model = model.mesh, model.buffers
@@ -115,44 +114,29 @@ class Lighting:
         flux = run(Stage.FLUX, [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
         lights = self._entering(surface, sources, each) if quality.facts.takes_each_light else ()
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        placed = transport, grid, profiles, coordinates, flux, lights, media(material), samples
+        placed = scatters, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(
-            model, camera, sources, material.eta, quality, *placed, lobes, bodies, separated, detail, troubles
+            model, camera, sources, material.eta, quality, *placed, lobes, bodies, body_marks, detail, troubles
         )
 
-    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
+    def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload the result of transport."""
-        if isinstance(scattered, AnySolution):
-            return self._gather_solution(lit, scattered)
-        transport = lit.transport
-        assert not isinstance(transport, DiffusionTransport)
-        volume = self._run(Stage.LAYER_VOLUME, [scattered], lambda: self._layers.volume(scattered))
-        key = transport, lit.grid, lit.profiles
-        local = self._run(Stage.LOCAL, key, lambda: transport.local(lit.grid, lit.profiles))
-        table = self._run(Stage.LOCAL_TABLE, [local], lambda: table_texture(self._context, local.factors))
-        to_texture, windows = lit.grid.world_to_texture, None
-        if lit.separated is not None:
-            to_texture, windows = lit.separated.atlas.world_to_texture, self._windows(lit.separated.atlas)
-        return Gather(volume, to_texture, transport.smooth, table, local.reach, lit.eta, windows)
+        run, context, nodes = self._run, self._context, scattered.volume
+        volume = run(Stage.LAYER_VOLUME, [nodes], lambda: self._layers.volume(nodes))
+        key = lit.transport, scattered.grid, *lit.transport.material(lit.entering), scattered.boundaries
+        tables = run(Stage.PIXEL_TERMS, key, scattered.pixel_tables)
+        textures = run(Stage.PIXEL_TABLES, [tables], lambda: TableTextures.upload(context, tables))
+        fluence = volume
+        if tables.solves:
+            fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
+        placed = scattered.world_to_texture, lit.transport.smooth, lit.eta
+        return Gather(volume, fluence, textures, *placed, self._windows(scattered.windows))
 
-    def _gather_solution(self, lit: LitScene, solution: AnySolution) -> Gather:
-        run, transport = self._run, lit.transport
-        assert isinstance(transport, DiffusionTransport)
-        s = transport.window_width(solution.grid)
-        volume = run(Stage.LAYER_VOLUME, [solution], lambda: self._layers.volume(solution.volume))
-        terms = run(Stage.PIXEL_TERMS, [solution.boundaries, *solution.media], lambda: solution.pixel_terms(s))
-        mean = run(Stage.MEAN_FLUENCE, [solution], lambda: volume_texture(self._context, solution.mean_fluence()))
-        bent = terms.bending
-        bending = None if bent is None else run(Stage.BENDING, [terms], lambda: volume_texture(self._context, bent))
-        request = [terms, mean, bending]
-        tables = run(Stage.PIXEL_TABLES, request, lambda: DiffuseTables.upload(self._context, terms, mean, bending))
-        sheets = [boundary.sheet_reach for boundary in solution.boundaries if len(boundary.sheet.patches)]
-        reach = max(sheets, default=0.0)
-        windows = None if isinstance(solution, Solution) else self._windows(solution.atlas)
-        return Gather(volume, solution.world_to_texture, True, self._lamps.no_probe, reach, lit.eta, windows, tables)
-
-    def _windows(self, atlas: Atlas) -> moderngl.Texture:
-        return self._run(Stage.BODY_WINDOWS, [atlas], lambda: self._layers.windows(atlas))
+    def _windows(self, windows: Float32 | None) -> moderngl.Texture | None:
+        """Upload where the bodies lie in an atlas."""
+        if windows is None:
+            return None
+        return self._run(Stage.BODY_WINDOWS, [windows], lambda: self._layers.windows(windows))
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
@@ -168,13 +152,12 @@ class Lighting:
         self._separation.release()
         self._assets.keep_probes()
 
-    def _transport(self, made_for: Quality, keep: int) -> AnyTransport:
+    def _transport(self, made_for: Quality, keep: int) -> SeparableTransport:
         """Make a transport; of one that solves, and keeps a surface and a solution, one of the last two may serve."""
         if not made_for.facts.solves:
             return make_transport(made_for, self._effort, keep)
         solver = self._solvers.pop(made_for, None) or make_transport(made_for, self._effort, keep)
-        assert isinstance(solver, DiffusionTransport)
-        solver.keep = keep
+        solver.kernels.keep = keep
         self._solvers = {**dict(list(self._solvers.items())[-1:]), made_for: solver}
         return solver
 

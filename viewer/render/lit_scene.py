@@ -10,15 +10,13 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
-from milkglass.core.transport.base import Transport
-from milkglass.core.transport.diffusion.entry import EnteringLight
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, Transport, WholeObject
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.passes.occlusion import Occlusion
-from milkglass.viewer.render.bodies import Separated
+from milkglass.viewer.render.bodies import BodyMarks
 from milkglass.viewer.scene.camera import Camera
 
 
@@ -42,19 +40,22 @@ class LitScene:
     eta : float
     quality : Quality
         What the transport was made for, with the error to expect.
-    transport, grid, profiles
+    transport : Transport
+        In each body alone, where bodies are separate.
+    grid, profiles
     coordinates : (n, 3) float32
         Grid coordinates of the samples.
     flux : (n, 3) float32
         E dA of the samples, all lights.
-    lights : light by light, where transport is `diffusion`
+    lights : tuple of EnteringLight
+        Light by light, where the method takes each light.
     media : of the material
     samples : SurfaceSamples
     lobes : LobeFilter, optional
         Of the environment less the sources that shine as lamps: what highlights mirror.
     bodies : Bodies, optional
         Where they are to be separate.
-    separated : Separated, optional
+    body_marks : BodyMarks, optional
         Where they are more than one.
     detail : SurfaceDetail, optional
         Colours and relief of the surface.
@@ -67,7 +68,7 @@ class LitScene:
     sources: tuple[LightSource, ...]
     eta: float
     quality: Quality
-    transport: Transport | DiffusionTransport
+    transport: Transport
     grid: LayerGrid
     profiles: Profiles
     coordinates: Float32
@@ -77,7 +78,7 @@ class LitScene:
     samples: SurfaceSamples
     lobes: LobeFilter | None = None
     bodies: Bodies | None = None
-    separated: Separated | None = None
+    body_marks: BodyMarks | None = None
     detail: SurfaceDetail | None = None
     troubles: tuple[str, ...] = ()
 
@@ -85,6 +86,12 @@ class LitScene:
     def occlusion(self) -> Occlusion | None:
         """What keeps the environment's light from the surface, where that is known."""
         return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
+
+    @property
+    def entering(self) -> EnteringFlux:
+        """Light that enters the object, as transport takes it."""
+        solid = WholeObject(self.model.mesh, self.samples)
+        return EnteringFlux(solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media)
 
     def without_tint(self) -> "LitScene":
         """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""

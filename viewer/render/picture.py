@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
 from milkglass.core.stages import Timings
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.files.formats import PictureContents, write_picture
 from milkglass.viewer.files.images import channel_bands
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba

@@ -13,14 +13,11 @@ from typing import Concatenate, ParamSpec, TypeVar
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Float32
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.grid.kernels import Kernels
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stages, Timings
 from milkglass.core.threads import one_blas_thread
-from milkglass.core.transport.diffusion.separate import AnySolution
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
@@ -172,10 +169,7 @@ class Renderer:
         self.stages.clear()
         self.transport_stages.clear()
         self._lighting.release()
-        if isinstance(lit.transport, Kernels):
-            lit.transport.release()
-        if lit.separated is not None:
-            lit.separated.transport.release()
+        lit.transport.release()
         free_dropped(self.context)
         none = np.empty((0, 3), np.float32)
         samples = SurfaceSamples(none, none, none[:, 0])
@@ -189,25 +183,15 @@ class Renderer:
         return self._lighting.light(scene, progress, draft)
 
     @one_blas_thread()
-    def scatter(self, lit: LitScene, go_on: Callable[[AnySolution], bool] | None = None) -> Float32 | AnySolution:
-        """Transport: exitance at the nodes of the layers, or of an atlas of bodies; with `diffusion` a solution.
+    def scatter(self, lit: LitScene, go_on: GoOn | None = None) -> Scattered:
+        """Scatter light inside the object; `go_on` as of `core.transport.base.Transport.scatter`.
 
-        `go_on` as of `core.transport.diffusion.solver.DiffusionTransport.solve`. Uses no OpenGL, so any one thread may
-        run it.
+        Uses no OpenGL, so any one thread may run it.
         """
-        if isinstance(lit.transport, DiffusionTransport):
-            mesh, stages = lit.model.mesh, self.transport_stages
-            if lit.separated is not None:
-                return lit.separated.solve(lit.lights, lit.media, stages, go_on)
-            return lit.transport.solve(mesh, lit.samples, lit.grid, lit.lights, lit.media, stages, go_on)
-        if lit.separated is not None:
-            return lit.separated.exitance(lit.coordinates, lit.flux, lit.profiles, self.transport_stages)
-        return lit.transport.exitance(
-            lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.model.mesh.area, self.transport_stages
-        )
+        return lit.transport.scatter(lit.entering, self.transport_stages, go_on)
 
     @_in_turn
-    def gather(self, lit: LitScene, scattered: Float32 | AnySolution) -> Gather:
+    def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what `scatter` returned as the volume that pixels read."""
         return self._lighting.gather(lit, scattered)
 

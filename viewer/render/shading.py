@@ -174,7 +174,7 @@ class Shading:
         depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         made = [size, parts, depth]
         targets = self._run(Stage.COMPOSITE_TARGETS, made, lambda: self._composite.targets(size, parts, depth))
-        volume = gather.volume, gather.local, gather.diffuse, gather.eta
+        volume = gather.volume, gather.fluence, gather.tables, gather.eta
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
 
@@ -190,9 +190,9 @@ class Shading:
         gbuffer = self._seen = run(Stage.GBUFFER_TARGETS, made, lambda: self._gbuffer.targets(size, *parts, depth))
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[i], size)
-        marks = None if lit.separated is None else lit.separated.marks.buffer
-        if lit.separated is not None and occlusion is not None:
-            of_vertex, refined = lit.separated.marks.of_vertex, occlusion.baked.refined
+        marks = None if lit.body_marks is None else lit.body_marks.buffer
+        if lit.body_marks is not None and occlusion is not None:
+            of_vertex, refined = lit.body_marks.of_vertex, occlusion.baked.refined
             marks = run(Stage.REFINED_MARKS, [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
         run(
             Stage.GBUFFER,

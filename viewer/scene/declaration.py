@@ -8,7 +8,7 @@ import difflib
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from numbers import Integral, Real
 from pathlib import Path
@@ -52,7 +52,7 @@ class Setting:
     low: float | None = None
     high: float | None = None
     length: int | None = None
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     optional: bool = False
     nonzero: bool = False
     default_text: str = ""

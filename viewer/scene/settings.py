@@ -269,7 +269,7 @@ class TransportSettings:
     TABLE: ClassVar[str] = "transport"
 
     method: str = setting(
-        "text", DEFAULT_METHOD, choices=tuple(METHODS),
+        "text", DEFAULT_METHOD, choices=METHODS.keys(),
         moves=(Part.BODIES, Part.SAMPLES),
         why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
             "layered: the paper's parallel layers"

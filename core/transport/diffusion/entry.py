@@ -14,32 +14,12 @@ from milkglass.core.grid.layers import smooth_matrix
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine, refract
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.green import local_green
 
-Vector = tuple[float, float, float]
-
 LEAST_REFLECTED = 0.05  # F_r above which reflection inside is followed; it is less near normal incidence
 LEAST_RETURNED = 1e-3  # share of a ray's light above which reflection inside is followed
-
-
-@dataclass(frozen=True, eq=False)
-class EnteringLight:
-    """One light on the surface samples; neither a direction nor a position means from all around.
-
-    Attributes
-    ----------
-    flux : (samples, 3) float32
-        E dA of each sample.
-    direction : 3-tuple, optional
-        Unit, the way that light travels.
-    position : 3-tuple, optional
-        Where it comes from, mm.
-    """
-
-    flux: Float32
-    direction: Vector | None = None
-    position: Vector | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ the two are solved for what phi is more than the neighbourhood's mean, and of th
 is taken as l^3 / (l^4 + WEAK_EIGENVALUE^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from milkglass.core.material.refraction import first_scattering, mean_cosine
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.green import local_green, local_slope
+from milkglass.core.transport.pixels import LocalTerm, PixelEquation, PixelTables
+
+OnNodes = Callable[[Callable[[Boundary], Float32], int], Float32]
 
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
 BLACK = 1e9
@@ -34,48 +37,29 @@ THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
 
 
-@dataclass(frozen=True, eq=False)
-class PixelTerms:
-    """Tables over thickness T, 0 at the first column and `reach` at the last, where parts of any thickness belong.
+def pixel_tables(boundaries: Sequence[Boundary], media: tuple[Medium, ...], s: float, on_nodes: OnNodes) -> PixelTables:
+    """Tabulate for surfaces on nodes of one spacing, three media of the same eta and a window of width s, mm.
 
-    Attributes
+    Parameters
     ----------
-    reach : float
-        mm; 0 where no part of the object is thin: then there is one column.
-    least_cosine : float
-        Inside, to the normal, of the first row: of light that grazes. The last row's is 1.
-    diffuse_cosine : float
-        That serves for light from all around.
-    own, across : (COSINES, m, 3) float32
-        Factors on irradiance.
-    coupling : (m, 4) float32
-        f of R, G and B, and k.
-    diagonal, doubled : (3,) float64
-        rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
-    depths : (2, n_layers, height, width) float32, or None where no part is thin
-        1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a sheet, from 0 to 1.
-    bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
-        b - 1 at the nodes.
+    boundaries : of one object, or of several bodies
+    media : R, G and B
+    s : float
+    on_nodes : callable
+        Puts what a function makes of each boundary, so many channels at its nodes, on the nodes of all.
     """
-
-    reach: float
-    least_cosine: float
-    diffuse_cosine: float
-    own: Float32
-    across: Float32
-    coupling: Float32
-    diagonal: Array
-    doubled: Array
-    depths: Float32 | None
-    bending: Float32 | None
+    reach = max((thin_reach(boundary, media) for boundary in boundaries), default=0.0)
+    equation = tables(reach, media, s)
+    if is_bent(boundaries, media):
+        equation = replace(equation, bending=on_nodes(lambda boundary: bending_at_nodes(boundary, media), 3))
+    if reach > 0.0:
+        equation = replace(equation, depths=on_nodes(lambda boundary: depths_at_nodes(boundary, reach), 2))
+    return PixelTables(LocalTerm(np.zeros((1, 3)), sheet_reach(boundaries)), equation)
 
 
-def pixel_terms(boundary: Boundary, media: tuple[Medium, ...], s: float) -> PixelTerms:
-    """Tabulate for three media of the same eta and a window of width s, mm."""
-    reach = thin_reach(boundary, media)
-    depths = None if reach == 0.0 else depths_at_nodes(boundary, reach)
-    bending = bending_at_nodes(boundary, media) if is_bent([boundary], media) else None
-    return replace(tables(reach, media, s), depths=depths, bending=bending)
+def sheet_reach(boundaries: Sequence[Boundary]) -> float:
+    """Thickness up to which the light behind a sheet matters, mm; 0 where there are no sheets."""
+    return max((boundary.sheet_reach for boundary in boundaries if len(boundary.sheet.patches)), default=0.0)
 
 
 def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
@@ -92,8 +76,8 @@ def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
     return wanted if thin else 0.0
 
 
-def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
-    """Tabulate for thicknesses up to `reach`, mm; no `depths` and `bending` yet."""
+def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
+    """Tabulate for thicknesses up to `reach`, mm, without `depths` and `bending`."""
     eta, thin = media[0].eta, reach > 0.0
     least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
     thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
@@ -110,7 +94,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelTerms:
         coupling[:, 3] = local_slope(NO_ABSORPTION, s, thickness)
     doubled = np.array([2.0 * medium.extrapolation_factor for medium in media])
     own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.extrapolation_factor) for m in media]
-    return PixelTerms(
+    return PixelEquation(
         reach=reach,
         least_cosine=least,
         diffuse_cosine=mean_cosine(eta),
@@ -130,7 +114,7 @@ def mean_fluence(boundary: Boundary, fluence: tuple[Array, ...]) -> Float32:
 
 
 def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
-    """A' sum of w rho over the distances of first scattering to either side, for rays of cosines at thicknesses."""
+    """Return a' sum of w rho over the distances of first scattering to either side, by cosine and thickness."""
     cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)
     thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
     depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
@@ -142,7 +126,7 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
 
 
 def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
-    """Return `PixelTerms.depths`: thickness and share of a sheet, spread over the nodes by area.
+    """Return `PixelEquation.depths`: thickness and share of a sheet, spread over the nodes by area.
 
     Means are of 1 / T, by which a sheet stays one beside parts that are much thicker.
     """
@@ -161,7 +145,7 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
 
 
 def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
-    """Return `PixelTerms.bending`: spread over the nodes by area."""
+    """Return `PixelEquation.bending`: spread over the nodes by area."""
     flat = np.zeros(len(boundary.patches))
     each = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
     return boundary.means(np.stack(each, axis=-1))

@@ -5,50 +5,30 @@ see.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.grid.layers import LayerGrid, smooth_matrix, tent_matrix
-from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE, PixelTerms
+from milkglass.core.transport.base import LightAtPoints
+from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
+from milkglass.core.transport.pixels import PixelEquation
 
 LEAST_SPLIT = 1e-4  # of two eigenvalues
 BORDER = 2  # nodes: as far as the weights reach over the edge
-
-
-@dataclass(frozen=True, eq=False)
-class PointLight:
-    """One light at n points.
-
-    Attributes
-    ----------
-    irradiance : (n, 3)
-        E that enters here.
-    cosine : (n,) or None
-        Of the light to the normal, outside; None where it comes from all around.
-    behind : (n, 3)
-        E on the other side of a sheet, times how far the two sides are one.
-    behind_cosine : (n,)
-        Of the light to the normal over there.
-    """
-
-    irradiance: Array
-    cosine: Array | None
-    behind: Array
-    behind_cosine: Array
 
 
 def point_exitance(
     volume: Float32,
     mean_fluence: Float32,
     grid: LayerGrid,
-    terms: PixelTerms,
+    terms: PixelEquation,
     eta: float,
     points: npt.ArrayLike,
     normals: npt.ArrayLike,
-    lights: Sequence[PointLight],
+    lights: Sequence[LightAtPoints],
 ) -> Array:
     """M at points of the surface.
 
@@ -58,7 +38,7 @@ def point_exitance(
         Of a `core.transport.diffusion.solver.Solution`, on its boundary's `grid`.
     mean_fluence : (3, n_layers, height, width) float32
         `core.transport.diffusion.pixels.mean_fluence` of the solution.
-    terms : PixelTerms
+    terms : PixelEquation
     eta : float
     points, normals : (n, 3) arrays
         mm; unit, outward.
@@ -113,7 +93,7 @@ def _damped(
     return np.asarray((0.5 * (upper + lower) + slope * half_difference) * rhs + slope * coupled * rhs_behind)
 
 
-def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Array, Array]:
+def sheet_depths(grid: LayerGrid, terms: PixelEquation, points: Array) -> tuple[Array, Array]:
     """Thickness at points, mm, and how far it is that of a sheet, (n,) each; 0 where no part of the object is thin."""
     if terms.depths is None:
         return np.zeros(len(points)), np.zeros(len(points))
@@ -122,7 +102,7 @@ def sheet_depths(grid: LayerGrid, terms: PixelTerms, points: Array) -> tuple[Arr
     return 1.0 / np.maximum(inverse, 1.0 / terms.reach), share
 
 
-def _bending(grid: LayerGrid, terms: PixelTerms, points: Array) -> Array:
+def _bending(grid: LayerGrid, terms: PixelEquation, points: Array) -> Array:
     """B at points, (n, 3)."""
     if terms.bending is None:
         return np.ones((len(points), 3))
@@ -130,18 +110,18 @@ def _bending(grid: LayerGrid, terms: PixelTerms, points: Array) -> Array:
     return 1.0 + np.asarray(weights.T @ terms.bending.reshape(3, -1).T, np.float64)
 
 
-def _behind_cosine(light: PointLight) -> Array | None:
+def _behind_cosine(light: LightAtPoints) -> Array | None:
     return None if light.cosine is None else light.behind_cosine
 
 
-def _inside(terms: PixelTerms, eta: float, cosine: Array | None, n: int) -> Array:
+def _inside(terms: PixelEquation, eta: float, cosine: Array | None, n: int) -> Array:
     """Cosine of the refracted ray, (n,)."""
     if cosine is None:
         return np.full(n, terms.diffuse_cosine)
     return np.asarray(np.sqrt(np.maximum(0.0, 1.0 - (1.0 - np.square(cosine)) / eta**2)))
 
 
-def _entering(terms: PixelTerms, table: Float32, inside: Array, thickness: Array) -> Array:
+def _entering(terms: PixelEquation, table: Float32, inside: Array, thickness: Array) -> Array:
     """Factors on irradiance, (n, 3)."""
     row = (inside - terms.least_cosine) / max(1.0 - terms.least_cosine, 1e-6)
     column = thickness / terms.reach if terms.reach > 0.0 else np.zeros(len(inside))

@@ -1,19 +1,28 @@
 """What `core.transport.diffusion.solver` finds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from milkglass.core.arrays import Array, Float32
-from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.grid.layers import LayerGrid, deposit
 from milkglass.core.material.medium import Medium
 from milkglass.core.threads import computed_once
+from milkglass.core.transport.base import SurfaceLights
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.entry import Entry
 from milkglass.core.transport.diffusion.iteration import Iteration, Reached
-from milkglass.core.transport.diffusion.pixels import PixelTerms, mean_fluence, pixel_terms
+from milkglass.core.transport.diffusion.pixels import (
+    bending_at_nodes,
+    depths_at_nodes,
+    mean_fluence,
+    pixel_tables,
+    sheet_reach,
+)
+from milkglass.core.transport.diffusion.points import point_exitance
+from milkglass.core.transport.pixels import PixelTables
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +35,19 @@ class Solution:
     media : R, G and B
     channels : R, G and B; None for a dark one
         What their steps have come to.
+    window : float
+        Width s of the window of the smooth part, mm.
+    tolerance : float
+        Relative residual at which a channel is solved.
     """
 
     boundary: Boundary
     media: tuple[Medium, ...]
     channels: tuple[Reached | None, ...]
+    window: float
+    tolerance: float
+
+    windows = None
 
     @computed_once
     def volume(self) -> Float32:
@@ -40,8 +57,8 @@ class Solution:
         return np.stack([*own, self.boundary.constant])
 
     @computed_once
-    def fluence(self) -> tuple[Array, ...]:
-        """2 A M of each channel's patches, (n,), A of a flat surface: phi where theirs is flat."""
+    def two_A_M(self) -> tuple[Array, ...]:
+        """2 A M of each channel's patches, (n,), A of a flat surface: the fluence phi where the surface is flat."""
         dark = np.zeros(len(self.boundary.patches))
         return tuple(dark if channel is None else channel.two_A_M for channel in self.channels)
 
@@ -56,8 +73,13 @@ class Solution:
         return tuple(0 if channel is None else channel.convolutions for channel in self.channels)
 
     @property
+    def is_solved(self) -> bool:
+        """Whether every channel's residual is within the tolerance."""
+        return max(self.residuals) <= self.tolerance
+
+    @property
     def boundaries(self) -> tuple[Boundary, ...]:
-        """The one."""
+        """Return the boundary as the only one."""
         return (self.boundary,)
 
     @property
@@ -70,25 +92,47 @@ class Solution:
         """(4, 4): world space to the volume's texture coordinates, row vectors."""
         return self.grid.world_to_texture
 
-    def pixel_terms(self, s: float) -> PixelTerms:
-        """Tabulate what pixels need beside the volume, for a window of width s, mm."""
-        return pixel_terms(self.boundary, self.media, s)
+    def pixel_tables(self) -> PixelTables:
+        """Tabulate what pixels need beside the volume."""
+        return pixel_tables(self.boundaries, self.media, self.window, lambda of, _: of(self.boundary))
 
     def mean_fluence(self) -> Float32:
         """See `core.transport.diffusion.pixels.mean_fluence`."""
-        return mean_fluence(self.boundary, self.fluence)
+        return mean_fluence(self.boundary, self.two_A_M)
+
+    def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
+        """See `core.transport.base.Scattered.exitance`."""
+        boundary, equation = self.boundary, tables.equation
+        if equation.depths is not None:
+            equation = replace(equation, depths=depths_at_nodes(boundary, equation.reach))
+        if equation.bending is not None:
+            equation = replace(equation, bending=bending_at_nodes(boundary, self.media))
+        each = lights.at(points, normals, sheet_reach(self.boundaries), equation.reach > 0.0)
+        return point_exitance(self.volume, self.mean_fluence(), self.grid, equation, lights.eta, points, normals, each)
+
+    def on_layers(self) -> Float32:
+        """Return M dA on the nodes, (3, *grid.shape): the volume is no light yet."""
+        boundary = self.boundary
+        flux = np.zeros((len(boundary.patches), 3), np.float32)
+        for i, (medium, two_A_M) in enumerate(zip(self.media, self.two_A_M, strict=True)):
+            if not medium.is_black:
+                exitance = np.maximum(two_A_M, 0.0) / (2.0 * medium.extrapolation_factor)
+                flux[:, i] = exitance * boundary.patches.areas
+        return deposit(boundary.grid, boundary.weights, flux)
 
 
 def reached(
     boundary: Boundary,
     media: Sequence[Medium],
     channels: Sequence[Channel | None],
-    ways: Mapping[Channel, Iteration],
+    iterations: Mapping[Channel, Iteration],
+    window: float,
+    tolerance: float,
 ) -> Solution:
-    """Say what the channels have come to on their ways; alike ones share theirs."""
-    ends = {channel: way.reached for channel, way in ways.items()}
+    """Return the solution that the channels' iterations have come to; alike channels share one."""
+    ends = {channel: iteration.reached for channel, iteration in iterations.items()}
     of_channels = tuple(None if channel is None else ends[channel] for channel in channels)
-    return Solution(boundary, tuple(media), of_channels)
+    return Solution(boundary, tuple(media), of_channels, window, tolerance)
 
 
 def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:

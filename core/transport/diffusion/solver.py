@@ -23,20 +23,24 @@ from milkglass.core.arrays import Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.assignment import SHEET_REACH
+from milkglass.core.grid.atlas import Atlas
 from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import each, one_blas_thread, thread_pool
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, lit
-from milkglass.core.transport.diffusion.entry import EnteringLight, Entry, enter
+from milkglass.core.transport.diffusion.entry import Entry, enter
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
+from milkglass.core.transport.diffusion.pixels import pixel_tables
 from milkglass.core.transport.diffusion.solution import Solution as Solution
 from milkglass.core.transport.diffusion.solution import reached, same_flux
+from milkglass.core.transport.pixels import PixelTables
 
 SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B
 WINDOW = 1.25  # of the smooth part, in spacings
@@ -51,8 +55,8 @@ DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
 WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
 
 
-@dataclass
-class DiffusionTransport(Kernels):
+@dataclass(eq=False)
+class DiffusionTransport:
     """Solves the diffusion equation in a closed object.
 
     Parameters
@@ -65,14 +69,18 @@ class DiffusionTransport(Kernels):
         Relative residual at which a channel is solved.
     patch : float
         Cells that a patch may extend over.
-    threads, effort, keep
-        See `core.grid.kernels.Kernels`.
+    kernels : Kernels
+        Keeps the spectra and convolvers, of the coarse nodes too.
+    place : callable, optional
+        Gives the nodes of a resolution where they do not follow from the mesh: in a body of an object.
     """
 
     resolution: int = 64
     n_layers: int | None = None
     tolerance: float = TOLERANCE
     patch: float = PATCH
+    kernels: Kernels = field(default_factory=Kernels)
+    place: Callable[[int], LayerGrid] | None = None
     _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
     _last: End | None = field(default=None, init=False, repr=False)
@@ -81,19 +89,22 @@ class DiffusionTransport(Kernels):
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
         """Fit layers to the mesh itself, whatever the view."""
-        return fit_nodes(mesh.bounds, self.resolution, self.n_layers)
+        return self._fitted(mesh, self.resolution) if self.place is None else self.place(self.resolution)
+
+    def _fitted(self, mesh: Mesh, resolution: int) -> LayerGrid:
+        return fit_nodes(mesh.bounds, resolution, self.n_layers)
 
     @property
     def smooth(self) -> bool:
-        """Always: quadratic B-splines."""
+        """Return True: W are quadratic B-splines."""
         return True
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """Quadratic B-splines."""
+        """Return the quadratic B-splines of points, see `core.grid.layers.smooth_matrix`."""
         return smooth_matrix(grid, coordinates)
 
     def window_width(self, grid: LayerGrid) -> float:
-        """Width s of the window, mm."""
+        """Return the width s of the window of the smooth part, mm."""
         return WINDOW * max(grid.texel, grid.layer_distance)
 
     def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
@@ -104,11 +115,33 @@ class DiffusionTransport(Kernels):
         return self.patch * max(grid.texel, grid.layer_distance)
 
     def _on_grid(self, patches: Patches, grid: LayerGrid, depths: Depths) -> Boundary:
-        (spectrum,) = self.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
+        (spectrum,) = self.kernels.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
         assert spectrum is not None
-        convolver = self.convolver(self.shape(grid, NO_ABSORPTION))
+        convolver = self.kernels.convolver(self.shape(grid, NO_ABSORPTION))
         reach = SHEET_REACH * self.window_width(grid)
         return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
+
+    def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
+        """See `core.transport.base.Transport.scatter`."""
+        return self.solve(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, stages, go_on)
+
+    def material(self, lit: EnteringFlux) -> tuple[object, ...]:
+        """Return the media."""
+        return lit.media
+
+    def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
+        """Tabulate what pixels need where the volume is an atlas of several bodies; None for a dark one."""
+        boundaries = [part.boundary if isinstance(part, Solution) else None for part in parts]
+
+        def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
+            return atlas.filled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
+
+        known = [boundary for boundary in boundaries if boundary is not None]
+        return pixel_tables(known, lit.media, self.window_width(atlas.whole), on_nodes)
+
+    def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
+        """See `core.transport.base.Transport.in_body`."""
+        return replace(self, place=lambda resolution: crop(self._fitted(whole, resolution)))
 
     @one_blas_thread()
     def solve(
@@ -148,7 +181,7 @@ class DiffusionTransport(Kernels):
             return self._solve(boundary, media, channels, samples, ended, go_on)
 
         solution = stages.run(Stage.SOLUTION, request, anew)
-        if max(solution.residuals) > self.tolerance or solution.boundary.grid != grid:
+        if not solution.is_solved or solution.grid != grid:
             stages.forget(Stage.SOLUTION)  # to go on from there
         return solution
 
@@ -196,7 +229,7 @@ class DiffusionTransport(Kernels):
             for i, light in enumerate(lights, start=1)
         ]
         kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
-        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.spectra(kernels, self._maker(grid)))
+        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(grid)))
         made: dict[int, Callable[[], Channel]] = {}
         twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
@@ -219,8 +252,8 @@ class DiffusionTransport(Kernels):
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
     def release(self) -> None:
-        """Let go of the last surface and solution too."""
-        super().release()
+        """Let go of the kernels and of the last surface and solution."""
+        self.kernels.release()
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
 
@@ -252,7 +285,7 @@ class DiffusionTransport(Kernels):
     ) -> Callable[[], Channel]:
         """Begin to put a channel up, if it is not kept, beside others; the result waits for it."""
         grid = boundary.grid
-        s, convolver = self.window_width(grid), self.convolver(self.shape(grid, medium), i)
+        s, convolver = self.window_width(grid), self.kernels.convolver(self.shape(grid, medium), i)
 
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
         make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
@@ -276,13 +309,17 @@ class DiffusionTransport(Kernels):
             start = begin(channel, new[channel], self._last, coarse, samples)
             return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
 
-        ways = dict(zip(new, each(started, new), strict=True))
-        solution = reached(boundary, media, channels, ways)
-        while max(solution.residuals) > self.tolerance and (go_on is None or go_on(solution)):
+        iterations = dict(zip(new, each(started, new), strict=True))
+
+        def newest() -> Solution:
+            return reached(boundary, media, channels, iterations, self.window_width(boundary.grid), self.tolerance)
+
+        solution = newest()
+        while not solution.is_solved and (go_on is None or go_on(solution)):
             # All of them: each takes its steps.
-            if not any(each(Iteration.advance, [*ways.values()] * ROUND)):
+            if not any(each(Iteration.advance, [*iterations.values()] * ROUND)):
                 break
-            solution = reached(boundary, media, channels, ways)
+            solution = newest()
         each(Reached.settle, {at for at in solution.channels if at is not None})
         iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
         self._last = End(boundary, tuple(channels), iterates, coarse)

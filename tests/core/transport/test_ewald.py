@@ -157,7 +157,7 @@ def test_constant_light_on_a_wide_plane_leaves_as_constant_light(spacing_of_mean
     grid = transport.grid(mesh, np.eye(3))
     flux = np.full((len(points), 3), step * step, np.float32)
     coordinates = grid.coordinates(points).astype(np.float32)
-    nodes = transport.exitance(grid, coordinates, flux, (profile,) * 3, (u[-1] - u[0]) ** 2, Stages())
+    nodes = transport.node_exitance(grid, coordinates, flux, (profile,) * 3, (u[-1] - u[0]) ** 2, Stages())
     middle = np.hypot(across, along) < 4.0 * grid.texel
     weights = transport.weights(grid, grid.coordinates(points[middle]))
     M = gather(weights, nodes) + transport.local(grid, (profile,) * 3).factors[0]
@@ -240,5 +240,5 @@ def test_a_larger_object_of_a_thinner_medium_is_the_same(solids):
         profiles = dipoles(of_coefficients(2.0 / scale, 0.02 / scale))
         grid = transport.grid(m, np.eye(3))
         coordinates = grid.coordinates(scale * u).astype(np.float32)
-        volumes.append(transport.exitance(grid, coordinates, flux * scale**2, profiles, m.area, Stages()))
+        volumes.append(transport.node_exitance(grid, coordinates, flux * scale**2, profiles, m.area, Stages()))
     np.testing.assert_allclose(volumes[0], volumes[1], atol=2e-6 * volumes[0].max())

@@ -76,7 +76,7 @@ def test_single_precision_is_enough(name):
     samples = surface_samples(lit.mesh, 0.5)
     u = grid.coordinates(samples.points).astype(np.float32)
     flux = np.random.default_rng(0).random((len(samples), 3)).astype(np.float32)
-    found = transport.exitance(grid, u, flux, lit.profiles, lit.mesh.area, Stages())
+    found = transport.node_exitance(grid, u, flux, lit.profiles, lit.mesh.area, Stages())
     layers = deposit(grid, transport.weights(grid, u).astype(np.float64), flux.astype(np.float64))
     for channel, profile in enumerate(lit.profiles):
         expected = convolved(transport, grid, layers[channel], profile, lit.mesh.area)

@@ -1,11 +1,13 @@
 """Transport in each body alone, against the whole layers with the body's samples alone, and against equation (1)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from milkglass.core.geometry.bodies import find_bodies
 from milkglass.core.geometry.samples import surface_samples
-from milkglass.core.grid.atlas import fit_atlas
+from milkglass.core.grid.kernels import Kernels
 from milkglass.core.grid.layers import gather
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
@@ -13,7 +15,8 @@ from milkglass.core.reference.equation import direct_exitance
 from milkglass.core.stages import Stages
 from milkglass.core.transport.ewald import EwaldTransport
 from milkglass.core.transport.layered import LayeredTransport
-from milkglass.core.transport.separate import SeparateTransport
+from milkglass.core.transport.separate import OfBodies
+from tests.support.entering import entering
 from tests.support.rendering import relative_rms, surface_points
 from tests.support.solids import ball, mesh_of, plates, rings, scattered, sheet
 
@@ -28,12 +31,12 @@ MODELS = {
     "cavity": mesh_of(ball(9.0), ball(6.0, inverted=True), ball(4.0)),
 }
 TRANSPORTS = {
-    "ewald": EwaldTransport(resolution=60, keep=KEEP),
-    "ewald, 12 layers": EwaldTransport(resolution=60, n_layers=12, keep=KEEP),
-    "ewald, tents": EwaldTransport(resolution=60, assignment="tent", keep=KEEP),
-    "layered": LayeredTransport(n_layers=8, resolution=64, keep=KEEP),
-    "24 layers": LayeredTransport(n_layers=24, resolution=64, keep=KEEP),
-    "one layer": LayeredTransport(n_layers=1, resolution=64, keep=KEEP),
+    "ewald": EwaldTransport(resolution=60, kernels=Kernels(keep=KEEP)),
+    "ewald, 12 layers": EwaldTransport(resolution=60, n_layers=12, kernels=Kernels(keep=KEEP)),
+    "ewald, tents": EwaldTransport(resolution=60, assignment="tent", kernels=Kernels(keep=KEEP)),
+    "layered": LayeredTransport(n_layers=8, resolution=64, kernels=Kernels(keep=KEEP)),
+    "24 layers": LayeredTransport(n_layers=24, resolution=64, kernels=Kernels(keep=KEEP)),
+    "one layer": LayeredTransport(n_layers=1, resolution=64, kernels=Kernels(keep=KEEP)),
 }
 
 
@@ -46,17 +49,17 @@ class Case:
         self.samples = surface_samples(mesh, spacing)
         self.body = self.bodies.of_face[self.samples.faces]
         self.grid = transport.grid(mesh, TURN)
-        self.atlas = fit_atlas(self.grid, transport.smooth, mesh.vertices, self.bodies.of_vertex(mesh))
-        self.coordinates = self.grid.coordinates(self.samples.points).astype(np.float32)
         light = 0.2 + np.random.default_rng(0).random((len(self.samples), 3))
         self.flux = (light * self.samples.areas[:, None]).astype(np.float32)
-        self.separate = SeparateTransport(transport, self.bodies, self.samples)
+        self.separate = OfBodies(transport, mesh, self.bodies, self.samples)
+        self.atlas = self.separate.atlas(self.grid)
+        self.lit = entering(transport, mesh, self.samples, self.flux, rotation=TURN)
         self.stages = Stages()
 
     def run(self, flux=None, profiles=MARBLE):
         self.stages.begin()
         flux = self.flux if flux is None else flux
-        return self.separate.exitance(self.atlas, self.coordinates, flux, profiles, self.stages)
+        return self.separate.scatter(replace(self.lit, flux=flux, profiles=profiles), self.stages).volume
 
     def own_part(self, volume, body):
         (z, y, x), (d, h, w) = self.atlas.places[body], self.atlas.crops[body].shape
@@ -74,9 +77,9 @@ def test_a_body_gets_what_the_whole_layers_give_for_its_samples_alone(model, tra
     for body, crop in enumerate(case.atlas.crops):
         own = case.body == body
         alone = np.where(own[:, None], case.flux, np.float32(0.0))
-        layers = whole.exitance(case.grid, case.coordinates, alone, MARBLE, case.mesh.area, Stages())
-        expected = gather(whole.weights(case.grid, case.coordinates[own]), layers)
-        placed = case.coordinates[own] - case.atlas.first[body][::-1]
+        layers = whole.node_exitance(case.grid, case.lit.coordinates, alone, MARBLE, case.mesh.area, Stages())
+        expected = gather(whole.weights(case.grid, case.lit.coordinates[own]), layers)
+        placed = case.lit.coordinates[own] - case.atlas.first[body][::-1]
         actual = gather(whole.weights(crop, placed.astype(np.float32)), case.own_part(volume, body))
         np.testing.assert_allclose(
             actual, expected, rtol=0.0, atol=(1e-3 if isinstance(whole, EwaldTransport) else 1e-5) * expected.max()
@@ -154,8 +157,8 @@ def test_only_what_changed_runs_again():
 
 def test_two_hundred_balls_share_their_kernels():
     """Measured on two busy cores: 0.5 s the first time, 0.3 s for new light, at resolution 80."""
-    case = Case(scattered(200), EwaldTransport(resolution=80, keep=KEEP), 0.2)
+    case = Case(scattered(200), EwaldTransport(resolution=80, kernels=Kernels(keep=KEEP)), 0.2)
     assert case.bodies.count == 200
     assert np.prod(case.atlas.shape) < 2.5 * np.prod(case.grid.shape)
     case.run()
-    assert len(case.transport._spectra) < 30
+    assert len(case.transport.kernels._spectra) < 30

@@ -32,7 +32,7 @@ def exitance_at(points: np.ndarray, mesh: Mesh, samples: SurfaceSamples, flux: n
     transport = LayeredTransport(n_layers=n_layers, resolution=resolution)
     grid = transport.grid(mesh, np.eye(3))
     coordinates = grid.coordinates(samples.points).astype(np.float32)
-    volume = transport.exitance(grid, coordinates, flux, dipoles(material), mesh.area, Stages())
+    volume = transport.node_exitance(grid, coordinates, flux, dipoles(material), mesh.area, Stages())
     return gather(tent_matrix(grid, grid.coordinates(points)), volume)
 
 
@@ -83,7 +83,7 @@ def test_only_what_changed_runs_again(lit_ball) -> None:  # type: ignore[no-unty
 
     def ran(flux: np.ndarray, profiles: object) -> set[str]:
         stages.begin()
-        transport.exitance(grid, coordinates, flux, profiles, mesh.area, stages)  # type: ignore[arg-type]
+        transport.node_exitance(grid, coordinates, flux, profiles, mesh.area, stages)  # type: ignore[arg-type]
         return set(stages.timings)
 
     assert ran(flux, marble) == {"weights", "deposit", "spectra", "convolution"}
@@ -107,7 +107,7 @@ def convolved(monkeypatch):
         monkeypatch.setattr(of, what, counted)
 
     counting("convolutions", LayerConvolver, "convolve")
-    counting("kernels", EwaldTransport, "_spectrum")
+    counting("kernels", EwaldTransport, "spectrum")
     return counts
 
 
@@ -120,8 +120,8 @@ def test_only_channels_that_changed_are_done_anew(lit_ball, convolved):  # type:
     def run(sigma_a: tuple[float, float, float], flux=flux):
         convolved.update(convolutions=0, kernels=0)
         profiles = dipoles(Material("m", (1.0, 1.5, 2.0), sigma_a, 1.3))
-        found = transport.exitance(grid, coordinates, flux, profiles, mesh.area, stages)
-        fresh = EwaldTransport(resolution=32).exitance(grid, coordinates, flux, profiles, mesh.area, Stages())
+        found = transport.node_exitance(grid, coordinates, flux, profiles, mesh.area, stages)
+        fresh = EwaldTransport(resolution=32).node_exitance(grid, coordinates, flux, profiles, mesh.area, Stages())
         np.testing.assert_array_equal(found, fresh)
         return convolved["convolutions"] - 3, convolved["kernels"] - 3
 
@@ -141,7 +141,7 @@ def test_channels_that_are_alike_are_convolved_once_and_black_ones_never(lit_bal
     for sigma_s_prime, expected in (((1.0,) * 3, (1, 1)), ((1.0, 0.0, 1.0), (1, 1)), ((0.0,) * 3, (0, 0))):
         convolved.update(convolutions=0, kernels=0)
         profiles = dipoles(Material("m", sigma_s_prime, (0.1,) * 3, 1.3))
-        found = EwaldTransport(resolution=32).exitance(grid, coordinates, grey, profiles, mesh.area, Stages())
+        found = EwaldTransport(resolution=32).node_exitance(grid, coordinates, grey, profiles, mesh.area, Stages())
         assert (convolved["convolutions"], convolved["kernels"]) == expected
         np.testing.assert_array_equal(found[0], found[2])
         assert found[1].any() == (sigma_s_prime[1] > 0.0)

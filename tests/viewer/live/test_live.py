@@ -15,7 +15,7 @@ from tests.support.driving import PICTURE, headless_picture, write_knot
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 VOLUME = {"convolution", "layer volume"} | PIXELS
-KERNEL = {"spectra", "local", "local table"} | VOLUME
+KERNEL = {"spectra", "pixel terms", "pixel tables"} | VOLUME
 LIGHT_1 = {"irradiance of light 1", "flux", "deposit"} | VOLUME
 LIT = {"irradiance of light 2"} | LIGHT_1
 LAYERS = {"layer depth", "weights", "deposit"} | KERNEL

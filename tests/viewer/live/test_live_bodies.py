@@ -11,7 +11,7 @@ from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 LIT = {f"{what}light {i}" for what in ("", "shadow of ", "irradiance of ") for i in (1, 2)} | {"flux"}
 SEPARATED = {"body marks", "body layers", "body windows", "body samples", "body flux", "bodies", "separate transport"}
-TRANSPORT = {"transport", "weights", "deposit", "spectra", "convolution", "layer volume", "local", "local table"}
+TRANSPORT = {"transport", "weights", "deposit", "spectra", "convolution", "layer volume", "pixel terms", "pixel tables"}
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def test_a_change_of_separate_bodies_runs_what_depends_on_it(driver):
         (["display.key=0.3"], {"tone map"}),
         (["camera.zoom=1.2"], PIXELS),
         (["material.sigma_s_prime=[1.0,2.0,3.0]", "material.sigma_a=[0.1,0.2,0.3]", "material.eta=1.61"],
-         PIXELS | {"spectra", "convolution", "bodies", "layer volume", "local", "local table"}),
+         PIXELS | {"spectra", "convolution", "bodies", "layer volume", "pixel terms", "pixel tables"}),
         (["camera.azimuth_deg=50"], PIXELS | transport | moved),
         (["transport.method=ewald", "transport.resolution=32"], None),
         (["camera.azimuth_deg=90"], PIXELS),
@@ -84,7 +84,7 @@ def test_layers_show_all_bodies_together(driver):
     finished = driver.view.live.finished
     incoming, outgoing = finished.incoming(), finished.outgoing()
     assert incoming.shape == outgoing.shape == (3, *finished.lit.grid.shape)
-    assert finished.scattered.shape[1:] == finished.lit.separated.atlas.shape
+    assert finished.scattered.volume.shape[1:] == finished.scattered.atlas.shape
     np.testing.assert_allclose(incoming.sum(axis=(1, 2, 3)), finished.lit.flux.sum(axis=0), rtol=1e-4)
     assert outgoing[:, incoming.sum(axis=0) > 0.0].min() > 0.0
     driver.session.view.show = "layer out"
@@ -111,13 +111,13 @@ def test_diffusion_in_separate_bodies(driver):
     }
     assert not ran & {"samples", "model"}
     finished = driver.view.live.finished
-    assert len(finished.solution.parts) == 2
-    assert solved(finished.solution, finished.complete).startswith("solved: R to ")
+    assert len(finished.scattered.parts) == 2
+    assert solved(finished.scattered, finished.complete).startswith("solved: R to ")
     outgoing = finished.outgoing()
     assert outgoing.shape == (3, *finished.lit.grid.shape)
     leaving = sum(
-        part.fluence[0] @ part.boundary.patches.areas / (2.0 * part.media[0].extrapolation_factor)
-        for part in finished.solution.parts
+        part.two_A_M[0] @ part.boundary.patches.areas / (2.0 * part.media[0].extrapolation_factor)
+        for part in finished.scattered.parts
     )
     assert outgoing[0].sum() == pytest.approx(leaving, rel=1e-3)
     for assignments, expected in (

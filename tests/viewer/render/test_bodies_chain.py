@@ -214,6 +214,6 @@ def test_an_atlas_reads_its_limits(context):
     layers.check_atlas(atlas)
     with pytest.raises(InputError, match="for 2 bodies"):
         layers.check_atlas(replace(atlas, shape=(side + 1, 4, 4)))
-    windows = layers.windows(atlas)
+    windows = layers.windows(atlas.windows)
     values = np.frombuffer(windows.read(), np.float32).reshape(-1, 3, 3)[: len(atlas.windows)]
     np.testing.assert_array_equal(values, atlas.windows)

@@ -144,7 +144,7 @@ def test_dipoles_of_separate_bodies_are_not_compared_with_photons(context):
 
 def test_a_picture_rendered_alone_lets_go_of_the_bodies(context):
     renderer = MeshRenderer(context, plates())
-    solver = renderer.light(scene(lights=BEHIND)).separated.transport
+    solver = renderer.light(scene(lights=BEHIND)).transport
     renderer.draw(scene(lights=BEHIND))
     assert any(body.stages._kept for body in solver._bodies)
     renderer.draw(scene(lights=BEHIND), last=True)
@@ -188,4 +188,4 @@ def test_bodies_are_separate_by_default_where_the_method_asks_for_it(context):
     assert leaking.exitance[pixels][body == 1].any()
     lit = MeshRenderer(context, scattered(65)).light(default)
     assert lit.bodies is None
-    assert lit.separated is None
+    assert lit.body_marks is None

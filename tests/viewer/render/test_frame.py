@@ -129,7 +129,7 @@ def test_pixels_lie_where_the_camera_sees_them(renderer_of):
 
 SHADING = {"gbuffer", "composite", "exposure", "tone map"}
 RELIT = {"flux", "deposit", "convolution", "layer volume"}
-LOCAL = {"local", "local table"}
+LOCAL = {"pixel terms", "pixel tables"}
 PLACED = {"layer depth", "weights", "deposit", "spectra", "convolution", "layer volume"} | LOCAL
 IRRADIANCE = {"irradiance of light 1", "irradiance of light 2"}
 

@@ -1,9 +1,9 @@
 """The panel's section on light transport: what was asked for, what was chosen, the error to expect, the cost."""
 
 from milkglass.core.stages import AnyStage, Stage, Timings
-from milkglass.core.transport.diffusion.separate import AnySolution
+from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.diffusion.solver import SOURCES
-from milkglass.viewer.assets.quality import DEFAULT_ERROR_TARGET
+from milkglass.core.transport.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import solves
 from milkglass.viewer.render.remarks import below_nodes
@@ -27,7 +27,7 @@ class TransportSection(Section):
         controls.setting("transport.method", "Method")
         if live.finished is None:
             return
-        lit, solution = live.finished.lit, live.finished.solution
+        lit = live.finished.lit
         quality, expects = lit.quality, lit.quality.predicted_error is not None
         controls.setting("transport.layers", "Layers", lit.grid.n_layers)
         controls.setting("transport.resolution", "Resolution", quality.resolution)
@@ -39,14 +39,14 @@ class TransportSection(Section):
             controls.note(quality.fallback, warning=True)
         if expects:
             controls.note(quality.warning or quality.expected)
-        if solution is not None:
-            controls.note(solved(solution, live.finished.complete))
+        if quality.facts.solves:
+            controls.note(solved(live.finished.scattered, live.finished.complete))
         controls.note(chosen(live.finished, live.stage_times))
         if (missed := below_nodes(self._session.scene, lit)) is not None:
             controls.note(missed)
 
 
-def solved(solution: AnySolution, complete: bool) -> str:
+def solved(solution: Scattered, complete: bool) -> str:
     """Say how far a solution is, channel by channel."""
     each = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"
@@ -64,7 +64,7 @@ def chosen(finished: Finished, milliseconds: Timings) -> str:
     grid = finished.lit.grid
     text = f"{grid.width} x {grid.height} x {grid.n_layers} nodes of {grid.texel:.3g} mm"
     new_light, new_material = NEW_LIGHT, NEW_MATERIAL
-    if finished.solution is not None:
+    if finished.lit.quality.facts.solves:
         rest = tuple(stage for stage in SOLVED_FOR if stage in milliseconds)  # a dark channel has no sources
         entries = [entry for i in range(len(finished.lit.lights)) if (entry := Stage.ENTRY.of(i + 1)) in milliseconds]
         slowest = max(entries, key=lambda stage: milliseconds[stage], default=Stage.ENTRY.of(1))

@@ -72,8 +72,8 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     transport, samples = DiffusionTransport(resolution=resolution), samples_of(mesh)
     found = diffuse(mesh, (medium,) * 3, resolution, samples=samples)
     grid, s = found.boundary.grid, transport.window_width(found.boundary.grid)
-    (spectrum,) = transport.spectra([transport._kernel(grid, medium)], transport._maker(grid))
-    convolver = transport.convolver(transport.shape(grid, medium))
+    (spectrum,) = transport.kernels.spectra([transport._kernel(grid, medium)], transport._maker(grid))
+    convolver = transport.kernels.convolver(transport.shape(grid, medium))
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ strengths.astype(np.float32)
     local = np.zeros(len(found.patches))
     channel = Channel(found.boundary, medium, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
@@ -128,8 +128,8 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     transport, samples = DiffusionTransport(resolution=resolution), samples_of(mesh)
     found = diffuse(mesh, (MARBLE,) * 3, resolution, samples=samples)
     grid, s, patches = found.boundary.grid, transport.window_width(found.boundary.grid), found.patches
-    (spectrum,) = transport.spectra([transport._kernel(grid, MARBLE)], transport._maker(grid))
-    convolver = transport.convolver(transport.shape(grid, MARBLE))
+    (spectrum,) = transport.kernels.spectra([transport._kernel(grid, MARBLE)], transport._maker(grid))
+    convolver = transport.kernels.convolver(transport.shape(grid, MARBLE))
     points = r0 * samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
     shares = samples.areas / samples.areas.sum()
     deposited = smooth_matrix(grid, grid.coordinates(points)) @ shares
@@ -260,7 +260,7 @@ def test_volume_gives_the_surface_back():
     for channel, medium in enumerate(THREE):
         own = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
         phi = gathered[:, channel] / (own - boundary.bending(medium) * gathered[:, 3])
-        expected = found.solution.fluence[channel]
+        expected = found.solution.two_A_M[channel]
         np.testing.assert_allclose(phi[dark], expected[dark], atol=1e-4 * expected.max())
 
 

@@ -9,7 +9,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid.layers import smooth_matrix
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
-from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.solver import MOST_PRODUCTS, DiffusionTransport
 from milkglass.viewer.files.model import builtin_model
@@ -32,7 +32,7 @@ def rms(found, expected, areas):
 
 def positive(found, channel):
     """Whether clamping at 0 would change next to nothing."""
-    phi, areas = found.solution.fluence[channel], found.patches.areas
+    phi, areas = found.solution.two_A_M[channel], found.patches.areas
     return areas @ np.minimum(phi, 0.0) >= -2e-3 * (areas @ np.abs(phi))
 
 
@@ -234,7 +234,7 @@ def test_any_material(shape):
         areas = stages.kept("boundary")[1].patches.areas
         assert np.isfinite(found.volume).all()
         for channel, medium in enumerate(media):
-            phi = found.fluence[channel]
+            phi = found.two_A_M[channel]
             assert np.isfinite(phi).all()
             leaving = areas @ phi / (2.0 * medium.extrapolation_factor)
             negative = -(areas @ np.minimum(phi, 0.0)) / max(areas @ np.abs(phi), 1e-300)
@@ -261,7 +261,7 @@ def test_materials_at_the_ends_of_their_range():
         assert np.isfinite(found.solution.volume).all()
         for channel in range(3):
             assert found.solution.residuals[channel] <= 3e-3
-            assert np.isfinite(found.solution.fluence[channel]).all()
+            assert np.isfinite(found.solution.two_A_M[channel]).all()
             assert found.leaving(channel) <= 1.02 * np.pi * 100.0
 
 
@@ -279,14 +279,14 @@ def test_several_lights_add_up():
     every = transport.solve(mesh, samples, grid, lights, media, Stages())
     single = [transport.solve(mesh, samples, grid, [light], media, Stages()) for light in lights]
     for channel in range(3):
-        total = sum(solution.fluence[channel] for solution in single)
-        np.testing.assert_allclose(every.fluence[channel], total, atol=2e-4 * total.max())
+        total = sum(solution.two_A_M[channel] for solution in single)
+        np.testing.assert_allclose(every.two_A_M[channel], total, atol=2e-4 * total.max())
 
 
 def test_strands_thinner_than_nodes_near_each_other():
     """The sculpture at 15 mm: strands of 0.27 mean free paths, on which weak directions had light of 17 and -17."""
     medium = Medium(0.97, 0.03, 1.5)
     found = diffuse(builtin_model(15.0), (medium,) * 3, 62)
-    fluence = found.solution.fluence[0]
+    fluence = found.solution.two_A_M[0]
     assert 1.5 < fluence.max() < 3.0
     assert fluence.min() > -2.5

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.transport.diffusion.entry import EnteringLight
-from milkglass.core.transport.diffusion.points import PointLight, point_exitance
+from milkglass.core.transport.base import EnteringLight, LightAtPoints
+from milkglass.core.transport.diffusion.points import point_exitance
 from milkglass.viewer.bench.shapes import turned
 from milkglass.viewer.error.point_exitance import scene_exitance
 from milkglass.viewer.error.report import illumination_of
@@ -68,8 +68,8 @@ def test_a_film_beside_a_thick_part_keeps_its_light():
     sky = EnteringLight(np.repeat(samples.areas[:, None], 3, axis=1).astype(np.float32))
     found = diffuse(mesh, (MARBLE, SKIM_MILK, WHOLE_MILK), 24, sky, samples=samples)
     solution, patches, ones = found.solution, found.patches, np.ones((len(found.patches), 3))
-    terms = solution.pixel_terms(found.transport.window_width(solution.grid))
-    light = PointLight(ones, None, ones, ones[:, 0])
+    terms = solution.pixel_tables().equation
+    light = LightAtPoints(ones, None, ones, ones[:, 0], ones[:, 0])
     places = patches.on_surface, patches.normals
     at_points = point_exitance(solution.volume, solution.mean_fluence(), solution.grid, terms, 1.5, *places, [light])
     for channel in range(3):

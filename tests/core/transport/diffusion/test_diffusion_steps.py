@@ -6,7 +6,7 @@ import pytest
 from milkglass.core.grid.convolution import LayerConvolver
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
-from milkglass.core.transport.diffusion.entry import EnteringLight
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, samples_of
 from tests.support.shapes import ball
@@ -52,10 +52,10 @@ def test_a_warm_start_needs_fewer_products(solver):
     exact = solver(near, transport=DiffusionTransport(resolution=32, tolerance=1e-5), stages=Stages())
     assert sum(warm.convolutions) < sum(fresh.convolutions) <= sum(cold.convolutions) + 3
     for channel in range(3):
-        scale = np.abs(exact.fluence[channel]).max()
+        scale = np.abs(exact.two_A_M[channel]).max()
         assert max(warm.residuals) <= 3e-3
-        np.testing.assert_allclose(warm.fluence[channel], exact.fluence[channel], atol=0.02 * scale)
-        np.testing.assert_allclose(fresh.fluence[channel], exact.fluence[channel], atol=0.02 * scale)
+        np.testing.assert_allclose(warm.two_A_M[channel], exact.two_A_M[channel], atol=0.02 * scale)
+        np.testing.assert_allclose(fresh.two_A_M[channel], exact.two_A_M[channel], atol=0.02 * scale)
 
 
 def test_nothing_new_costs_nothing(solver, products):
@@ -69,7 +69,7 @@ def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, produc
     one = solver((MARBLE,) * 3)
     assert products[0] == one.convolutions[0] + 1
     for channel in (1, 2):
-        np.testing.assert_array_equal(one.fluence[channel], one.fluence[0])
+        np.testing.assert_array_equal(one.two_A_M[channel], one.two_A_M[0])
         np.testing.assert_array_equal(one.volume[channel], one.volume[0])
     flux = collimated(solver.samples).flux.copy()
     flux[:, 1] = 0.0
@@ -78,7 +78,7 @@ def test_alike_channels_share_the_work_and_dark_ones_cost_nothing(solver, produc
     assert found.convolutions[1:] == (0, 0)
     assert found.residuals[1:] == (0.0, 0.0)
     assert not found.volume[1:3].any()
-    assert not np.any(found.fluence[1:])
+    assert not np.any(found.two_A_M[1:])
     assert found.volume[0].any()
 
 
@@ -102,7 +102,7 @@ def test_goes_on_where_it_was_interrupted(solver):
     assert np.all(np.diff(residuals) < 0.0)
     for channel in range(3):
         np.testing.assert_allclose(
-            found.fluence[channel], whole.fluence[channel], atol=0.02 * whole.fluence[channel].max()
+            found.two_A_M[channel], whole.two_A_M[channel], atol=0.02 * whole.two_A_M[channel].max()
         )
 
 
@@ -112,7 +112,7 @@ def test_same_bits_every_time(solver):
     )
     np.testing.assert_array_equal(one.volume, other.volume)
     for channel in range(3):
-        np.testing.assert_array_equal(one.fluence[channel], other.fluence[channel])
+        np.testing.assert_array_equal(one.two_A_M[channel], other.two_A_M[channel])
 
 
 def test_the_detail_of_the_last_solution_serves_the_next(products):
@@ -141,5 +141,5 @@ def test_the_detail_of_the_last_solution_serves_the_next(products):
         exact = solve(DiffusionTransport(resolution=48, tolerance=1e-5), Stages(), media, direction)
         assert max(found.residuals) <= transport.tolerance
         for channel in range(3):
-            scale = np.abs(exact.fluence[channel]).max()
-            np.testing.assert_allclose(found.fluence[channel], exact.fluence[channel], atol=5e-3 * scale)
+            scale = np.abs(exact.two_A_M[channel]).max()
+            np.testing.assert_allclose(found.two_A_M[channel], exact.two_A_M[channel], atol=5e-3 * scale)

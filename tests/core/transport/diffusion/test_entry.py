@@ -5,8 +5,9 @@ import pytest
 
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import mean_cosine
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Depths
-from milkglass.core.transport.diffusion.entry import EnteringLight, enter, second_scattering, sources
+from milkglass.core.transport.diffusion.entry import enter, second_scattering, sources
 from milkglass.core.transport.diffusion.green import local_green
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from tests.support.diffusing import DOWN, MARBLE, collimated, samples_of

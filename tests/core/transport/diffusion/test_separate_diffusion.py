@@ -10,11 +10,10 @@ from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.material import library as materials
 from milkglass.core.material.medium import media
 from milkglass.core.stages import Stages
-from milkglass.core.transport.diffusion.pixels import bending_at_nodes, depths_at_nodes
-from milkglass.core.transport.diffusion.points import point_exitance
-from milkglass.core.transport.diffusion.separate import SeparateDiffusion
 from milkglass.core.transport.diffusion.solver import COARSE_TOLERANCE, TOLERANCE, DiffusionTransport
+from milkglass.core.transport.separate import OfBodies
 from tests.support.diffusing import collimated
+from tests.support.entering import entering
 from tests.support.rendering import relative_rms, surface_points
 from tests.support.solids import ball, mesh_of, plates, tubes
 
@@ -26,6 +25,16 @@ MODELS = {
 }
 
 
+class Darkness:
+    """No light at any point."""
+
+    def __init__(self, eta):
+        self.eta = eta
+
+    def at(self, points, normals, reach, thin):
+        return []
+
+
 class Case:
     """A model with light on some of its bodies."""
 
@@ -35,34 +44,37 @@ class Case:
         self.bodies = find_bodies(mesh)
         self.samples = surface_samples(mesh, 1.2 * float(np.ptp(mesh.bounds, axis=0).max()) / resolution)
         self.body = self.bodies.of_face[self.samples.faces]
-        self.separate = SeparateDiffusion(self.transport, mesh, self.bodies, self.samples)
-        self.light = self.light_on(lit)
+        self.separate = OfBodies(self.transport, mesh, self.bodies, self.samples)
+        self.atlas = self.separate.atlas(self.transport.grid(mesh, np.eye(3)))
+        self.light, self._entering = self.light_on(lit), {}
 
     def light_on(self, bodies, towards=TOWARDS):
         return collimated(self.samples, towards, lit=np.isin(self.body, bodies))
 
     def solve(self, *lights, go_on=lambda _: True):
         self.stages.begin()
-        return self.separate.solve(lights or [self.light], self.media, self.stages, go_on)
+        return self.separate.scatter(self.entering(*(lights or (self.light,))), self.stages, go_on)
+
+    def entering(self, *lights):
+        """The same arrays for the same lights, as stages have them."""
+        if lights not in self._entering:
+            self._entering[lights] = entering(self.transport, self.mesh, self.samples, None, lights, media=self.media)
+        return self._entering[lights]
 
     def joined(self, mesh=None, samples=None, light=None):
         grid = self.transport.grid(self.mesh, np.eye(3))
         one = DiffusionTransport(resolution=self.transport.resolution)
         return one.solve(mesh or self.mesh, samples or self.samples, grid, [light or self.light], self.media, Stages())
 
-    def exitance(self, solution, terms, points):
+    def exitance(self, solution, tables, points):
         """M without what light that enters at the points themselves adds."""
-        depths = None if terms.reach == 0.0 else depths_at_nodes(solution.boundary, terms.reach)
-        bending = None if terms.bending is None else bending_at_nodes(solution.boundary, self.media)
-        own, grid = replace(terms, depths=depths, bending=bending), solution.boundary.grid
-        mean = solution.mean_fluence()
-        return point_exitance(solution.volume, mean, grid, own, self.media[0].eta, points, np.zeros_like(points), [])
+        return solution.exitance(points, np.zeros_like(points), Darkness(self.media[0].eta), tables)
 
 
 def flux(case, solution, body):
     """That leaves a body of a joined solution, per channel."""
     own = (case.body == body) * case.samples.areas
-    return np.array([own @ (solution.boundary.patches.sums.T @ phi) for phi in solution.fluence])
+    return np.array([own @ (solution.boundary.patches.sums.T @ phi) for phi in solution.two_A_M])
 
 
 @pytest.mark.parametrize("material", ["marble", "skim milk"])
@@ -74,8 +86,8 @@ def test_touching_tubes_leak_where_they_are_joined_and_nothing_where_they_are_se
     leak = flux(case, joined, 1) / flux(case, joined, 0)
     assert leak[0] > 0.005
     assert separate.parts[1] is None
-    z, y, x = case.separate.atlas().places[1]
-    assert not separate.volume[:, z:, y:, x:][(slice(None), *map(slice, case.separate.atlas().crops[1].shape))].any()
+    z, y, x = case.atlas.places[1]
+    assert not separate.volume[:, z:, y:, x:][(slice(None), *map(slice, case.atlas.crops[1].shape))].any()
     assert max(separate.residuals) <= TOLERANCE
 
 
@@ -90,9 +102,9 @@ def test_a_body_is_as_it_is_without_the_others(model, lit):
     samples = surface_samples(part, 1.2 * float(np.ptp(case.mesh.bounds, axis=0).max()) / case.transport.resolution)
     np.testing.assert_array_equal(samples.points, case.samples.points[own])
     alone = case.joined(part, samples, replace(case.light, flux=case.light.flux[own]))
-    terms = solution.pixel_terms(case.transport.window_width(solution.grid))
+    tables = solution.pixel_tables()
     points = surface_points(part, 400)
-    found, expected = (case.exitance(each, terms, points) for each in (solution.parts[lit], alone))
+    found, expected = (case.exitance(each, tables, points) for each in (solution.parts[lit], alone))
     assert relative_rms(found, expected).max() < 1e-3
 
 
@@ -129,12 +141,12 @@ def test_coarse_solutions_of_all_bodies_are_told_before_the_fine_ones_and_false_
     given_up = case.solve(go_on=go_on)
     assert [max(each.residuals) for each in told[:2]] == [1.0, 1.0]  # while the second body waits
     assert given_up is told[-1]
-    assert given_up.grid.width < case.separate.atlas().whole.width
+    assert given_up.grid.width < case.atlas.whole.width
     assert given_up.volume.shape == (4, *given_up.atlas.shape)
     assert None not in given_up.parts
     known = len(told)
     solution = case.solve(go_on=lambda each: not told.append(each))
-    assert solution.grid == case.separate.atlas().whole
+    assert solution.grid == case.atlas.whole
     assert max(solution.residuals) <= TOLERANCE
     on_the_way = told[known:]
     assert all(max(each.residuals) <= COARSE_TOLERANCE for each in on_the_way if each.grid != solution.grid)
@@ -149,10 +161,10 @@ def test_giving_up_at_once_gives_nothing_that_may_be_seen():
 def test_without_light_nothing_is_solved():
     case = Case(MODELS["tubes"])
     for lights in ((), (case.light_on(()),)):
-        solution = case.separate.solve(lights, case.media, Stages())
+        solution = case.separate.scatter(case.entering(*lights), Stages())
         assert (solution.residuals, solution.convolutions) == ((0.0, 0.0, 0.0), (0, 0, 0))
         assert not solution.volume.any()
-        assert solution.pixel_terms(1.0).depths is None
+        assert solution.pixel_tables().equation.depths is None
 
 
 def test_specks_take_few_nodes_and_share_their_kernels():
@@ -166,9 +178,9 @@ def test_specks_take_few_nodes_and_share_their_kernels():
     assert case.bodies.count == 36
     assert max(max(crop.shape) for crop in solution.atlas.crops[1:]) <= 8
     assert np.prod(solution.atlas.shape) < np.prod(solution.grid.shape)
-    assert len(case.transport._convolvers) < 10
+    assert len(case.transport.kernels._convolvers) < 10
     assert np.isfinite(solution.volume).all()
-    assert min(phi.max() for part in solution.parts for phi in part.fluence) > 0.0
+    assert min(phi.max() for part in solution.parts for phi in part.two_A_M) > 0.0
 
 
 def test_letting_go_keeps_nothing_and_solves_the_same_again():

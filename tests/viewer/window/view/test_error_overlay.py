@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from milkglass.viewer.assets.quality import Quality
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.error.map import colours, scale_end
 from milkglass.viewer.gui.events import MouseMoved, Resized
 from milkglass.viewer.gui.sliders import percent

@@ -8,8 +8,8 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.medium import Medium
 from milkglass.core.reference.photon_shapes import Solid
 from milkglass.core.reference.photons import walk
+from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.edges.curvature import curvature
-from milkglass.core.transport.diffusion.entry import EnteringLight
 from milkglass.core.transport.diffusion.patches import make_patches
 from milkglass.viewer.bench.shapes import bowl, detail, turned
 from tests.support.diffusing import diffuse, samples_of

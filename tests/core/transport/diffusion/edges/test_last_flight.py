@@ -103,7 +103,7 @@ def test_light_leaves_a_floor_and_passes_along_its_wall():
     height, radius = solved.patches.points[:, 2], np.hypot(*solved.patches.points[:, :2].T)
     floor = (np.abs(height + 1.0) < 1e-3) & (radius > 6.0)
     wall = (np.abs(radius - 7.0) < 0.1) & (np.abs(height + 0.5) < 0.5)
-    before, after = diffused(solved)[0], solved.solution.fluence[0]
+    before, after = diffused(solved)[0], solved.solution.two_A_M[0]
     assert after[floor].mean() > 1.05 * before[floor].mean()
     assert after[wall].mean() < 0.9 * before[wall].mean()
 

@@ -9,21 +9,24 @@ from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.transport.accuracy import LIT, SHINING
-from milkglass.core.transport.ewald import LOOSE_TAIL, TAIL
-from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.quality import (
-    COARSEST,
-    DEFAULT_ERROR_TARGET,
+from milkglass.core.transport.ewald import (
     FINEST,
+    LOOSE_TAIL,
     NEAR,
     NODES,
     NODES_ASKED_FOR,
     NODES_OUT_OF_REACH,
-    make_transport,
+    TAIL,
     padded_nodes,
+)
+from milkglass.core.transport.quality import (
+    COARSEST,
+    DEFAULT_ERROR_TARGET,
+    make_transport,
     sample_spacing,
     survey_spacing,
 )
+from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import RoughnessOf
 from milkglass.viewer.scene.settings import TransportSettings
 from tests.support.shapes import ball, plate
