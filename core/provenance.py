@@ -66,3 +66,12 @@ def constants(record: object, prefix: str = "") -> Iterator[Constant]:
 def shapes_in_sample(record: object) -> frozenset[str]:
     """Return the families of shapes on which any constant of a record was fitted or chosen."""
     return frozenset(shape for constant in constants(record) for shape in constant.shapes)
+
+
+def constants_markdown(record: object) -> str:
+    """Return a Markdown table with one row for each constant of a record, ending in a newline."""
+    rows = ["| constant | value | how | shapes in view | what it is |", "|---|---|---|---|---|"]
+    for constant in constants(record):
+        shapes = ", ".join(constant.shapes)
+        rows.append(f"| `{constant.name}` | {constant.value:g} | {constant.kind} | {shapes} | {constant.meaning} |")
+    return "\n".join(rows) + "\n"

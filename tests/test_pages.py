@@ -6,6 +6,8 @@ from collections import Counter
 import pytest
 
 from milkglass.viewer.commands.cli import app
+from milkglass.core.provenance import constants_markdown
+from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.viewer.scene.settings_docs import settings_markdown
 from tests.support.paths import ROOT
 
@@ -52,6 +54,10 @@ def test_every_file_that_it_names_exists(page: str) -> None:
 
 def test_the_table_of_keys_is_the_table_of_settings() -> None:
     assert settings_markdown().strip() in TEXTS["viewer/README.md"]
+
+
+def test_the_table_of_constants_is_the_record() -> None:
+    assert constants_markdown(CONSTANTS).strip() in TEXTS["core/README.md"]
 
 
 def test_every_command_is_named() -> None:

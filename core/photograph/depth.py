@@ -20,7 +20,7 @@ from milkglass.core.arrays import Array
 
 Bools = npt.NDArray[np.bool_]
 
-# Chosen by the 2,162 photogrammetry points of the Buddha's head, by our own pictures, and by eye: see the README.
+# Chosen by the 2,162 photogrammetry points of the Buddha's head, by our own pictures, and by eye: see viewer/README.md.
 RESHAPING = 0.2  # share of the height that follows the luminance: 0 leaves the inflated outline
 SMOOTHING = 0.3  # scale of the luminance that reshapes, in inscribed radii
 RANGE = 0.1  # of the bilateral filter, in units of the sigmoid: larger steps are edges, and stay

@@ -1,4 +1,4 @@
-"""Our own pictures, of known shape and light, edited back into their own material: the README's table of errors.
+"""Our own pictures, of known shape and light, edited back into their own material: viewer/README.md's table of errors.
 
     python -m tests.support.photo_errors
 

@@ -1,6 +1,6 @@
 """The pipeline, top to bottom: a scene becomes a picture.
 
-`Renderer.draw` is the diagram of the README: light (OpenGL) -> scatter (CPU) -> gather and shade (OpenGL). Every
+`Renderer.draw` is the table of core/README.md: light (OpenGL) -> scatter (CPU) -> gather and shade (OpenGL). Every
 stage inside states what it depends on and runs only when that changed, so a renderer that is kept (the window's, a
 benchmark's) computes only what a new scene needs.
 """

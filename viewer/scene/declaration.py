@@ -1,7 +1,7 @@
 """What one setting is: its kind, unit, range, default and reason, and the one check of its value.
 
 A setting is declared once, beside its field in `viewer.scene.settings`. Scene files, ``--set``, the named options
-and their help, values given from Python and the README's table of keys all derive from that declaration.
+and their help, values given from Python and the table of keys in viewer/README.md all derive from that declaration.
 """
 
 import difflib

@@ -1,4 +1,4 @@
-"""The README's table of keys, rendered from the settings themselves; a test compares the two."""
+"""The table of keys in viewer/README.md, rendered from the settings themselves; a test compares the two."""
 
 import dataclasses
 from dataclasses import Field

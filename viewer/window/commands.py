@@ -71,7 +71,7 @@ def cheat_sheet() -> list[tuple[str, command.Rows]]:
 
 
 def keys_markdown() -> str:
-    """Return mouse and keys as the Markdown table of the README."""
+    """Return mouse and keys as the Markdown table of viewer/README.md."""
     return command.keys_markdown(COMMANDS, MOUSE)
 
 

@@ -54,7 +54,7 @@ def test_single_scattering_alone_is_the_photon_beams():
     assert found.sum() == pytest.approx(expected.sum(), rel=0.06)
 
 
-# L1 error of the profile over its flux, and error of the total: what the README tells, with room for noise.
+# L1 error of the profile over its flux, and error of the total: what core/README.md tells, with room for noise.
 @pytest.mark.parametrize(
     ("name", "l1", "total"),
     [

@@ -1,4 +1,4 @@
-"""The paper's figures: every scene file loads, renders, shows light that came through, and stands in the README."""
+"""The paper's figures: every scene file loads, renders, shows light that came through, and stands in viewer/README.md."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from tests.support.rendering import inside
 
 FIGURES = ROOT / "tests" / "figures"
 SCENES = sorted(path.stem for path in FIGURES.glob("*.toml"))
-README = FIGURES.parents[1] / "README.md"
+PAGE = ROOT / "viewer" / "README.md"
 FILES = {
     "buddha.ply": "meshes/buddha_100k.ply",
     "dragon.ply": "meshes/dragon_100k.ply",
@@ -45,7 +45,7 @@ def small(name: str, data_dir: Path) -> Scene:
 
 
 def test_the_readme_has_a_command_for_each() -> None:
-    text = README.read_text(encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
     assert SCENES
     assert [name for name in SCENES if f"--scene tests/figures/{name}.toml" not in text] == []
 
@@ -56,7 +56,7 @@ def test_a_figure_renders_without_clipping(name: str, renderer: Renderer, data_d
     shown = inside(frame, by=1)
     assert 0.1 < shown.mean() < 0.7
     assert np.isfinite(frame.radiance).all()
-    assert (frame.exitance[shown].max(axis=1) > 0.0).mean() > 0.97  # narrow folds may be black, README
+    assert (frame.exitance[shown].max(axis=1) > 0.0).mean() > 0.97  # narrow folds may be black, core/README.md
     assert (frame.image[shown][:, :3] == 255).all(axis=1).mean() < 0.01
     assert 30 < np.median(frame.image[shown][:, :3].max(axis=1)) < 230
 

@@ -45,8 +45,7 @@ def test_ids_stay_and_neither_ids_nor_keys_are_taken_twice():
 
 
 def test_a_page_holds_the_table_of_keys():
-    pages = [page.read_text() for page in (ROOT / "README.md", ROOT / "viewer" / "README.md") if page.is_file()]
-    assert any(keys_markdown() in page for page in pages)
+    assert keys_markdown() in (ROOT / "viewer" / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.id)
