@@ -5,13 +5,13 @@ from collections import Counter
 
 import pytest
 
-from milkglass.viewer.commands.cli import app
 from milkglass.core.provenance import constants_markdown
 from milkglass.core.transport.diffusion.constants import CONSTANTS
+from milkglass.viewer.commands.cli import app
 from milkglass.viewer.scene.settings_docs import settings_markdown
 from tests.support.paths import ROOT
 
-PAGES = ("README.md", "core/README.md", "viewer/README.md", "shaders/README.md", "tests/README.md")
+PAGES = ("README.md", "core/README.md", "viewer/README.md", "shaders/README.md")
 TEXTS = {page: (ROOT / page).read_text(encoding="utf-8") for page in PAGES}
 PATH = r"`((?:core|viewer|shaders|tests)/[\w./]+)`"
 

@@ -1,4 +1,4 @@
-"""Hard cases of the Ewald split, each with the error it has: core/README.md's table of hard cases is what this measures.
+"""Hard cases of the Ewald split, each with the error it has: the table of core/README.md is what this measures.
 
 Whole pictures of hard scenes are in `test_hard_cases.py`; mean free paths, thin sheets and grid phase in
 `test_ewald.py` and `test_ewald_chain.py`.

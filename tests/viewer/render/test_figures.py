@@ -1,4 +1,4 @@
-"""The paper's figures: every scene file loads, renders, shows light that came through, and stands in viewer/README.md."""
+"""The paper's figures: every scene file renders, shows light that came through, and stands in viewer/README.md."""
 
 from pathlib import Path
 
