@@ -29,7 +29,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    path = ROOT.parent / "shared" / "data"
+    path = Path(os.environ.get("MILKGLASS_DATA", ROOT.parent / "shared" / "data"))
     if not path.is_dir():
         pytest.skip("the folder of third-party data is absent")
     return path

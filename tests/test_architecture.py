@@ -97,3 +97,72 @@ def test_transports_are_told_apart_in_their_rooms_only(transport_classes):
 )
 def test_a_breach_is_seen(transport_classes, code):
     assert breaches(ast.parse(code), transport_classes)
+
+
+CLOCKS = {"perf_counter", "monotonic", "process_time", "thread_time", "time"}
+CLOCKS |= {f"{clock}_ns" for clock in CLOCKS}
+
+
+def reads_clock(node: ast.AST, known: set[str]) -> bool:
+    """Whether an expression reads a clock, or one of the names that are known to hold what one said."""
+    for part in ast.walk(node):
+        if isinstance(part, ast.Call):
+            called = part.func
+            of_time = isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name)
+            if of_time and called.value.id == "time" and called.attr in CLOCKS:
+                return True
+            if isinstance(called, ast.Name) and called.id in CLOCKS:
+                return True
+        if isinstance(part, ast.Name) and part.id in known:
+            return True
+    return False
+
+
+def clock_assertions(tree: ast.AST) -> list[int]:
+    """Lines of assertions on what a clock said, straight or by way of a function's names and lists."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return sorted({line for function in functions for line in clock_assertions_in(function)})
+
+
+def clock_assertions_in(tree: ast.AST) -> list[int]:
+    known: set[str] = set()
+    found = None
+    while found != (found := len(known)):  # until no name is new
+        for node in ast.walk(tree):
+            targets: list[ast.AST] = []
+            if isinstance(node, ast.Assign) and reads_clock(node.value, known):
+                targets = list(node.targets)
+            elif isinstance(node, ast.NamedExpr | ast.AugAssign) and reads_clock(node.value, known):
+                targets = [node.target]
+            elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                keeps = node.func.attr in ("append", "extend") and any(reads_clock(part, known) for part in node.args)
+                targets = [node.func.value] if keeps else []
+            known |= {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+    return [node.lineno for node in ast.walk(tree) if isinstance(node, ast.Assert) and reads_clock(node.test, known)]
+
+
+def test_no_test_asserts_elapsed_time():
+    """It depends on what else the machine does: count the work, or measure it with `milkglass bench`."""
+    found = [f"{path}:{line}" for path, tree in syntax_trees("tests") for line in clock_assertions(tree)]
+    assert not found
+
+
+def test_assertions_on_elapsed_time_are_found():
+    planted = """
+def test_a():
+    start = time.perf_counter()
+    assert time.perf_counter() - start < 1.0
+def test_b():
+    took = []
+    took.append(time.monotonic())
+    assert max(took) < 1.0
+def test_c():
+    begun = process_time()
+    seconds = process_time() - begun
+    assert seconds < 1.0
+def test_d():
+    count = 3
+    assert count < 4
+"""
+    assert clock_assertions(ast.parse(planted)) == [4, 8, 12]
+    assert clock_assertions(ast.parse("def test():\n    end = time.time()\n    assert done()")) == []

@@ -1,11 +1,22 @@
 """Stages run when, and only when, what they depend on has changed."""
 
-import time
-
 import numpy as np
 import pytest
 
 from milkglass.core.stages import Allowance, Stage, Stages, Unfinished
+
+
+class Clock:
+    """Seconds that pass when told to."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def read(self) -> float:
+        return self.now
+
+    def pass_by(self, seconds: float) -> None:
+        self.now += seconds
 
 
 def test_runs_again_only_for_other_dependencies() -> None:
@@ -33,20 +44,32 @@ def test_numbered_stages_are_told_apart_and_print_their_words() -> None:
     assert not stages.has(Stage.FLUX, [])
 
 
-def test_timings_are_those_of_the_stages_that_ran() -> None:
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """The clock of the stages, in whose place time passes when told to."""
+    clock = Clock()
+    monkeypatch.setattr("milkglass.core.stages.time.perf_counter", clock.read)
+    return clock
+
+
+def test_timings_are_those_of_the_stages_that_ran(clock: Clock) -> None:
     stages = Stages()
-    stages.run(Stage.DEPOSIT, [0], lambda: time.sleep(0.01))
-    assert stages.timings[Stage.DEPOSIT] >= 10.0
+    stages.run(Stage.DEPOSIT, [0], lambda: clock.pass_by(0.01))
+    assert stages.timings == {Stage.DEPOSIT: pytest.approx(10.0)}
     stages.begin()
-    stages.run(Stage.DEPOSIT, [0], lambda: time.sleep(0.01))
+    stages.run(Stage.DEPOSIT, [0], lambda: clock.pass_by(0.01))
     assert stages.timings == {}
 
 
-def test_a_stage_inside_another_counts_for_itself() -> None:
+def test_a_stage_inside_another_counts_for_itself(clock: Clock) -> None:
+    def outer() -> None:
+        clock.pass_by(0.01)
+        stages.run(Stage.CONVOLUTION, [0], lambda: clock.pass_by(0.05))
+        clock.pass_by(0.02)
+
     stages = Stages()
-    stages.run(Stage.BODIES, [0], lambda: stages.run(Stage.CONVOLUTION, [0], lambda: time.sleep(0.05)))
-    assert stages.timings[Stage.CONVOLUTION] >= 50.0
-    assert stages.timings[Stage.BODIES] < 25.0
+    stages.run(Stage.BODIES, [0], outer)
+    assert stages.timings == {Stage.CONVOLUTION: pytest.approx(50.0), Stage.BODIES: pytest.approx(30.0)}
 
 
 def test_a_failed_stage_is_not_kept() -> None:

@@ -10,6 +10,7 @@ import json
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +20,10 @@ from glfw import _glfw as library  # the C library itself: its callbacks get C s
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.window import Window
+from tests.support.waiting import wait_until
 
 NORMAL, ICONIC = 1, 3  # WM_STATE of ICCCM 4.1.3.1
+TURNS = ("wait_events", "wait_events_timeout", "poll_events")  # one of them each time that a window goes round
 
 
 class Inside:
@@ -40,16 +43,14 @@ class Inside:
         ImguiRenderer.draw = counted
 
     def settle(self) -> None:
-        end = time.monotonic() + 30.0
-        while time.monotonic() < end:
-            glfw.poll_events()
-            self.window.draw()
-            for live in self.app.view.lives():
-                live.wait()
-            if self.app.view.at_rest() and self.app.next_frame() != 0.0:
-                return
-            time.sleep(0.02)
-        raise AssertionError("the window does not come to rest")
+        wait_until(self._at_rest, lambda: time.sleep(0.02))
+
+    def _at_rest(self) -> bool:
+        glfw.poll_events()
+        self.window.draw()
+        for live in self.app.view.lives():
+            live.wait()
+        return self.app.view.at_rest() and self.app.next_frame() != 0.0
 
     def shot(self, name: str) -> None:
         """Keep what the window shows, and the scene that should look so."""
@@ -79,25 +80,40 @@ class Inside:
         x11.XChangeProperty(display, number, atom, atom, 32, 0, state, 2)
         (x11.XUnmapWindow if minimised else x11.XMapWindow)(display, number)
         x11.XFlush(display)
-        end = time.monotonic() + 10.0
-        while bool(glfw.get_window_attrib(handle, glfw.ICONIFIED)) != minimised and time.monotonic() < end:
-            glfw.wait_events_timeout(0.05)
-        assert bool(glfw.get_window_attrib(handle, glfw.ICONIFIED)) == minimised
+        wait_until(
+            lambda: bool(glfw.get_window_attrib(handle, glfw.ICONIFIED)) == minimised,
+            lambda: glfw.wait_events_timeout(0.05),
+        )
 
-    def loop(self, seconds: float) -> dict[str, float]:
-        """Let the window run by itself for a while; returns what it drew and the CPU time that it took."""
-        drawn, start = self.drawn, time.process_time()
+    def loop(self, events: int) -> dict[str, int]:
+        """Let the window run by itself while events come; returns what it drew and how often it went round."""
+        drawn, turns, originals = self.drawn, 0, {name: getattr(glfw, name) for name in TURNS}
 
-        def end() -> None:
+        def counted(name: str) -> Callable[..., None]:
+            def turn(*arguments: float) -> None:
+                nonlocal turns
+                turns += 1
+                originals[name](*arguments)
+
+            return turn
+
+        def send() -> None:
+            for _ in range(events):
+                time.sleep(0.02)
+                glfw.post_empty_event()
             self.app.actions.closing = True
             glfw.post_empty_event()
 
-        timer = threading.Timer(seconds, end)
-        timer.start()
+        for name in TURNS:
+            setattr(glfw, name, counted(name))
+        sender = threading.Thread(target=send)
+        sender.start()
         self.window.loop()
-        timer.join()
+        sender.join()
+        for name, original in originals.items():
+            setattr(glfw, name, original)
         self.app.actions.closing = False
-        return {"drawn": self.drawn - drawn, "seconds": time.process_time() - start}
+        return {"drawn": self.drawn - drawn, "events": events, "turns": turns}
 
 
 def call_back(name: str, window: Window, *arguments: object) -> None:
@@ -110,7 +126,7 @@ def call_back(name: str, window: Window, *arguments: object) -> None:
 
 
 def main(folder: Path) -> None:
-    found: dict[str, dict[str, float]] = {}
+    found: dict[str, dict[str, int]] = {}
     inside = Inside(folder)
     session, other = inside.app.session, folder / "öther.stl"  # not ASCII: the callback decodes it
     inside.shot("start")
@@ -135,7 +151,7 @@ def main(folder: Path) -> None:
     inside.minimise(True)
     session.edit("material", name="ketchup")
     inside.app.wake()
-    found["minimised"] = inside.loop(1.5)
+    found["minimised"] = inside.loop(20)
     session.undo()
     inside.minimise(False)
     inside.shot("restored")
@@ -145,7 +161,7 @@ def main(folder: Path) -> None:
     call_back("FramebufferSize", inside.window, 0, 0)
     session.edit("material", name="ketchup")
     inside.app.wake()
-    found["without pixels"] = inside.loop(1.5)
+    found["without pixels"] = inside.loop(20)
     session.undo()
     glfw.get_framebuffer_size, glfw.get_window_size = real
     call_back("FramebufferSize", inside.window, *glfw.get_framebuffer_size(inside.window._handle))

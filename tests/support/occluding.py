@@ -1,4 +1,7 @@
-"""An environment that the object is in the way of, by rays: a float64 reference that shares nothing with the bake."""
+"""An environment that the object is in the way of: scenes, and rays in float64 that share nothing with the bake."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import numpy.typing as npt
@@ -7,6 +10,9 @@ from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.reference.environment import occluded_irradiance
+from milkglass.viewer.files.images import write_exr
+from milkglass.viewer.scene.settings import EnvironmentSettings
+from tests.support.solids import ball, block, mesh_of
 
 
 class Places:
@@ -60,3 +66,24 @@ def highlights(
 def rms(actual: npt.ArrayLike, expected: Array) -> float:
     """Rms error over the rms of what is expected."""
     return float(np.sqrt(np.square(np.asarray(actual) - expected).mean() / np.square(expected).mean()))
+
+
+def write_probe(path, pixels):
+    """Write radiance (h, w, 3) as a file, and return its path."""
+    write_exr(path, dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
+    return path
+
+
+def around(scene, path, **settings):
+    """The scene in the light of a probe alone."""
+    return replace(scene, lights=(), environment=EnvironmentSettings(path, **settings))
+
+
+def shaded_ball():
+    """A ball close above a slab."""
+    return mesh_of(block((24.0, 2.0, 24.0)), ball(6.0, (0.0, 7.5, 0.0), subdivisions=4))
+
+
+def places_of(points, normals):
+    """Points of a surface without corners, whose faces have its normals."""
+    return SimpleNamespace(points=points, normals=normals, face_normals=normals)

@@ -101,11 +101,14 @@ _KINDS: dict[str, Any] = {
 
 
 class Recorder:
-    """Writes events to a file as they come: a first line with the scene, then one line an event."""
+    """Writes events to a file as they come: a first line with the scene, then one line an event.
+
+    Each line is in the file at once, so that the recording of a program that ends by an error is whole.
+    """
 
     def __init__(self, path: str | Path, scene: str) -> None:
         try:
-            self._file = Path(path).open("w", encoding="utf-8")  # noqa: SIM115 (open for as long as the window is)
+            self._file = Path(path).open("w", 1, encoding="utf-8")  # noqa: SIM115 (open for as long as the window is)
         except OSError as error:
             raise InputError(f"{path}: cannot write the recording ({error.strerror or error})") from error
         self._line({"milkglass recording": 1, "scene": scene})

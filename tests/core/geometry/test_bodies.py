@@ -1,4 +1,3 @@
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +8,7 @@ from milkglass.core.geometry.boxes import group_bounds, overlapping_boxes
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.viewer.files.model import load_model
+from tests.support.counting import calls, peak_bytes
 from tests.support.shapes import torus_knot
 from tests.support.solids import ball, block, mesh_of, rings, scattered, sheet
 
@@ -83,13 +83,14 @@ def test_points_of_the_surface_find_their_body_across_a_narrow_gap():
     np.testing.assert_array_equal(bodies_at(mesh, bodies, points), bodies.of_face[face])
 
 
-def test_a_scan_and_thousands_of_parts_take_no_time():
-    """Measured: 9 ms, and 0.4 s for 80,000 faces in 1000 balls whose boxes do not overlap."""
-    knot, balls = torus_knot(), scattered(1000)
-    start = time.perf_counter()
-    assert find_bodies(knot).count == 1
-    assert find_bodies(balls).count == 1000
-    assert time.perf_counter() - start < 5.0
+def test_what_parts_apart_cost_grows_as_their_number():
+    """Of balls whose boxes do not overlap no pair is looked at, and none has a loop of its own."""
+    assert find_bodies(torus_knot()).count == 1
+    few, many = scattered(60), scattered(1000)
+    assert [find_bodies(balls).count for balls in (few, many)] == [60, 1000]
+    assert calls(lambda: find_bodies(many)) < 1.1 * calls(lambda: find_bodies(few))
+    held = [peak_bytes(lambda balls=balls: find_bodies(balls)) / len(balls.faces) for balls in (few, many)]
+    assert held[1] < 1.1 * held[0]
 
 
 @pytest.mark.slow

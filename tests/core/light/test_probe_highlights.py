@@ -8,8 +8,8 @@ from milkglass.core.light.harmonics import zonal_coefficients
 from milkglass.core.light.highlights import LobeFilter, lobe_zonal
 from milkglass.core.light.probe import Probe
 from milkglass.viewer.files.images import read_radiance
-from tests.core.light.test_probe_sources import SPOTS, directions, sky
 from tests.support.rendering import relative_rms
+from tests.support.skies import SPOTS, directions, sky
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 

@@ -9,27 +9,7 @@ from milkglass.core.light.probe import Probe
 from milkglass.core.light.sources import LEAST_SHARE, MAX_SOURCES, ProbeSource, disc_sh, extract
 from milkglass.core.material import fresnel
 from milkglass.viewer.files.images import read_radiance
-
-HEIGHT = 256
-
-
-def directions(count, seed=0):
-    d = np.random.default_rng(seed).normal(size=(count, 3))
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
-def unit(*vector):
-    return np.array(vector) / np.linalg.norm(vector)
-
-
-def sky(*spots, height=HEIGHT, level=0.5):
-    """A constant sky with discs in it, each (direction, diameter in degrees, radiance)."""
-    pixels = np.full((height, 2 * height, 3), level, np.float32)
-    towards, _ = env.solid_angles(pixels)
-    for direction, angle, radiance in spots:
-        inside = towards @ unit(*direction) > np.cos(np.radians(0.5 * angle))
-        pixels.reshape(-1, 3)[inside] = radiance
-    return pixels
+from tests.support.skies import HEIGHT, SPOTS, directions, sky, unit
 
 
 def disc_irradiance(source, normals, eta, rings=24, around=48):
@@ -59,9 +39,6 @@ def assert_conserves(pixels, eta, at_least=0):
     for source in sources:
         found += disc_irradiance(source, normals, eta)
     np.testing.assert_allclose(found, expected, rtol=0.01)
-
-
-SPOTS = (((0.3, 0.6, -0.5), 1.5, (30000.0, 25000.0, 18000.0)), ((-0.8, 0.2, 0.3), 8.0, (20.0, 60.0, 90.0)))
 
 
 @pytest.mark.parametrize("eta", [1.0, 1.5])

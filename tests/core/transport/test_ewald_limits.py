@@ -53,6 +53,7 @@ def test_sharp_shadows(name):
     assert np.all(errors < 0.02), errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.0, 10.0, 100.0, 1000.0])
 def test_a_thousandfold_range_of_sizes(context, size):
     """The same marble at 1 mm to 1 m in the same light: measured at most .6 %."""

@@ -31,12 +31,8 @@ from milkglass.viewer.bench.schemes import DEFAULT, LAYERED, PAPER, Scheme
 from milkglass.viewer.bench.shapes import SHAPES, ball, detail
 from milkglass.viewer.bench.yardsticks import plan_phases, yardstick_rows
 from milkglass.viewer.scene.settings import TransportSettings
+from tests.support.benching import NOTHING, assert_finite
 
-NOTHING = bench.Plan(
-    convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), window=(), yardsticks=(), solved=(), methods=(), occluded_points=0,
-    photographs=(), repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
-)  # fmt: skip
 SMALL = Scheme("layered", 2, 16)
 SETTLING = bench_window.FIRST, bench_window.SETTLED
 
@@ -46,14 +42,6 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def assert_finite(rows: list[dict[str, str]]) -> None:
-    """Every field that is a number is a finite one, and each row has some."""
-    for row in rows:
-        numbers = [float(v) for k, v in row.items() if k.rsplit("_", 1)[-1] in {"ms", "mb", "r", "g", "b", "ratio"}]
-        assert numbers
-        assert np.isfinite(numbers).all()
-
-
 @pytest.fixture
 def coarse_reference(monkeypatch):
     monkeypatch.setattr("milkglass.core.reference.sources.OF_MEAN_FREE_PATH", 0.8)
@@ -61,6 +49,7 @@ def coarse_reference(monkeypatch):
     monkeypatch.setattr("milkglass.viewer.bench.rivals.SAMPLE_EDGE", 0.6)
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_reference):
     monkeypatch.setattr("milkglass.viewer.bench.chain.IMAGE", 64)
@@ -104,6 +93,7 @@ def test_first_picture_has_time_and_memory(tmp_path):
     assert 0.0 < float(row["run_min_ms"]) <= float(row["run_median_ms"])
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_window_is_measured_and_reported(tmp_path, capsys):
     plan = replace(NOTHING, window=(SMALL,), window_repeats=3, image_size=(96, 64))

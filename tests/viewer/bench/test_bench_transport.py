@@ -30,7 +30,7 @@ from milkglass.viewer.bench.transport import (
     transport_rows,
 )
 from milkglass.viewer.bench.transport_report import report_transport, rms_text
-from tests.viewer.bench.test_bench import NOTHING, assert_finite
+from tests.support.benching import NOTHING, assert_finite
 
 SMALL = Scheme("layered", 8, 64), Scheme("diffusion", resolution=24)
 
@@ -162,6 +162,7 @@ def test_below_the_noise_there_is_an_upper_limit():
     assert [rms_text(row, channel) for channel in range(3)] == ["5.0", "< 0.4", "< 0.4"]
 
 
+@pytest.mark.slow
 def test_tables_and_file_are_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bench.bench_transport, "REGIONS", 12)
     monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))

@@ -1,4 +1,3 @@
-import importlib
 import os
 import subprocess
 import sys
@@ -13,10 +12,9 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.commands import cli
 from milkglass.viewer.commands.options import FLAGS
 from milkglass.viewer.files import images
+from milkglass.viewer.render import renderer
 from milkglass.viewer.scene.scene import default_scene
 from tests.support.paths import ROOT
-
-NO_OPTIONS = dict.fromkeys(("model", "scene", "set", "light", *(flag.parameter for flag in FLAGS)))
 
 
 @pytest.fixture(autouse=True)
@@ -46,15 +44,9 @@ def rendered(monkeypatch):
         )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
-    use(monkeypatch, "render.renderer", SimpleNamespace(render=render, render_image=render))
+    for name in ("render", "render_image"):
+        monkeypatch.setattr(renderer, name, render)
     return rendered
-
-
-def use(monkeypatch, name, module):
-    """Put a stub in a module's place, for what imports it inside a command."""
-    room, _, last = f"milkglass.viewer.{name}".rpartition(".")
-    monkeypatch.setitem(sys.modules, f"{room}.{last}", module)
-    monkeypatch.setattr(importlib.import_module(room), last, module, raising=False)
 
 
 BAD_LINES = [
@@ -146,7 +138,8 @@ def test_what_happens_inside_becomes_an_exit_code(raised, code, said, monkeypatc
     def render(*_, **__):
         raise raised
 
-    use(monkeypatch, "render.renderer", SimpleNamespace(render=render, render_image=render))
+    for name in ("render", "render_image"):
+        monkeypatch.setattr(renderer, name, render)
     assert cli.main(["render", "--output", "a.png"]) == code
     assert capsys.readouterr().err.startswith(said)
 
@@ -200,7 +193,7 @@ def test_milkglass_alone_without_a_display_writes_a_picture(rendered, capsys):
 @pytest.mark.parametrize("variable", ["DISPLAY", "WAYLAND_DISPLAY"])
 def test_window_where_there_is_a_display(variable, monkeypatch):
     shown = []
-    use(monkeypatch, "window.window", SimpleNamespace(run=lambda scene, **_: shown.append(scene)))
+    monkeypatch.setattr("milkglass.viewer.window.window.run", lambda scene, **_: shown.append(scene))
     monkeypatch.setenv(variable, ":99")
     assert cli.main([]) == 0
     assert cli.main(["view", "--material", "jade"]) == 0
@@ -209,7 +202,7 @@ def test_window_where_there_is_a_display(variable, monkeypatch):
 
 def test_bench_passes_its_options(monkeypatch):
     calls = []
-    use(monkeypatch, "bench.run", SimpleNamespace(run=lambda *given: calls.append(given)))
+    monkeypatch.setattr("milkglass.viewer.bench.run.run", lambda *given: calls.append(given))
     assert cli.main(["bench"]) == 0
     assert cli.main(["bench", "--quick", "--output", "d", "--model", "m.ply"]) == 0
     assert calls == [(False, None, None), (True, Path("d"), Path("m.ply"))]

@@ -5,8 +5,7 @@ import pytest
 from milkglass.core.material import library as materials
 from milkglass.viewer.commands.options import FLAGS, parse_light, scene_from_options
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
-
-NO_OPTIONS = dict.fromkeys(("model", "scene", "set", "light", *(flag.parameter for flag in FLAGS)))
+from tests.support.options import NO_OPTIONS
 
 
 def options(**given):

@@ -21,10 +21,10 @@ from milkglass.viewer.error.visible import Illumination, VisiblePoints, measure,
 from milkglass.viewer.files import images
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import EnvironmentSettings, MaterialSettings, TransportSettings
+from tests.support.occluding import shaded_ball
 from tests.support.rendering import BACK, FRONT, MeshRenderer, scene_of, seen_at, surface_points
 from tests.support.shapes import ball
 from tests.support.solids import mesh_of, sheet
-from tests.viewer.render.test_occlusion import shaded_ball
 
 MARBLE = materials.lookup("marble")
 
@@ -171,6 +171,7 @@ def test_environment_alone_is_measured(renderer_of, tmp_path):
     assert max(error_report(renderer_of("ball"), scene, points=30).content["error"]["rms"]) < 0.01
 
 
+@pytest.mark.slow
 def test_an_occluded_environment_is_compared_with_rays(context, tmp_path):
     images.write_exr(tmp_path / "sky.exr", dict(zip("RGB", np.moveaxis(sky_pixels(), -1, 0), strict=True)))
     scene = scene_of("display.image_size=[64, 64]", "environment.rotation_deg=75", lights=())
@@ -278,6 +279,7 @@ def test_a_channel_without_light_is_no_number(renderer_of):
 # The command line
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

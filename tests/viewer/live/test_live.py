@@ -54,6 +54,7 @@ def test_exactly_the_stages_that_depend_on_a_parameter_run(driver, name):
     assert driver.stages() == set()  # and nothing runs again
 
 
+@pytest.mark.slow
 def test_the_environment_runs_its_own_stages_and_what_follows(driver, tmp_path):
     write_exr(tmp_path / "probe.exr", {c: np.random.default_rng(3).random((16, 32), np.float32) for c in "RGB"})
     lights = 'lights=[{kind="directional",direction=[1.0,0.0,0.0]}]'
@@ -85,6 +86,7 @@ def test_orbiting_an_object_fixed_grid_convolves_nothing(driver):
     assert driver.stages() == PIXELS
 
 
+@pytest.mark.slow
 def test_a_thousand_random_changes_end_in_the_picture_of_their_sum(driver, context):
     rng = np.random.default_rng(7)
     materials = ("jade", "ketchup", "Skimmilk", "marble", "Skin1")

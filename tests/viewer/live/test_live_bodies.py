@@ -58,6 +58,7 @@ def test_a_change_of_separate_bodies_runs_what_depends_on_it(driver):
         assert expected is None or ran == expected, assignments
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["layered", "ewald", "diffusion"])
 def test_changes_in_a_hurry_end_in_the_picture_of_their_sum(driver, method):
     rng = np.random.default_rng(2)

@@ -17,6 +17,7 @@ from milkglass.viewer.scene.scene import apply_set
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, TransportSettings
 from milkglass.viewer.window.panel.transport import chosen, solved
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
+from tests.support.waiting import DEADLINE, wait_until
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 SOURCES = {f"sources of {channel}" for channel in "RGB"}
@@ -71,7 +72,7 @@ class Steps:
             def held(solution):
                 goes_on = go_on(solution)
                 self.residuals.append(max(solution.residuals))
-                return goes_on and self.gate.acquire(timeout=20.0)
+                return goes_on and self.gate.acquire(timeout=DEADLINE)
 
             return scatter(lit, held)
 
@@ -82,16 +83,11 @@ class Steps:
         before, job = len(self.residuals), self._live._job
         for _ in range(count):
             self.gate.release()
-        end = time.monotonic() + 10.0
-        while len(self.residuals) < before + count and not job.future.done() and time.monotonic() < end:
-            time.sleep(0.002)
+        wait_until(lambda: len(self.residuals) >= before + count or job.future.done())
 
     def wait(self, count=1) -> None:
         """Wait until so many steps were reached."""
-        end = time.monotonic() + 10.0
-        while len(self.residuals) < count and time.monotonic() < end:
-            time.sleep(0.002)
-        assert len(self.residuals) >= count
+        wait_until(lambda: len(self.residuals) >= count)
 
     def end(self) -> None:
         """Hold nothing any more."""
@@ -221,6 +217,7 @@ def test_a_preview_does_not_outlive_the_end_of_its_solution(driver, monkeypatch)
     assert is_as_rendered(driver)
 
 
+@pytest.mark.slow
 def test_a_history_of_changes_ends_in_the_picture_of_their_sum(driver):
     rng = np.random.default_rng(5)
     methods = ("diffusion", "ewald", "layered")

@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import threading
 import time
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.error.report import error_report
 from milkglass.viewer.error.visible import DEFAULT_POINTS, measure
 from milkglass.viewer.files.images import write_exr
-from milkglass.viewer.live.error import LARGEST, Cancelled, LiveError
+from milkglass.viewer.live.error import LARGEST, THREADS, Cancelled, LiveError
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import apply_set
@@ -21,6 +22,7 @@ from milkglass.viewer.scene.settings import MaterialSettings, ModelSettings, Tra
 from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
 from tests.support.driving import Driver, small_scene, write_knot
 from tests.support.solids import ball, mesh_of
+from tests.support.waiting import DEADLINE
 
 POINTS = 40
 EWALD = TransportSettings("ewald", error_target=0.02)
@@ -44,6 +46,25 @@ def measured(driver: Driver):
     return error.result
 
 
+class HeldMeasurement:
+    """Holds measurements where they first look whether to go on, until they are given up or let go."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.reached, self.go, self.looks = threading.Event(), threading.Event(), []
+
+        def held(seen, mesh, light, material, progress, *rest):
+            def look(share: float) -> None:
+                self.looks.append(share)
+                self.reached.set()
+                while not self.go.wait(0.01):
+                    progress(share)
+                progress(share)
+
+            return measure(seen, mesh, light, material, look, *rest)
+
+        monkeypatch.setattr("milkglass.viewer.error.visible.measure", held)
+
+
 def start(driver: Driver):
     """Begin a measurement that takes seconds, and return its future."""
     driver.settle()
@@ -61,6 +82,7 @@ def probe(path):
     return f"environment.path={path}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["layered", "ewald", "environment", "large"])
 def test_numbers_are_those_of_the_report(driver, context, tmp_path, case):
     size = (700, 300) if case == "large" else (72, 64)
@@ -110,6 +132,7 @@ def test_separate_bodies_are_measured_each_alone(driver, context, tmp_path):
     assert deviations[0] != deviations[1]
 
 
+@pytest.mark.slow
 def test_measuring_leaves_the_picture_and_its_stages_alone(driver, context):
     picture = driver.picture()
     measured(driver)
@@ -169,25 +192,27 @@ def test_it_does_not_measure_while_a_button_is_held(driver):
 
 
 @pytest.mark.parametrize("change", ["material.name=ketchup", "camera.zoom=2", "model.size_mm=60", "points", "off"])
-def test_a_change_ends_the_measurement_at_once(driver, change):
+def test_a_change_ends_the_measurement_at_its_next_look(driver, change, monkeypatch):
+    held = HeldMeasurement(monkeypatch)
     future = start(driver)
-    time.sleep(0.3)
+    assert held.reached.wait(DEADLINE)
     if change == "points":
         driver.session.view.error_points = POINTS
     elif change == "off":
         driver.session.view.measure = False
     else:
         driver.session.put(apply_set(driver.session.scene, [change]))
-    began = time.monotonic()
     driver.app.error.follow(driver.view.shown, POINTS if change == "points" else None if change == "off" else 2000)
     with pytest.raises(Cancelled):
-        future.result(5.0)
-    assert time.monotonic() - began < 0.5
+        future.result(DEADLINE)
+    assert len(held.looks) <= THREADS  # each thread's first one
+    held.go.set()
     driver.session.view.error_points = POINTS
     driver.settle()
     assert (driver.app.error.trouble, driver.app.error.result is None) == (None, change == "off")
 
 
+@pytest.mark.slow
 def test_undo_and_another_model_while_it_measures(driver, tmp_path):
     expected = measured(driver).error.deviation
     scene = driver.session.scene
@@ -205,13 +230,33 @@ def test_undo_and_another_model_while_it_measures(driver, tmp_path):
     assert measured(driver).error.deviation == expected
 
 
-def test_the_window_closes_while_it_measures(context, model):
+def test_a_measurement_looks_often_whether_to_go_on(driver, monkeypatch):
+    """So that giving it up takes a small share of it, whatever else the machine does."""
+    looks, enough = [], threading.Event()
+
+    def counted(seen, mesh, light, material, progress, *rest):
+        def look(share: float) -> None:
+            looks.append(share)
+            if share > 0.1:
+                enough.set()
+            progress(share)
+
+        return measure(seen, mesh, light, material, look, *rest)
+
+    monkeypatch.setattr("milkglass.viewer.error.visible.measure", counted)
+    start(driver)
+    assert enough.wait(DEADLINE)
+    assert np.diff([0.0, *looks]).max() <= 0.05
+
+
+def test_the_window_closes_while_it_measures(context, model, monkeypatch):
+    held = HeldMeasurement(monkeypatch)
     driver = Driver(small_scene(model))
     future = start(driver)
-    began = time.monotonic()
+    assert held.reached.wait(DEADLINE)
     driver.close()
     assert future.done()
-    assert time.monotonic() - began < 1.0
+    assert isinstance(future.exception(), Cancelled)
 
 
 # What cannot be measured
@@ -297,7 +342,7 @@ def test_progress_wakes_the_window_and_is_whole(driver, monkeypatch):
         return measure(seen, mesh, light, material, told, *rest)
 
     monkeypatch.setattr("milkglass.viewer.error.visible.measure", slow)
-    seconds = measured(driver).seconds
+    measured(driver)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-    assert 2 <= len(woken) <= seconds / 0.1 + 3
+    assert 2 <= len(woken) <= len(shares) + 3

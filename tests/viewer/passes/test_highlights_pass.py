@@ -11,11 +11,10 @@ from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.passes.highlights import HighlightsPass, _packed
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.settings import MaterialSettings, SpecularSettings
-from tests.support.occluding import highlights, rms
+from tests.support.occluding import around, highlights, places_of, rms, shaded_ball, write_probe
 from tests.support.rendering import MeshRenderer, inside, scene_of
 from tests.support.shapes import ball
 from tests.support.solids import block, mesh_of
-from tests.viewer.render.test_occlusion import around, places_of, shaded_ball, write_probe
 
 SHINY = SpecularSettings(strength=1.0, shininess=60.0)
 

@@ -186,6 +186,7 @@ def test_a_frame_is_exposed_for_the_object_alone(renderer_of):
         assert np.abs(frame.image[seen][whole] - as_bytes(expected[whole])).max() <= 0.6
 
 
+@pytest.mark.slow
 def test_the_background_does_not_touch_the_object(renderer_of, tmp_path):
     pixels = np.random.default_rng(2).random((16, 32, 3), np.float32)
     write_exr(tmp_path / "probe.exr", dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))

@@ -75,6 +75,7 @@ def test_layers_hold_what_the_object_is_made_of(edited) -> None:
     assert np.isfinite(np.stack(list(layers.values()))).all()
 
 
+@pytest.mark.slow
 def test_our_own_picture_of_a_ball_is_found_again(context, tmp_path: Path) -> None:
     """Depth and light known, and both estimated: the first row of the table in viewer/README.md, smaller."""
     case = Case(context, tmp_path, "ball, lamp from the front", 128)

@@ -31,6 +31,7 @@ def parts_of(frame, mesh):
     return pixels, bodies_at(mesh, find_bodies(mesh), frame.position[pixels])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["marble", "skim milk"])
 def test_touching_tubes(context, material):
     """Dark over lit, joined: measured .2 .2 .1 % (marble; R, G, B) and 2.1 .9 .2 % (skim milk) of what is seen.
@@ -67,6 +68,7 @@ def test_light_does_not_jump_from_a_thin_sheet_to_the_next(context, lamp):
     assert behind.exitance[inside(behind, 4) & (behind.normal[..., 2] < -0.99)].min() > 0.0
 
 
+@pytest.mark.slow
 def test_bodies_far_apart_and_linked_rings_are_as_joined(context):
     """Where bodies are further apart than the nodes can tell, both are the same: measured .1 % rms."""
     for mesh in (mesh_of(*rings()), mesh_of(ball(4.0, (-6.0, 0.0, 0.0)), ball(5.0, (6.0, 0.0, 0.0)))):
@@ -151,6 +153,7 @@ def test_a_picture_rendered_alone_lets_go_of_the_bodies(context):
     assert all(not body.stages._kept for body in solver._bodies)
 
 
+@pytest.mark.slow
 def test_another_material_and_light_solve_the_bodies_again(context):
     renderer, lights = MeshRenderer(context, plates()), (DirectionalLight((0.3, 0.2, 1.0)),)
     renderer.render(scene(), samples=1)

@@ -73,6 +73,7 @@ def test_point_light_and_two_lights_together(renderer_of, oracles):
     assert np.all(errors < 0.02), errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["marble", "wholemilk", "skimmilk", "jade"])
 def test_sheets_from_two_spacings_to_a_tenth_lit_from_behind(context, material):
     """The other side's light that the nodes cannot carry across comes through the sheet term.

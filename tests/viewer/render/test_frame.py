@@ -187,6 +187,7 @@ def test_a_new_image_size_keeps_the_light(renderer_of):
     assert set(renderer.timings) == SHADING | targets
 
 
+@pytest.mark.slow
 def test_a_kept_renderer_draws_what_a_new_one_draws(context, renderer_of, shapes):
     """Nothing of an earlier scene shows: the same bits after a detour through every kind of change."""
     renderer, scene = renderer_of("cube"), scene_of("camera.elevation_deg=30", lights=LAMPS)
@@ -283,6 +284,7 @@ def test_the_python_interface_of_the_readme(context, tmp_path, monkeypatch):
     assert frame.image.std() > 10.0
 
 
+@pytest.mark.slow
 def test_the_image_alone_is_the_frames_image_and_writes_png_only(context, tmp_path):
     scene = scene_of("display.image_size=[64, 48]", "display.background=transparent")
     still, frame = render_image(scene, samples=2), render(scene, samples=2)

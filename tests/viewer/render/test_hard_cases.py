@@ -174,6 +174,7 @@ def test_two_layers(renderer_of):
     assert means[1] < means[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("layers", "resolution"), [(128, 16), (1, 1024), (128, 128)])
 @pytest.mark.parametrize("shape", ["ball", "plate"])
 def test_the_most_layers_and_texels(renderer_of, shape, layers, resolution):

@@ -28,6 +28,7 @@ def test_all_channels_of_the_default_picture_fit_in_600_mb(tmp_path):
     assert 100.0 < row.megabytes < LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("method", ["diffusion", "ewald"])
 @pytest.mark.parametrize("background", ["black", "environment"])

@@ -16,8 +16,8 @@ from milkglass.viewer.scene.declaration import Setting, settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS
 from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed
 from milkglass.viewer.scene.settings import TABLES, PhotoSettings
-from tests.core.light.test_probe_sources import SPOTS, sky
 from tests.support.shapes import cube
+from tests.support.skies import SPOTS, sky
 from tests.support.skins import picture, write_ball
 from tests.support.solids import ball
 

@@ -3,7 +3,6 @@
 import threading
 import time
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,15 +12,15 @@ from milkglass.core.light.probe import Probe, irradiance_zonal
 from milkglass.viewer.assets import visibility
 from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.bench.occlusion import occlusion_errors
-from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
-from tests.support.occluding import irradiance, rms
+from tests.support.occluding import around, irradiance, places_of, rms, shaded_ball, write_probe
 from tests.support.rendering import MeshRenderer, inside, scene_of
 from tests.support.shapes import ball
 from tests.support.solids import ball as part
-from tests.support.solids import block, mesh_of
+from tests.support.solids import mesh_of
+from tests.support.waiting import wait_until
 
 ETA = 1.5
 
@@ -29,24 +28,6 @@ ETA = 1.5
 @pytest.fixture(scope="module")
 def sky(tmp_path_factory):
     return write_probe(tmp_path_factory.mktemp("probe") / "sky.exr", sky_pixels())
-
-
-def write_probe(path, pixels):
-    write_exr(path, dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
-    return path
-
-
-def around(scene, path, **settings):
-    return replace(scene, lights=(), environment=EnvironmentSettings(path, **settings))
-
-
-def shaded_ball():
-    """A ball close above a slab."""
-    return mesh_of(block((24.0, 2.0, 24.0)), part(6.0, (0.0, 7.5, 0.0), subdivisions=4))
-
-
-def places_of(points, normals):
-    return SimpleNamespace(points=points, normals=normals, face_normals=normals)
 
 
 def test_a_white_furnace_is_even(context, tmp_path):
@@ -111,6 +92,7 @@ def test_another_light_or_turn_bakes_nothing_again(context, sky, tmp_path):
         assert "visibility" not in renderer.timings
 
 
+@pytest.mark.slow
 def test_separate_bodies_are_in_each_others_way(context, sky, tmp_path):
     pair = write_pair(tmp_path / "pair.ply")
     frames = [
@@ -146,14 +128,11 @@ def held(monkeypatch):
     return go, asked
 
 
-def frames_until(driver, condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        driver.frames(1)
-        time.sleep(0.005)
+def frames_until(driver, condition):
+    wait_until(condition, lambda: (driver.frames(1), time.sleep(0.005)))
 
 
+@pytest.mark.slow
 def test_the_window_shows_the_object_before_rays_are_back(context, model, sky, monkeypatch):
     driver = Driver(small_scene(model))
     try:
@@ -184,7 +163,7 @@ def test_the_window_gives_rays_up_at_once(context, model, sky, monkeypatch, how,
         driver.session.put(replace(scene, environment=replace(scene.environment, occluded=True)))
         frames_until(driver, asked.is_set)
         job = driver.view.live.visibility
-        future, start = job._future, time.monotonic()
+        future = job._future
         if how == "closing":
             driver.close()
             closed = True
@@ -195,8 +174,7 @@ def test_the_window_gives_rays_up_at_once(context, model, sky, monkeypatch, how,
             other = replace(driver.session.scene, model=ModelSettings(path=write_pair(tmp_path / "pair.ply")))
             driver.session.put(other)
             frames_until(driver, future.done)
-        assert future.done()
-        assert time.monotonic() - start < 10.0
+        assert future.done()  # and the rays were never let go
     finally:
         if not closed:
             driver.close()

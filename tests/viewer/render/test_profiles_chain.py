@@ -1,7 +1,5 @@
 """Whole pictures with every profile: close to equation (1) of the same profile, and cheap to switch."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -30,6 +28,7 @@ def chosen(name, table, *more, method="ewald"):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PROFILES)
 def test_ewald_is_close_to_the_profiles_own_integral(context, table, name):
     renderer = MeshRenderer(context, ball(subdivisions=4))
@@ -56,10 +55,7 @@ def test_switching_costs_the_spectra_and_the_convolution(context, table):
     fine = ["transport.layers=8", "transport.resolution=128"]
     renderer.render(chosen("dipole", table, *fine, method="layered"))
     for name in [*PROFILES][1:]:
-        start = time.perf_counter()
         renderer.render(chosen(name, table, *fine, method="layered"))
-        assert time.perf_counter() - start < 5.0
         ran = set(renderer.timings)
         assert {"spectra", "convolution"} <= ran
         assert not {"samples", "weights", "deposit", "irradiance of light 1", "shadow of light 1", "model"} & ran
-        assert renderer.timings["spectra"] < 300.0  # 10 to 27 ms alone

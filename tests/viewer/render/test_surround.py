@@ -13,8 +13,8 @@ from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.sources import probe_lamps
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import EnvironmentSettings, Scene, apply_set
-from tests.core.light.test_probe_sources import SPOTS, sky
 from tests.support.rendering import RayCaster, inside, relative_rms, scene_of
+from tests.support.skies import SPOTS, sky
 
 FLAT = ((0.2, 0.5, 0.8), 50.0, (9.0, 6.0, 3.0))  # too large to be a lamp
 NEAR = ((0.2, 0.5, 0.8), 3.0, (500.0, 400.0, 300.0))  # in front, so that its highlight is seen
@@ -68,6 +68,7 @@ def test_turning_the_probe_and_the_camera_with_it_shows_the_same_ball(renderer_o
     assert np.all(relative_rms(other.specular[both], one.specular[both]) < 0.02)
 
 
+@pytest.mark.slow
 def test_what_runs_again(renderer_of, tmp_path):
     """Intensity alone casts no shadow anew, shininess lights nothing anew, and a dark environment has no stage."""
     renderer, around = renderer_of("knot"), environment(tmp_path, SPOTS[1])

@@ -93,7 +93,7 @@ def test_one_way_replaces_another():
 
 
 def test_named_option_wins_over_set():
-    from tests.viewer.commands.test_cli import NO_OPTIONS
+    from tests.support.options import NO_OPTIONS
 
     scene = scene_from_options(NO_OPTIONS | {"set": ["material.profile=burley"], "profile": "better_dipole"})
     assert scene.material.profile == "better_dipole"
@@ -192,7 +192,7 @@ def test_what_cannot_be_added_is_refused(added, message):
 
 
 def test_a_new_material_starts_pure_and_a_new_coefficient_keeps_what_is_added():
-    from tests.viewer.commands.test_cli import NO_OPTIONS
+    from tests.support.options import NO_OPTIONS
 
     milk = apply_set(Scene(), ["material.name=Regular Milk", "material.water=0.9", "material.mix_with=ketchup"])
     assert (milk.material.water, milk.material.mix_with) == (0.9, "Ketchup")

@@ -146,7 +146,7 @@ def test_a_name_and_coefficients_are_too_much(folder, key):
 
 
 def test_command_line_finds_lists_imports_and_exports(tmp_path, folder, capsys):
-    from tests.viewer.commands.test_cli import NO_OPTIONS
+    from tests.support.options import NO_OPTIONS
 
     assert cli.main(["materials", "--only", "own"]) == 0
     assert "none yet" in capsys.readouterr().out

@@ -43,6 +43,7 @@ def both(renderer: Renderer, scene: Scene, count: int = 1500) -> tuple[np.ndarra
     return evaluate(seen.positions, normals), seen.exitance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("lights", ["lamps", "behind", "environment"])
 def test_points_are_the_pixels_of_diffusion(context, tmp_path, shape, lights):

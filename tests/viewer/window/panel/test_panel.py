@@ -45,6 +45,7 @@ SLIDERS = {
 }
 
 
+@pytest.mark.slow
 def test_every_slider_changes_its_own_key_and_the_picture_and_resets(driver):
     for section in SECTIONS:
         driver.click(f"section.{section}", 0.3)
