@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from milkglass.core.stages import Part
-from milkglass.viewer.assets import keeper
+from milkglass.viewer.assets import sources
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.declaration import Setting, settings_of
@@ -102,7 +102,8 @@ def another(declared: Setting, value: Any) -> Any:
     if declared.kind == "boolean":
         return not value
     if declared.choices:
-        return declared.choices[(declared.choices.index(value) + 1) % len(declared.choices)]
+        choices = [*declared.choices]
+        return choices[(choices.index(value) + 1) % len(choices)]
     low, high = declared.low, declared.high
     candidates = [8, 0.5, 2.0] if value is None else [1.25 * value + 1, 0.8 * value, 0.5 * value + 0.1]
     kind = int if declared.kind == "integer" else float
@@ -123,7 +124,7 @@ def reached(declared: Setting) -> list[Part]:
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_a_setting_runs_again_what_it_moves(renderer, named, monkeypatch, name):
-    monkeypatch.setattr(keeper, "builtin_model", lambda size_mm, up: cube(size_mm))
+    monkeypatch.setattr(sources, "builtin_model", lambda size_mm, up: cube(size_mm))
     coarse = () if name == "transport.error_target" else ("transport.resolution=16",)
     scene = apply_set(Scene(), list(map(named, (*BASE, *coarse))))
     scene = apply_set(scene, list(map(named, NEEDED.get(name, ()))))
