@@ -25,7 +25,7 @@ SLACK = 1e-3  # nodes: the GPU's coordinates are float32
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Where the bodies' layers lie.
+    """Places of the bodies' layers in one volume.
 
     Attributes
     ----------
@@ -48,9 +48,9 @@ class Atlas:
 
     @computed_once
     def windows(self) -> Float32:
-        """Where pixels read each body, (n, 3, 3), x, y, z of three.
+        """Return where pixels read each body: three vectors x, y, z in texture coordinates, (n, 3, 3).
 
-        What leads from the texture coordinates of `world_to_texture` to its place; its first node; its last, beyond
+        The offset from coordinates of `world_to_texture` to the body's place; its first node; its last node, beyond
         which the edge goes on.
         """
         sizes = np.array([crop.shape for crop in self.crops])
@@ -59,12 +59,12 @@ class Atlas:
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): world space to texture coordinates as if the whole layers lay at the atlas' corner, row vectors."""
+        """Return the matrix (4, 4) from world space to texture coordinates if all layers lay at the atlas' corner."""
         depth, height, width = self.shape
         return replace(self.whole, n_layers=depth, height=height, width=width).world_to_texture
 
     def filled(self, parts: Sequence[Float32 | None], channels: int = 3) -> Float32:
-        """Put every body's exitance (channels, *its crop's shape), or None where there is none, in its place."""
+        """Return a volume with the part of each body, (channels, *its crop's shape), or None, in its place."""
         out = np.zeros((channels, *self.shape), np.float32)
         for place, part in zip(self.places - BORDER, parts, strict=True):
             if part is not None:
@@ -74,7 +74,7 @@ class Atlas:
         return out
 
     def unfolded(self, volume: Float32) -> Float32:
-        """Sum of all bodies on the whole layers, (3, *whole.shape), of an atlas."""
+        """Return the sum of an atlas' bodies on the whole layers, (3, *whole.shape)."""
         out = np.zeros((3, *self.whole.shape), np.float32)
         for place, first, crop in zip(self.places, self.first, self.crops, strict=True):
             out[_window(first, crop.shape)] += volume[_window(place, crop.shape)]
@@ -82,7 +82,7 @@ class Atlas:
 
 
 def fit_atlas(grid: LayerGrid, smooth: bool, vertices: npt.ArrayLike, body: npt.NDArray[np.integer]) -> Atlas:
-    """Cut the layers of the bodies out of those of the whole object.
+    """Return an atlas of the bodies' layers, cut out of those of the whole object.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def _crop(grid: LayerGrid, first: Ints, size: Ints) -> LayerGrid:
 
 
 def _packed(sizes: Ints) -> tuple[Ints, tuple[int, int, int]]:
-    """Place boxes (n, 3) on shelves: in rows, rows on floors, floors above each other, the largest first."""
+    """Return places of boxes (n, 3) on shelves, and the size of all: rows on floors, the largest first."""
     # As long on each side, about, so that no side meets a limit before the others.
     side = int(np.ceil(np.cbrt(sizes.prod(axis=1).sum())))
     height, width = (max(side, int(n)) for n in sizes[:, 1:].max(axis=0))

@@ -40,7 +40,7 @@ class Kernels:
     def spectra(
         self, kernels: Sequence[Kernel | None], make: Callable[[Any, ConvolutionShape], Float32]
     ) -> list[Spectra | None]:
-        """Spectra of kernels, as `LayerConvolver.convolve` takes them; those made lately are still there.
+        """Return spectra of kernels, as `LayerConvolver.convolve` takes them; those made lately are still there.
 
         `make` gives the spectrum of what a kernel is of, as `core.grid.spectra.kernel_spectrum` does.
         """
@@ -70,7 +70,7 @@ class Kernels:
         return self._convolvers[key]
 
     def release(self) -> None:
-        """Let go of all that is kept; what is needed again is made again."""
+        """Drop all spectra and convolvers; what is needed again is made again."""
         self._convolvers.clear()
         self._spectra.clear()
 

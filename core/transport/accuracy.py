@@ -39,7 +39,7 @@ class ErrorLaw:
     with_sheets: bool = False
 
     def __call__(self, profile: Profile, spacing: float, kappa: float, assignment: str = TSC) -> float:
-        """Error to expect in a channel, for a spacing of the nodes, mm, and the roughness there."""
+        """Return the error to expect in a channel, for a spacing of the nodes, mm, and the roughness at it."""
         if profile.is_black:
             return 0.0
         x, tau = spacing / profile.detail, max(0.0, 1.0 - profile.detail / profile.mean_free_path)
@@ -57,7 +57,7 @@ SHINING = ErrorLaw(((0.10, 1.60, 0.42, 0.0, 1.0), (0.0057, 3.4, 0.0, 2.0, 0.3)))
 
 @dataclass(frozen=True)
 class Roughness:
-    """kappa(h) of a surface.
+    """Roughness kappa(h) of a surface, how far it is from planes in cells of size h.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Roughness:
     with_sheets: tuple[float, ...]
 
     def __call__(self, size: float, with_sheets: bool = False) -> float:
-        """Value at any cell size, mm: a power law between and beyond, never above the coarsest."""
+        """Return kappa at any cell size, mm: a power law between and beyond, never above the coarsest."""
         values = self.with_sheets if with_sheets else self.values
         x, y = np.log(self.sizes[::-1]), np.log(np.maximum(values[::-1], 1e-12))
         y = np.maximum.accumulate(y)  # a larger cell is never smoother, whatever its place says

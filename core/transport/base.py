@@ -51,31 +51,31 @@ class EnteringLight:
 
 
 class Solid(Protocol):
-    """An object, or a body of it by itself."""
+    """An object, or one body of it, whose surface light enters."""
 
     @property
     def mesh(self) -> Mesh:
-        """Its surface."""
+        """Return the surface."""
 
     @property
     def samples(self) -> SurfaceSamples:
-        """Samples of the surface, with faces of the mesh."""
+        """Return samples of the surface, which name faces of the mesh."""
 
     @property
     def area(self) -> float:
-        """Area of the surface, mm^2; perhaps rounded up."""
+        """Return the area of the surface, mm^2, perhaps rounded up."""
 
 
 @dataclass(frozen=True, eq=False)
 class WholeObject:
-    """An object as a `Solid`."""
+    """A whole object as a `Solid`."""
 
     mesh: Mesh
     samples: SurfaceSamples
 
     @property
     def area(self) -> float:
-        """Area of the surface, mm^2."""
+        """Return the area of the surface, mm^2."""
         return self.mesh.area
 
 
@@ -160,30 +160,30 @@ class Scattered(Protocol):
 
     @property
     def grid(self) -> LayerGrid:
-        """Nodes of the whole object; coarser ones than asked for while it is on the way."""
+        """Return the nodes of the whole object; on the way they may be coarser than those asked for."""
 
     @property
     def volume(self) -> Float32:
-        """What the nodes carry, (3 or 4, layers, rows, columns): R, G and B, and K_L 1 where pixels solve an equation.
+        """Return what nodes carry, (3 or 4, layers, rows, columns): R, G, B; then K_L 1 where pixels solve an equation.
 
         The same array as long as it is the same transport of the same light.
         """
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): world space to the volume's texture coordinates, row vectors."""
+        """Return the matrix (4, 4) from world space to the volume's texture coordinates, row vectors."""
 
     @property
     def windows(self) -> Float32 | None:
-        """Where the volume is an atlas of bodies, `core.grid.atlas.Atlas.windows`."""
+        """Return `core.grid.atlas.Atlas.windows` where the volume is an atlas of bodies; else None."""
 
     @property
     def residuals(self) -> tuple[float, ...]:
-        """Relative residual of each channel's equation; 0 where none is solved."""
+        """Return the relative residual of each channel's equation; 0 where none is solved."""
 
     @property
     def convolutions(self) -> tuple[int, ...]:
-        """Convolutions that each channel's equation took; 0 where none is solved."""
+        """Return how many convolutions each channel's equation took; 0 where none is solved."""
 
     @property
     def is_solved(self) -> bool:
@@ -191,16 +191,16 @@ class Scattered(Protocol):
 
     @property
     def boundaries(self) -> tuple[object, ...]:
-        """Surfaces as they lie on the grid, body by body, where `pixel_tables` follow from them too."""
+        """Return the surfaces as they lie on the grid, body by body, where `pixel_tables` depend on them; else ()."""
 
     def pixel_tables(self) -> PixelTables:
         """Tabulate what pixels need beside the volume."""
 
     def mean_fluence(self) -> Float32:
-        """Mean 2 A M of the surface near each node, (3, layers, rows, columns), for pixels that solve an equation."""
+        """Return the mean of 2 A M near each node, (3, layers, rows, columns), for pixels that solve an equation."""
 
     def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
-        """M at points of the surface, (n, 3) float64, >= 0, as pixels have it, with light cast by `lights`.
+        """Return exitance M at points of the surface, (n, 3) float64, >= 0, as pixels have it, lit by `lights`.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class Scattered(Protocol):
         """
 
     def on_layers(self) -> Float32:
-        """Exitance on the layers, (3, *grid.shape), all bodies together: flux M dA of a solution."""
+        """Return exitance on the layers, (3, *grid.shape), all bodies together; of an equation the flux M dA."""
 
 
 GoOn = Callable[[Scattered], bool]
@@ -229,7 +229,7 @@ class Transport(Protocol):
         """Place the layers for a mesh seen with a world-to-view rotation (3, 3), row vectors."""
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """W of points (n, 3) in grid coordinates: (nodes, n) sparse."""
+        """Return the particle-mesh weights W of points (n, 3) in grid coordinates, (nodes, n) sparse."""
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Scattered:
         """Scatter light inside the object.

@@ -106,7 +106,7 @@ class EwaldTransport(FftTransport):
 
 @functools.lru_cache(maxsize=1024)  # every body asks again
 def tail_reach(profile: Profile, area: float, tail: float) -> float:
-    """Distance, mm, beyond which the tails of all sources together are negligible, on an object of `area` mm^2.
+    """Return the distance, mm, beyond which all sources' tails together are negligible, on an object of `area` mm^2.
 
     The smallest D with A R_d(D) <= tail T(0), by bisection: R_d falls with distance. 0 for black.
     """
@@ -126,12 +126,12 @@ def tail_reach(profile: Profile, area: float, tail: float) -> float:
 # at the layers' highest frequency reaches the dark ones as rings; at 1.25 it has fallen to 2 % and they are gone.
 # Tents see more of that frequency and are best a little wider.
 WINDOW = {TENT: 1.4, TSC: 1.25}
-REACH = 8.0  # widths beyond which the window is below 1e-11 of its peak
+WINDOW_WIDTHS = 8.0  # beyond which the window is below 1e-11 of its peak
 MAX_NODES = 1 << 20  # of the radial table
 
 
 def window(t: npt.ArrayLike, s: float) -> Array:
-    """Smoothing window along a line, unit integral: w(t) = exp(-u/2) (15 - 10 u + u^2) / (8 s sqrt(2 pi)), u = (t/s)^2.
+    """Return the window of unit integral, w(t) = exp(-u/2) (15 - 10 u + u^2) / (8 s sqrt(2 pi)), u = (t/s)^2.
 
     Its moments up to the fifth vanish: in Fourier space it is exp(-x) (1 + x + x^2/2), x = (s k)^2 / 2, flat to the
     sixth order at k = 0.
@@ -141,12 +141,12 @@ def window(t: npt.ArrayLike, s: float) -> Array:
 
 
 def long_range(profile: Profile, s: float, furthest: float) -> CubicSpline:
-    """Radial function R_L(rho), 0 <= rho <= furthest (mm), mm^-2.
+    """Return the radial function R_L(rho), mm^-2, for 0 <= rho <= furthest, mm.
 
     R_L(rho) = (1 / rho) int w(t) (rho - t) R_d(|rho - t|) dt: in three dimensions rho f(rho) of a radial function f
     behaves as in one, so filtering by a radial window is a convolution along a line.
     """
-    reach = REACH * s
+    reach = WINDOW_WIDTHS * s
     step = max(min(s / 20.0, profile.mean_free_path / 6.0), (furthest + 2.0 * reach) / MAX_NODES)
     n, m = int(np.ceil(furthest / step)) + 1, int(np.ceil(reach / step))
     t = step * np.arange(-2 * m, n + 2 * m + 1)
@@ -161,12 +161,12 @@ def long_range(profile: Profile, s: float, furthest: float) -> CubicSpline:
 
 
 def local_table(profile: Profile, s: float) -> CubicSpline:
-    """What R_L leaves out of a flat, evenly lit sheet at distance e: rho_s(e), 0 <= e <= SHEET_REACH s (mm).
+    """Return rho_s(e), what R_L leaves out of an evenly lit plane at distance e, for 0 <= e <= SHEET_REACH s, mm.
 
     rho_s(e) = T(e) - int w(t) T(|e - t|) dt. rho_s(0) is the factor on a point's own irradiance; at the thickness of a
     thin sheet it is the one on the irradiance of the other side.
     """
-    furthest, reach = SHEET_REACH * s, REACH * s
+    furthest, reach = SHEET_REACH * s, WINDOW_WIDTHS * s
     step = max(min(s / 20.0, profile.mean_free_path / 6.0), (furthest + 2.0 * reach) / MAX_NODES)
     n, m = int(np.ceil(furthest / step)) + 1, int(np.ceil(reach / step))
     total = profile.total(step * np.abs(np.arange(-m, n + m + 1)))
@@ -175,7 +175,7 @@ def local_table(profile: Profile, s: float) -> CubicSpline:
 
 
 def _convolve(values: Array, weights: Array) -> Array:
-    """Convolve along a line, where all weights meet a value."""
+    """Return the convolution along a line, where all weights meet a value."""
     # Imported here: with it comes scipy.stats, 20 MB and half a second, of which `diffusion` has no need.
     from scipy.signal import fftconvolve
 
@@ -185,7 +185,7 @@ def _convolve(values: Array, weights: Array) -> Array:
 def node_spectrum(
     radial: Callable[[Array], Array], grid: LayerGrid, shape: ConvolutionShape, assignment: str = TSC
 ) -> Float32:
-    """Spectrum between nodes of a smooth radial kernel, deposit and gather undone: `shape.quadrant` float32."""
+    """Return the spectrum of a smooth radial kernel between nodes, assignment undone: `shape.quadrant` float32."""
     z, y, x = (np.arange(n, dtype=np.float64) for n in shape.quadrant)
     z, y, x = z * grid.layer_distance, y * grid.texel, x * grid.texel
     rho = np.sqrt(np.square(z)[:, None, None] + np.square(y)[:, None] + np.square(x))
@@ -202,7 +202,7 @@ STEP = 4  # chosen resolutions are multiples of it: a material that changes a li
 # they would miss it by far, no more than the paper's. A target that a person has set may take longer.
 PAPER_NODES = 3 * 4 * 512 * 512
 NODES, NODES_OUT_OF_REACH, NODES_ASKED_FOR = 4 * PAPER_NODES, 3 * PAPER_NODES // 5, 16 * PAPER_NODES
-NEAR = 2.0  # of the target
+NEAR_TARGET = 2.0  # times the target: an error that still passes for meeting it
 
 
 def choose_quality(
@@ -225,7 +225,7 @@ def choose_quality(
 
     if asked.resolution is not None:
         chosen = quality(asked.resolution, asked.assignment or TSC)
-        return replace(chosen, tail=TAIL if chosen.error <= NEAR * DEFAULT_ERROR_TARGET else LOOSE_TAIL)
+        return replace(chosen, tail=TAIL if chosen.error <= NEAR_TARGET * DEFAULT_ERROR_TARGET else LOOSE_TAIL)
     assert target is not None
     orders = (TENT, TSC) if asked.assignment is None else (asked.assignment,)
     most = _most_nodes(asked, profiles, mesh, TAIL, NODES if asked.error_target is None else NODES_ASKED_FOR)
@@ -236,7 +236,7 @@ def choose_quality(
     if good:
         return min(good, key=lambda q: q.resolution)
     best = min(found, key=lambda q: q.error)
-    if best.error <= NEAR * target:
+    if best.error <= NEAR_TARGET * target:
         return best
     budget = NODES_OUT_OF_REACH if asked.error_target is None else NODES_ASKED_FOR
     return quality(_most_nodes(asked, profiles, mesh, LOOSE_TAIL, budget), orders[-1], LOOSE_TAIL)
@@ -266,7 +266,7 @@ def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
 
 
 def _most_nodes(asked: Asked, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
-    """Largest resolution whose padded grid keeps within a budget, by bisection."""
+    """Return the largest resolution whose padded grid keeps within a budget, by bisection."""
     low, high = COARSEST, FINEST + 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -277,6 +277,6 @@ def _most_nodes(asked: Asked, profiles: Profiles, mesh: Mesh, tail: float, budge
 
 
 def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
-    """Nodes that the transforms have at least, over the channels."""
+    """Return how many nodes the transforms have at least, over the channels."""
     grid = transport.grid(mesh, np.eye(3))
     return sum(transport.shape(grid, p, mesh.area).least_nodes for p in profiles if not p.is_black)

@@ -162,7 +162,7 @@ class NodeExitance:
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): world space to the volume's texture coordinates, row vectors."""
+        """Return the matrix (4, 4) from world space to the volume's texture coordinates, row vectors."""
         return self.grid.world_to_texture
 
     def pixel_tables(self) -> PixelTables:

@@ -32,23 +32,23 @@ class Asked(Protocol):
 
     @property
     def method(self) -> str:
-        """Name of the method, of `core.transport.methods`."""
+        """Return the name of the method in `core.transport.methods`."""
 
     @property
     def layers(self) -> int | None:
-        """Layers over the object's depth, or its z extent."""
+        """Return the wanted layers over the object's depth, or its z extent."""
 
     @property
     def resolution(self) -> int | None:
-        """Texels along the longer side of a layer, or nodes along the longest side of the object."""
+        """Return the wanted texels along the longer side of a layer, or nodes along the object's longest side."""
 
     @property
     def error_target(self) -> float | None:
-        """Wanted rms error of exitance."""
+        """Return the wanted rms error of exitance."""
 
     @property
     def assignment(self) -> str | None:
-        """`core.grid.assignment.TENT` or `TSC`."""
+        """Return the wanted assignment, `core.grid.assignment.TENT` or `TSC`."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Quality:
 
     @property
     def facts(self) -> Method:
-        """Facts of the method, of the registry of transports."""
+        """Return the method's row of the registry of transports."""
         return METHODS[self.method]
 
     @property
@@ -129,12 +129,12 @@ class Quality:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what was asked for and cannot be had."""
+        """Return sentences on what was asked for and cannot be had."""
         return tuple(sentence for sentence in (self.fallback, self.warning) if sentence is not None)
 
     @property
     def fallback(self) -> str | None:
-        """One sentence where the method had to take the place of another."""
+        """Return a sentence where the method had to take the place of another."""
         if self.instead_of is None:
             return None
         return (
@@ -144,7 +144,7 @@ class Quality:
 
     @property
     def warning(self) -> str | None:
-        """One sentence where the target cannot be met."""
+        """Return a sentence where the target cannot be met."""
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
         fix = "set transport.error_target to let it take longer, or transport.resolution"
@@ -181,12 +181,12 @@ def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = 
 
 
 def sample_spacing(mesh: Mesh, asked: Asked, resolution: int = SURVEY) -> float:
-    """Longest edge of a surface sample's piece, mm, for a resolution that `choose_quality` found."""
+    """Return the longest edge of a surface sample's triangle, mm, for a resolution that `choose_quality` found."""
     return float(_home(asked.method).sample_spacing(mesh, asked, resolution))
 
 
 def survey_spacing(mesh: Mesh) -> float:
-    """Longest edge of a surface sample's piece, mm, of the samples that serve most grids."""
+    """Return the longest edge of a surface sample's triangle, mm, of the samples that serve most grids."""
     return float(SAMPLE_EDGE * longest_side(mesh) / (SURVEY - 1))
 
 

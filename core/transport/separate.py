@@ -60,13 +60,13 @@ class Body:
 
     @computed_once
     def mesh(self) -> Mesh:
-        """Its faces, with the vertices that they use."""
+        """Return the body's faces as a mesh, with the vertices that they use."""
         used, corners = np.unique(self._whole.faces[self._faces], return_inverse=True)
         return Mesh.of(self._whole.vertices[used], self._whole.normals[used], corners.reshape(-1, 3))
 
     @computed_once
     def samples(self) -> SurfaceSamples:
-        """Its samples, with faces of its own mesh."""
+        """Return the body's surface samples, which name faces of its mesh."""
         whole, chosen = self._of_whole, self.chosen
         faces = np.searchsorted(self._faces, whole.faces[chosen]).astype(np.int32)
         return SurfaceSamples(whole.points[chosen], whole.normals[chosen], whole.areas[chosen], faces)
@@ -98,49 +98,49 @@ class ScatteredInBodies:
 
     @property
     def known(self) -> list[Scattered]:
-        """What there is of bodies that are not dark."""
+        """Return the parts of bodies that are not dark."""
         return [part for part in self.parts if part is not None]
 
     @property
     def boundaries(self) -> tuple[object, ...]:
-        """Surfaces of these bodies as they lie on the grid."""
+        """Return the surfaces of lit bodies as they lie on the grid."""
         return tuple(boundary for part in self.known for boundary in part.boundaries)
 
     @property
     def residuals(self) -> tuple[float, ...]:
-        """Relative residual of each channel in the worst body; 1, that of no solution, while some wait."""
+        """Return the relative residual of each channel in the worst body; 1, that of no solution, while some wait."""
         if self.waiting:
             return 1.0, 1.0, 1.0
         return tuple(max(each) for each in zip((0.0, 0.0, 0.0), *(part.residuals for part in self.known), strict=True))
 
     @property
     def convolutions(self) -> tuple[int, ...]:
-        """Of each channel the most that a body took."""
+        """Return of each channel the most convolutions that a body took."""
         return tuple(max(each) for each in zip((0, 0, 0), *(part.convolutions for part in self.known), strict=True))
 
     @property
     def is_solved(self) -> bool:
-        """Whether all bodies are."""
+        """Whether all bodies are solved."""
         return not self.waiting and all(part.is_solved for part in self.known)
 
     @computed_once
     def volume(self) -> Float32:
-        """Volumes of the bodies in the atlas, (3 or 4, *atlas.shape)."""
+        """Return the volumes of the bodies in the atlas, (3 or 4, *atlas.shape)."""
         return self.filled([None if part is None else part.volume for part in self.parts])
 
     @property
     def grid(self) -> LayerGrid:
-        """Nodes of the whole object."""
+        """Return the nodes of the whole object."""
         return self.atlas.whole
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): see `core.grid.atlas.Atlas.world_to_texture`."""
+        """Return the matrix (4, 4) of `core.grid.atlas.Atlas.world_to_texture`."""
         return self.atlas.world_to_texture
 
     @property
     def windows(self) -> Float32:
-        """Where each body lies, see `core.grid.atlas.Atlas.windows`."""
+        """Return where each body lies, `core.grid.atlas.Atlas.windows`."""
         return self.atlas.windows
 
     def pixel_tables(self) -> PixelTables:
@@ -210,7 +210,7 @@ class OfBodies:
         return self.whole.grid(mesh, rotation)
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """W of points on the whole object's layers."""
+        """Return the weights W of points on the whole object's layers."""
         return self.whole.weights(grid, coordinates)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
@@ -307,7 +307,7 @@ class OfBodies:
         return ScatteredInBodies(self, self.atlas(lit.grid), lit, (None,) * len(self._bodies))
 
     def _placed(self, atlas: Atlas, coordinates: Float32) -> list[Float32]:
-        """Coordinates of each body's samples in its own crop; whole nodes off, so no bit is lost."""
+        """Return grid coordinates of each body's samples in its crop; they move by whole nodes, so no bit is lost."""
         return [
             coordinates[body.chosen] - np.asarray(first[::-1], np.float32)
             for body, first in zip(self._bodies, atlas.first, strict=True)
@@ -323,7 +323,7 @@ class OfBodies:
 
 
 def _grouped(body: npt.NDArray[np.integer], count: int) -> list[Ints]:
-    """Indices of the elements of each body, in ascending order."""
+    """Return the indices of the elements of each body, in ascending order."""
     order = np.argsort(body, kind="stable")
     bounds = np.searchsorted(body[order], np.arange(count + 1))
     return [order[start:stop] for start, stop in pairwise(bounds)]

@@ -1,6 +1,6 @@
 #version 330
 // Irradiance, highlight and local part of exitance of one light at every pixel of the G-buffer; blended additively,
-// light by light. The local part is the term of core/transport/base.py, factor(0) E here + factor(thickness) E on the
+// light by light. The local part is the term of core/transport/pixels.py, factor(0) E here + factor(thickness) E on the
 // other side; or, with transport `diffusion`, what light adds to the right-hand side of the equation of
 // core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a sheet in the three alphas.
 // Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an

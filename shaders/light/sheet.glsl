@@ -2,7 +2,7 @@
 // light of the other side that the layers are too coarse to carry across. Mirrored by core/reference/sheet.py.
 //
 // A surface that faces away from a light sees it through the object; the shadow map knows where the light entered. If
-// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport/base.py
+// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport/pixels.py
 // applies to the irradiance over there. Needs irradiance.glsl.
 
 #ifdef SOFT

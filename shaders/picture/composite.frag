@@ -1,6 +1,6 @@
 #version 330
 // Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
-// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport/base.py);
+// Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport/pixels.py);
 // with transport `diffusion` the equation of core/transport/diffusion/pixels.py. DETAIL: the surface has colours.
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
 #include "fresnel.glsl"

@@ -126,7 +126,7 @@ class Lamps:
         self._kept: dict[tuple[str, float], RayLights] = {}
 
     def __call__(self, name: str, eta: float) -> RayLights:
-        """Light of irradiance 1."""
+        """Return a light of irradiance 1."""
         key = name, eta
         if key not in self._kept:
             light = DirectionalLight(LIGHTS[name], (1.0, 1.0, 1.0))
@@ -232,7 +232,7 @@ def transport_rows(
 
 
 def numerical_error(evaluate: Evaluate, finer: Evaluate, surface: SurfaceSamples) -> tuple[float, ...]:
-    """Rms over the surface of the difference, over the rms of the finer one, (3,)."""
+    """Return the rms over the surface of the difference, over the rms of the finer one, (3,)."""
     points, normals = surface.points.astype(np.float64), surface.normals.astype(np.float64)
     coarse, fine = evaluate(points, normals), finer(points, normals)
     areas = surface.areas[:, None].astype(np.float64)

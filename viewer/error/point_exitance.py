@@ -40,7 +40,7 @@ class RayLights:
         self._lamps = [light for light in illumination.lights if light.DISTANT]
 
     def irradiance(self, points: Array, normals: Array) -> list[Array]:
-        """E of each light, the environment last: (n, 3) each."""
+        """Return E of each light, the environment last, (n, 3) each."""
         lamps = (
             self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
             for lamp in self._lamps
@@ -81,7 +81,7 @@ class RayLights:
         return lights
 
     def _others(self, points: Array, normals: Array, reach: float) -> list[tuple[OtherSide, Array]]:
-        """Other sides of sheets, thinner than `reach` mm, that directional lights shine through, and E there (n, 3)."""
+        """Return other sides of sheets thinner than `reach` mm, and E of each directional light there, (n, 3)."""
         found = []
         for lamp in self._lamps:
             towards = np.asarray(lamp.vector, np.float64) / np.linalg.norm(lamp.vector)

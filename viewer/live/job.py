@@ -22,7 +22,7 @@ from milkglass.viewer.render.renderer import Renderer
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """What is drawn, or on the way to it.
+    """What is drawn, and the light that it is of.
 
     Attributes
     ----------
@@ -41,12 +41,12 @@ class Finished:
     complete: bool = True
 
     def incoming(self) -> Float32:
-        """Flux on the layers, (3, n_layers, height, width)."""
+        """Return the flux on the layers, (3, n_layers, height, width)."""
         lit = self.lit
         return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
 
     def outgoing(self) -> Float32:
-        """Exitance on the layers, (3, n_layers, height, width), see `core.transport.base.Scattered.on_layers`."""
+        """Return exitance on the layers as of `core.transport.base.Scattered.on_layers`."""
         return self.scattered.on_layers()
 
 
@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def seconds(self) -> float | None:
-        """What a drag costs on this grid until it may be seen; None where that is not to be told from this."""
+        """Return the seconds of transport in a drag on this grid until it may be seen; None where this cannot tell."""
         if not self.complete:
             return None
         if self.lit.quality.facts.solves:
@@ -99,7 +99,7 @@ class Outcome:
 
 
 class TransportJob:
-    """Begins at once.
+    """Transport of one light in a worker, which begins at once.
 
     Parameters
     ----------

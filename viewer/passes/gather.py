@@ -66,7 +66,7 @@ class Gather:
     windows: moderngl.Texture | None = None
 
     def light_uniforms(self) -> dict[str, object]:
-        """Values for sheet.glsl, entry.glsl and bodies.glsl."""
+        """Return values for sheet.glsl, entry.glsl and bodies.glsl."""
         textures, tables = self.tables, self.tables.tables
         return {
             "t_sheet": textures.local,
@@ -82,7 +82,7 @@ class Gather:
         }
 
     def exitance_uniforms(self) -> dict[str, object]:
-        """Values for composite.frag and bodies.glsl."""
+        """Return values for composite.frag and bodies.glsl."""
         textures, tables = self.tables, self.tables.tables
         return {
             "t_exitance": self.volume,
@@ -106,7 +106,7 @@ class Gather:
 
     @property
     def _placed(self) -> dict[str, object]:
-        """Values for bodies.glsl."""
+        """Return values for bodies.glsl."""
         return {
             "u_world_to_texture": self.world_to_texture,
             "u_separate": self.windows is not None,

@@ -1,4 +1,4 @@
-"""Bodies of a scene that scatter light each on their own: what lighting, transport and shading need of them."""
+"""Bodies of a scene that scatter light each alone, made ready for lighting, transport and shading."""
 
 import moderngl
 import numpy as np
@@ -15,11 +15,11 @@ from milkglass.core.transport.quality import Quality
 from milkglass.core.transport.separate import OfBodies
 from milkglass.viewer.passes.layers import LayersPass
 
-MOST_BY_DEFAULT = 64  # bodies: each takes 15 ms, so that more are better joined
+MOST_SEPARATE = 64  # bodies by default: each takes 15 ms, so that more are better joined
 
 
 class BodyMarks:
-    """Body of each vertex, on both sides.
+    """Which body each vertex is of, on the CPU and the GPU.
 
     Attributes
     ----------
@@ -82,16 +82,16 @@ def separate_by_default(bodies: Bodies, method: Method) -> Bodies | None:
 
     Light that crosses the air between bodies is what equation (1) says, and an error of methods that have more to say.
     """
-    return bodies if method.separates_bodies and 2 <= bodies.count <= MOST_BY_DEFAULT else None
+    return bodies if method.separates_bodies and 2 <= bodies.count <= MOST_SEPARATE else None
 
 
 def convolvers(made_for: Quality, count: int) -> int:
-    """How many are to be kept for so many bodies, each of which may have shapes of its own."""
+    """Return how many convolvers are to be kept for so many bodies, each of which may have shapes of its own."""
     return CONVOLVERS + made_for.facts.shapes_a_body * (count - 1)
 
 
 def bodies_warnings(bodies: Bodies | None) -> tuple[str, ...]:
-    """One sentence on what keeps bodies from being separate; None: they were not asked to be."""
+    """Return a sentence on what keeps bodies from being separate; None for `bodies`: they were not asked to be."""
     if bodies is None:
         return ()
     if bodies.open_parts:

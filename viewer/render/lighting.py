@@ -120,7 +120,7 @@ class Lighting:
         )
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
-        """Upload the result of transport."""
+        """Upload what transport has scattered, for pixels to gather."""
         run, context, nodes = self._run, self._context, scattered.volume
         volume = run(Stage.LAYER_VOLUME, [nodes], lambda: self._layers.volume(nodes))
         key = lit.transport, scattered.grid, *lit.transport.material(lit.entering), scattered.boundaries
@@ -166,7 +166,7 @@ class Lighting:
         return Model(mesh, MeshBuffers(self._context, mesh), warnings)
 
     def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
-        """E of each light at every sample, (n, 3) float32."""
+        """Return E of each light at every sample, (n, 3) float32."""
         return [
             self._spread(
                 Stage.IRRADIANCE.of(i),
@@ -183,7 +183,7 @@ class Lighting:
     def _entering(
         self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]
     ) -> tuple[EnteringLight, ...]:
-        """Each light's power at every sample, and where it comes from."""
+        """Return each light's flux at every sample, and where it comes from."""
         areas = surface.samples.areas[:, None]
         return tuple(
             self._run(

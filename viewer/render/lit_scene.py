@@ -22,7 +22,7 @@ from milkglass.viewer.scene.camera import Camera
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A loaded mesh, on both sides."""
+    """A loaded mesh, on the CPU and the GPU, and what is wrong with it."""
 
     mesh: Mesh
     buffers: MeshBuffers
@@ -84,12 +84,12 @@ class LitScene:
 
     @property
     def occlusion(self) -> Occlusion | None:
-        """What keeps the environment's light from the surface, where that is known."""
+        """Return what keeps the environment's light from the surface, where that is known."""
         return next((source.occlusion for source in self.sources if source.occlusion is not None), None)
 
     @property
     def entering(self) -> EnteringFlux:
-        """Light that enters the object, as transport takes it."""
+        """Return the light that enters the object, as transport takes it."""
         solid = WholeObject(self.model.mesh, self.samples)
         return EnteringFlux(solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media)
 

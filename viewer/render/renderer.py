@@ -119,7 +119,7 @@ class Renderer:
 
     @property
     def timings(self) -> Timings:
-        """Times of the stages that ran for the last picture."""
+        """Return the times of the stages that ran for the last picture."""
         return {**self.stages.timings, **self.transport_stages.timings}
 
     @_in_turn
@@ -235,5 +235,5 @@ class Renderer:
 
     @_in_turn
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
-        """World position (mm) of what the last picture shows at a pixel (column, row from the top), None beside it."""
+        """Return the world position (mm) that the last picture shows at a pixel (column, row from the top), or None."""
         return self._shading.pick(pixel)

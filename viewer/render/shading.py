@@ -25,7 +25,7 @@ from milkglass.viewer.scene.camera import jittered, pixel_offsets
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
 
-LARGE = 16  # sub-lights of a light of which a picture may show some first
+LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
 
 Offsets = tuple[tuple[float, float], ...]
 
@@ -101,7 +101,7 @@ class Shading:
     def undeveloped(
         self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
     ) -> Picture:
-        """Likewise, without exposure and tone map: the image is the composite's own framebuffer."""
+        """Draw a scene without exposure and tone map: the image is the composite's own framebuffer."""
         composite = self._pixels(scene, lit, gather, offsets, parts, quick)
         return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
 
@@ -116,7 +116,7 @@ class Shading:
         return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
-        """World position of the visible surface at a pixel (column, row from the top) of the last picture."""
+        """Return the world position (mm) that the last picture shows at a pixel (column, row from the top), or None."""
         if self._seen is None:
             return None
         texture, (x, y) = self._seen.position, pixel
@@ -154,7 +154,7 @@ class Shading:
     ) -> Composite:
         """Shade every pixel once a sample."""
         targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
-        large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE
+        large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
         sharing = PARTS if quick and large and len(offsets) == 1 else len(offsets)
 
         def shade() -> Steps[Composite]:
@@ -169,7 +169,7 @@ class Shading:
     def _pixel_work(
         self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
     ) -> tuple[Composite, tuple[object, ...]]:
-        """Where the pixels go, and everything that they depend on."""
+        """Return the targets of the pixels, and everything that these depend on."""
         size = scene.display.image_size
         depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         made = [size, parts, depth]
@@ -219,7 +219,7 @@ class Shading:
         )
 
     def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
-        """What is visible of highlights that something may be in the way of, at each vertex."""
+        """Return the visible share of an environment's highlights at each vertex, where something may be in the way."""
         occlusion, specular = lit.occlusion, scene.specular
         if occlusion is None or specular.strength == 0.0:
             return None
@@ -232,7 +232,7 @@ class Shading:
         )
 
     def _behind(self, lit: LitScene, gather: Gather) -> moderngl.Buffer | None:
-        """What is visible from the other side of thin parts, at each vertex, where there are any."""
+        """Return the visible share of an environment from the other side of thin parts, at each vertex."""
         if (occlusion := lit.occlusion) is None or not gather.is_thin:
             return None
         return self._run(Stage.OCCLUSION_BEHIND, [occlusion], lambda: occlusion.behind(self._context))

@@ -301,7 +301,7 @@ class TransportSettings:
 
     @property
     def facts(self) -> Method:
-        """Facts of the method, of the registry of transports."""
+        """Return the method's row of the registry of transports."""
         return METHODS[self.method]
 
 

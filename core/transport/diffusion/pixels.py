@@ -30,8 +30,8 @@ from milkglass.core.transport.pixels import LocalTerm, PixelEquation, PixelTable
 OnNodes = Callable[[Callable[[Boundary], Float32], int], Float32]
 
 COSINES, THICKNESSES = 16, 48  # rows and columns of the tables
-BLACK = 1e9
-FLAT = 2e-3
+BLACK_DIAGONAL = 1e9  # of a channel that scatters nothing: its M is then 0
+LEAST_BENDING = 2e-3  # of b - 1: an object that has less everywhere is taken as flat
 WEAK_EIGENVALUE = CONSTANTS.regularisation.weak_eigenvalue
 THINNEST = 2e-3  # of the reach
 CHORDS = 8.0  # mean free paths: in thicker parts a ray's first scattering knows no other side
@@ -58,18 +58,18 @@ def pixel_tables(boundaries: Sequence[Boundary], media: tuple[Medium, ...], s: f
 
 
 def sheet_reach(boundaries: Sequence[Boundary]) -> float:
-    """Thickness up to which the light behind a sheet matters, mm; 0 where there are no sheets."""
+    """Return the thickness up to which the light behind a thin slab matters, mm; 0 where there are none."""
     return max((boundary.sheet_reach for boundary in boundaries if len(boundary.sheet.patches)), default=0.0)
 
 
 def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
-    """Whether b is other than 1 by more than `FLAT` anywhere."""
+    """Whether b is other than 1 by more than `LEAST_BENDING` anywhere."""
     bright = [medium for medium in media if not medium.is_black]
-    return any(np.abs(each.bending(medium) - 1.0).max() > FLAT for each in boundaries for medium in bright)
+    return any(np.abs(each.bending(medium) - 1.0).max() > LEAST_BENDING for each in boundaries for medium in bright)
 
 
 def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
-    """Thickness up to which parts of an object are thin, mm; 0 where none is."""
+    """Return the thickness up to which parts of an object are thin, mm; 0 where none is."""
     bright = [medium.mean_free_path for medium in media if not medium.is_black]
     wanted = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
     thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < wanted)))
@@ -93,7 +93,9 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
                 coupling[:, i] += local_slope(medium, s, thickness)
         coupling[:, 3] = local_slope(NO_ABSORPTION, s, thickness)
     doubled = np.array([2.0 * medium.extrapolation_factor for medium in media])
-    own_side = [BLACK if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.extrapolation_factor) for m in media]
+    diagonal = [
+        BLACK_DIAGONAL if m.is_black else float(local_green(m, s, 0.0)) / (2.0 * m.extrapolation_factor) for m in media
+    ]
     return PixelEquation(
         reach=reach,
         least_cosine=least,
@@ -101,16 +103,16 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
         own=np.stack(own, axis=-1).astype(np.float32),
         across=np.stack(across, axis=-1).astype(np.float32),
         coupling=coupling.astype(np.float32),
-        diagonal=np.array(own_side),
+        diagonal=np.array(diagonal),
         doubled=doubled,
         depths=None,
         bending=None,
     )
 
 
-def mean_fluence(boundary: Boundary, fluence: tuple[Array, ...]) -> Float32:
-    """Mean phi of the patches near each node, by area: (3, n_layers, height, width); 0 where there are none."""
-    return boundary.means(np.stack(fluence, axis=-1))
+def mean_fluence(boundary: Boundary, two_A_M: tuple[Array, ...]) -> Float32:
+    """Return the area-weighted mean of 2 A M of the patches near each node, (3, n_layers, height, width); 0 without."""
+    return boundary.means(np.stack(two_A_M, axis=-1))
 
 
 def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:

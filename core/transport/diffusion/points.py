@@ -30,7 +30,7 @@ def point_exitance(
     normals: npt.ArrayLike,
     lights: Sequence[LightAtPoints],
 ) -> Array:
-    """M at points of the surface.
+    """Return exitance M at points of the surface.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _damped(
 
 
 def sheet_depths(grid: LayerGrid, terms: PixelEquation, points: Array) -> tuple[Array, Array]:
-    """Thickness at points, mm, and how far it is that of a sheet, (n,) each; 0 where no part of the object is thin."""
+    """Return the thickness at points, mm, and its share of a thin slab, (n,) each; 0 where no part is thin."""
     if terms.depths is None:
         return np.zeros(len(points)), np.zeros(len(points))
     weights = tent_matrix(grid, grid.coordinates(points))
@@ -103,7 +103,7 @@ def sheet_depths(grid: LayerGrid, terms: PixelEquation, points: Array) -> tuple[
 
 
 def _bending(grid: LayerGrid, terms: PixelEquation, points: Array) -> Array:
-    """B at points, (n, 3)."""
+    """Return b at points, (n, 3)."""
     if terms.bending is None:
         return np.ones((len(points), 3))
     weights = tent_matrix(grid, grid.coordinates(points))
@@ -115,14 +115,14 @@ def _behind_cosine(light: LightAtPoints) -> Array | None:
 
 
 def _inside(terms: PixelEquation, eta: float, cosine: Array | None, n: int) -> Array:
-    """Cosine of the refracted ray, (n,)."""
+    """Return the cosine of the refracted ray, (n,)."""
     if cosine is None:
         return np.full(n, terms.diffuse_cosine)
     return np.asarray(np.sqrt(np.maximum(0.0, 1.0 - (1.0 - np.square(cosine)) / eta**2)))
 
 
 def _entering(terms: PixelEquation, table: Float32, inside: Array, thickness: Array) -> Array:
-    """Factors on irradiance, (n, 3)."""
+    """Return the factors on irradiance, (n, 3)."""
     row = (inside - terms.least_cosine) / max(1.0 - terms.least_cosine, 1e-6)
     column = thickness / terms.reach if terms.reach > 0.0 else np.zeros(len(inside))
     return _interpolated(table, column, row)
@@ -140,7 +140,7 @@ def _interpolated(table: Float32, column: Array, row: Array) -> Array:
 
 
 def _gather4(grid: LayerGrid, volume: Float32, points: Array) -> Array:
-    """O of R, G and B, and K_L 1: (n, 4); outside the layers their edges go on, as those of a texture do."""
+    """Return O of R, G and B, and K_L 1, (n, 4); outside the layers their edges go on, as a clamped texture's do."""
     border = [(0, 0), *[(BORDER, BORDER)] * 3]
     wide = [n + 2 * BORDER for n in grid.shape]
     coordinates = np.clip(grid.coordinates(points), -1.0, np.array(grid.shape[::-1])) + BORDER

@@ -1,4 +1,4 @@
-"""What `core.transport.diffusion.solver` finds."""
+"""Solution of the diffusion equation, from which exitance is read at any point of the surface."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -51,25 +51,25 @@ class Solution:
 
     @computed_once
     def volume(self) -> Float32:
-        """O of R, G and B; then K_L 1: (4, n_layers, height, width)."""
+        """Return O of R, G and B, then K_L 1, at the nodes, (4, n_layers, height, width)."""
         dark = np.zeros(self.boundary.grid.shape, np.float32)
-        own = [dark if channel is None else channel.volume for channel in self.channels]
-        return np.stack([*own, self.boundary.constant])
+        volumes = [dark if channel is None else channel.volume for channel in self.channels]
+        return np.stack([*volumes, self.boundary.constant])
 
     @computed_once
     def two_A_M(self) -> tuple[Array, ...]:
-        """2 A M of each channel's patches, (n,), A of a flat surface: the fluence phi where the surface is flat."""
+        """Return 2 A M of each channel's patches, (n,), A of a flat surface: there it is the fluence phi."""
         dark = np.zeros(len(self.boundary.patches))
         return tuple(dark if channel is None else channel.two_A_M for channel in self.channels)
 
     @property
     def residuals(self) -> tuple[float, ...]:
-        """|b - A phi| / |b| of each channel, 0 for a dark one."""
+        """Return |b - A phi| / |b| of each channel, 0 for a dark one."""
         return tuple(0.0 if channel is None else channel.residual for channel in self.channels)
 
     @property
     def convolutions(self) -> tuple[int, ...]:
-        """Convolutions that each channel took."""
+        """Return how many convolutions each channel took."""
         return tuple(0 if channel is None else channel.convolutions for channel in self.channels)
 
     @property
@@ -84,12 +84,12 @@ class Solution:
 
     @property
     def grid(self) -> LayerGrid:
-        """Nodes of the whole object."""
+        """Return the nodes on which it was solved."""
         return self.boundary.grid
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): world space to the volume's texture coordinates, row vectors."""
+        """Return the matrix (4, 4) from world space to the volume's texture coordinates, row vectors."""
         return self.grid.world_to_texture
 
     def pixel_tables(self) -> PixelTables:

@@ -46,7 +46,7 @@ SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
-ROUND = 2  # products of a channel between two looks at the solution: two threads share those of three channels evenly
+ROUND_PRODUCTS = 2  # of a channel between two looks at the solution: two threads share those of three evenly
 NESTED = 44  # nodes from which on half of them are solved first
 COARSE_TOLERANCE = 1e-3
 PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, and no error is smaller
@@ -57,7 +57,7 @@ WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
 
 @dataclass(eq=False)
 class DiffusionTransport:
-    """Solves the diffusion equation in a closed object.
+    """A `core.transport.base.SeparableTransport` that solves the diffusion equation in a closed object.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class DiffusionTransport:
         return WINDOW * max(grid.texel, grid.layer_distance)
 
     def boundary(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, depths: Depths) -> Boundary:
-        """Put a mesh's surface on a grid, and measure what the grid misses of K."""
+        """Return a mesh's surface as it lies on a grid, with what the grid misses of K."""
         return self._on_grid(make_patches(mesh, samples, self._cell(grid)), grid, depths)
 
     def _cell(self, grid: LayerGrid) -> float:
@@ -154,7 +154,7 @@ class DiffusionTransport:
         stages: Stages,
         go_on: Callable[[Solution], bool] | None = None,
     ) -> Solution:
-        """Solve for the fluence on the surface of a closed mesh.
+        """Return the solution for the fluence on the surface of a closed mesh.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class DiffusionTransport:
         stages: Stages,
         go_on: Callable[[Solution], bool],
     ) -> Solution | None:
-        """Solve on half the nodes: a picture at once, and the start from which few products are left."""
+        """Return the solution on half the nodes, a picture at once, from which few products are left."""
         if self.resolution < NESTED:
             return None
         if self._coarse is None:
@@ -217,7 +217,7 @@ class DiffusionTransport:
         media: Sequence[Medium],
         stages: Stages,
     ) -> tuple[Boundary, list[Channel | None]]:
-        """Put the equation up, channel by channel; None for a dark one."""
+        """Return the boundary and the equation of each channel; None for a dark one."""
         boundary, depths = self._surface(mesh, samples, grid, stages)
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
         entries = [
@@ -242,7 +242,7 @@ class DiffusionTransport:
         return boundary, [None if twin is None else channels[twin] for twin in twins]
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
-        """Pad a channel by the reach of its G; at most by the extent, which is exact."""
+        """Return sizes padded by the reach of a channel's G; at most by the extent, which is exact."""
         spacing = np.array([grid.layer_distance, grid.texel, grid.texel])
         counts = np.array(grid.shape)
         reach = WINDOW_REACH * self.window_width(grid) + DECADES / max(medium.attenuation, 1e-12)
@@ -258,7 +258,7 @@ class DiffusionTransport:
         self._coarse_stages.clear()
 
     def _surface(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, stages: Stages) -> tuple[Boundary, Depths]:
-        """Put a surface on the grid, or take the last call's, between which another transport had its turn."""
+        """Return a surface as it lies on the grid, the last call's where it is the same, and its rays."""
         kept, key = self._placed, (mesh, samples, grid)
         at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
         wanted = not at_hand and not stages.has(Stage.BOUNDARY, key)
@@ -283,7 +283,7 @@ class DiffusionTransport:
         spectrum: Spectra,
         stages: Stages,
     ) -> Callable[[], Channel]:
-        """Begin to put a channel up, if it is not kept, beside others; the result waits for it."""
+        """Begin to assemble a channel's equation beside others; the function that is returned waits for it."""
         grid = boundary.grid
         s, convolver = self.window_width(grid), self.kernels.convolver(self.shape(grid, medium), i)
 
@@ -302,7 +302,7 @@ class DiffusionTransport:
         coarse: End | None,
         go_on: Callable[[Solution], bool] | None,
     ) -> Solution:
-        """Step all channels in rounds, each from where it ended last time, side by side."""
+        """Return the solution after rounds of steps of all channels, each from where it ended last time."""
         new = {channel: i for i, channel in reversed(list(enumerate(channels))) if channel is not None}
 
         def started(channel: Channel) -> Iteration:
@@ -317,7 +317,7 @@ class DiffusionTransport:
         solution = newest()
         while not solution.is_solved and (go_on is None or go_on(solution)):
             # All of them: each takes its steps.
-            if not any(each(Iteration.advance, [*iterations.values()] * ROUND)):
+            if not any(each(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
                 break
             solution = newest()
         each(Reached.settle, {at for at in solution.channels if at is not None})

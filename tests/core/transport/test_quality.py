@@ -12,7 +12,7 @@ from milkglass.core.transport.accuracy import LIT, SHINING
 from milkglass.core.transport.ewald import (
     FINEST,
     LOOSE_TAIL,
-    NEAR,
+    NEAR_TARGET,
     NODES,
     NODES_ASKED_FOR,
     NODES_OUT_OF_REACH,
@@ -78,7 +78,7 @@ def test_a_target_is_met_by_prediction_or_there_is_a_warning_and_the_largest_gri
             quality = choose_quality(ewald(error_target=target), found, PLATE)
             met = quality.predicted_error <= (target or DEFAULT_ERROR_TARGET)
             assert (quality.warning is None) == met
-            near = quality.predicted_error <= NEAR * DEFAULT_ERROR_TARGET
+            near = quality.predicted_error <= NEAR_TARGET * DEFAULT_ERROR_TARGET
             budget = NODES_ASKED_FOR if target else NODES if near else NODES_OUT_OF_REACH
             assert nodes(quality, found, PLATE) <= budget
             finer = replace(quality, resolution=quality.resolution + 12)
