@@ -19,14 +19,17 @@ OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurfa
 
 @dataclass(frozen=True, eq=False)
 class Composite:
-    """RGBA float textures by name, the first one or all of `OUTPUTS`: sums over the pixel's samples, a coverage."""
+    """Target of the composite: RGBA float textures by name, the first or all of `OUTPUTS`.
+
+    Each is a sum over the samples of a pixel; alpha is coverage.
+    """
 
     textures: dict[str, moderngl.Texture]
     framebuffer: moderngl.Framebuffer
 
 
 class CompositePass:
-    """Draws what leaves the surface towards the eye."""
+    """Draws the radiance that leaves the surface towards the eye, (7) and highlights."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -41,7 +44,7 @@ class CompositePass:
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
-        """Allocate radiance, and its parts too if wanted, for (width, height) pixels; `depth` as of light."""
+        """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""
         names = OUTPUTS if parts else OUTPUTS[:1]
         textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
         return Composite(textures, over_object(self._context, list(textures.values()), depth))
@@ -56,7 +59,7 @@ class CompositePass:
         weight: float,
         out: Composite,
     ) -> None:
-        """Add one sample of every pixel, weighted; the caller clears `out.framebuffer` before the first."""
+        """Add one sample of every pixel, times `weight`; the caller clears `out.framebuffer` before the first."""
         out.framebuffer.use()
         program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlight_uniforms(specular)

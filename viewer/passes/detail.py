@@ -11,13 +11,13 @@ from milkglass.core.geometry.texture import COLOUR, Texture
 from milkglass.viewer.gl.context import checked, driver_name, float_targets
 from milkglass.viewer.gl.program import Program
 
-SRGB8 = 0x8C41
-ANISOTROPY = 8.0  # where a GPU does it
+SRGB8 = 0x8C41  # OpenGL's internal format
+MAX_ANISOTROPY = 8.0  # of the texture filter, where a GPU has it
 
 
 @dataclass(frozen=True, eq=False)
 class DetailBuffer:
-    """Float textures of one image size, see detail.frag."""
+    """Colour and shading normal of the visible surface as float textures of one image size, see detail.frag."""
 
     colour: moderngl.Texture
     shading: moderngl.Texture
@@ -26,7 +26,7 @@ class DetailBuffer:
 
 @dataclass(frozen=True)
 class Group:
-    """Faces of one skin, that lie together in the index buffer."""
+    """Range of the index buffer that holds the faces of one skin."""
 
     skin: int
     first: int
@@ -48,15 +48,15 @@ class DetailBuffers:
         self.vertices = context.buffer(np.concatenate(columns, axis=1).astype(np.float32))
         self.faces = context.buffer(np.ascontiguousarray(vertices.faces[order]))
         self._textures: dict[Texture, moderngl.Texture] = {}
-        self.none = context.texture((1, 1), 3, b"\xff\xff\xff", alignment=1)
+        self._white = context.texture((1, 1), 3, b"\xff\xff\xff", alignment=1)
         for skin in detail.skins:
             for texture in (skin.colour, skin.normal):
                 if texture is not None and texture not in self._textures:
                     self._textures[texture] = _upload(context, texture)
 
     def texture(self, texture: Texture | None) -> moderngl.Texture:
-        """Return what was uploaded of a texture, any texture for None."""
-        return self.none if texture is None else self._textures[texture]
+        """Return the uploaded texture, or a white one for None."""
+        return self._white if texture is None else self._textures[texture]
 
 
 class DetailPass:
@@ -67,7 +67,7 @@ class DetailPass:
         self._program = Program(context, "detail.vert", "detail.frag")
 
     def targets(self, size: tuple[int, int]) -> DetailBuffer:
-        """Allocate what `render` fills, (width, height) pixels."""
+        """Allocate the textures of (width, height) pixels that `render` fills."""
         colour, shading = float_targets(self._context, size, 2)
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         return DetailBuffer(colour, shading, self._context.framebuffer([colour, shading], depth))
@@ -75,7 +75,7 @@ class DetailPass:
     def render(
         self, buffers: DetailBuffers, world_to_clip: npt.NDArray[np.float64], strength: float, out: DetailBuffer
     ) -> None:
-        """Draw through a world-to-clip matrix (4, 4), row vectors; relief has `strength`."""
+        """Draw the mesh through a world-to-clip matrix (4, 4), row vectors; slopes of relief are times `strength`."""
         out.framebuffer.use()
         out.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
@@ -108,14 +108,14 @@ def _upload(context: moderngl.Context, texture: Texture) -> moderngl.Texture:
         pixels = np.ascontiguousarray(pixels[::step, ::step])
     internal = SRGB8 if texture.kind == COLOUR else None
     size = pixels.shape[1], pixels.shape[0]
-    made = checked(
+    uploaded = checked(
         context,
         lambda: context.texture(size, 3, pixels, alignment=1, internal_format=internal),
         f"a texture of {width} x {height}",
     )
-    made.build_mipmaps()
-    made.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    made.repeat_x = made.repeat_y = True
+    uploaded.build_mipmaps()
+    uploaded.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    uploaded.repeat_x = uploaded.repeat_y = True
     if "llvmpipe" not in driver_name(context):  # which takes many times longer for it
-        made.anisotropy = min(ANISOTROPY, context.max_anisotropy)
-    return made
+        uploaded.anisotropy = min(MAX_ANISOTROPY, context.max_anisotropy)
+    return uploaded

@@ -17,20 +17,20 @@ from milkglass.viewer.passes.detail import DetailBuffer, DetailBuffers
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The samples of a mesh, on both sides; factors (n, 3) on their irradiance where they have colours or relief."""
+    """Surface samples on CPU and GPU, with factors (n, 3) on irradiance where there are colours or relief."""
 
     samples: SurfaceSamples
     buffers: SampleBuffers
     weights: Float32 | None = None
 
     def weighted(self, irradiance: Float32) -> Float32:
-        """E (n, 3) as it enters."""
+        """Return irradiance (n, 3) times the factors."""
         return irradiance if self.weights is None else irradiance * self.weights
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceDetail:
-    """What lighting and shading need; compared by identity.
+    """Colours and relief of a surface on the GPU, as lighting and shading take them; compared by identity.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class SurfaceDetail:
     grid: LayerGrid
 
     def on_sources(self, sources: Sources) -> tuple[Sources, npt.NDArray[np.float64]]:
-        """Sources with the normals that light meets, and factors (n, 3) on what enters there: for the reference."""
+        """Return sources of the reference with normals turned by the relief, and factors (n, 3) on their irradiance."""
         places = self.detail.at(sources.points, sources.face_normals, sources.areas)
         normals, weights = sources.normals, np.ones((len(sources), 3))
         if self.before > 0.0:
@@ -68,7 +68,7 @@ Drawn = tuple[SurfaceDetail, DetailBuffer]
 
 
 def entering_uniforms(drawn: Drawn | None) -> dict[str, object]:
-    """Values of detail_entering.glsl, where something is drawn."""
+    """Return the values for detail_entering.glsl, none where the surface has no detail."""
     if drawn is None:
         return {}
     detail, buffer = drawn
@@ -82,5 +82,5 @@ def entering_uniforms(drawn: Drawn | None) -> dict[str, object]:
 
 
 def leaving_uniforms(drawn: Drawn | None) -> dict[str, object]:
-    """Values of detail_leaving.glsl, where something is drawn."""
+    """Return the values for detail_leaving.glsl, none where the surface has no detail."""
     return {} if drawn is None else {"t_colour": drawn[1].colour, "u_after": drawn[0].after}

@@ -15,7 +15,9 @@ from milkglass.viewer.passes.occlusion import Occlusion
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """Float textures of one image size; position's alpha is 1 where the object is, normal's is the body.
+    """Position and normal of the visible surface as float textures of one image size.
+
+    The alpha of `position` is 1 where the object is, that of `normal` is the body.
 
     `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
     `viewer.render.occlusion` and `viewer.passes.highlights`; `detail` where the surface has colours or relief.
@@ -30,7 +32,7 @@ class GBuffer:
 
 
 class GBufferPass:
-    """Rasterises the mesh."""
+    """Rasterises the mesh into a G-buffer."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context

@@ -14,12 +14,12 @@ from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.scene.camera import Camera
 
-COLUMNS = 4096  # of the texture; its rows hold a texel of so many vertices each
+TEXTURE_COLUMNS = 4096  # its rows hold a texel of so many vertices each
 
 
 @dataclass(frozen=True, eq=False)
 class BlockedLobes:
-    """Coefficients of `core.light.visibility.Visibility.blocked` on the GPU, and their order."""
+    """Blocked directions of each vertex as a texture: spherical harmonics of `core.light.visibility`."""
 
     texture: moderngl.Texture
     order: int
@@ -36,11 +36,11 @@ class HighlightsPass:
         return Program(self._context, "highlights_vertices.vert", varyings=("v_lobe",))
 
     def upload(self, visibility: Visibility) -> BlockedLobes:
-        """Upload what is in the way, 9 MB for 54,000 vertices."""
+        """Upload the coefficients of blocked directions, 9 MB for 54,000 vertices."""
         blocked = visibility.blocked()
         n, order = len(blocked), order_of_length(blocked.shape[1])
         texels = _packed(blocked)
-        columns, rows, size = min(COLUMNS, n), -(-n // COLUMNS), texels.shape[1]
+        columns, rows, size = min(TEXTURE_COLUMNS, n), -(-n // TEXTURE_COLUMNS), texels.shape[1]
         pixels = np.zeros((rows * columns, size, 4), np.float16)
         pixels[:n] = texels
         pixels = np.ascontiguousarray(pixels.reshape(rows, columns, size, 4).transpose(0, 2, 1, 3))
@@ -50,7 +50,7 @@ class HighlightsPass:
         return BlockedLobes(texture, order)
 
     def run(self, occlusion: Occlusion, blocked: BlockedLobes, shininess: float, camera: Camera) -> moderngl.Buffer:
-        """Four floats for each vertex of the occlusion's mesh, see highlights_vertices.vert."""
+        """Return the visible share of each vertex' lobe as a buffer of four floats, see highlights_vertices.vert."""
         bands = np.zeros((2, LOBE_ORDER + 1))
         bands[:, : blocked.order + 1] = phong_zonal(shininess, blocked.order)
         bands[1, : blocked.order + 1] *= hemisphere_zonal(blocked.order)
@@ -75,7 +75,7 @@ class HighlightsPass:
 
 
 def pairs_of(order: int) -> int:
-    """Pairs of degree l and order m >= 0 up to a degree."""
+    """Return the number of pairs of degree l and order m >= 0, up to the degree `order`."""
     return (order + 1) * (order + 2) // 2
 
 

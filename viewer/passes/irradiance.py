@@ -24,7 +24,7 @@ SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
 
 
 class SampleIrradiancePass:
-    """Runs irradiance.glsl over the surface samples."""
+    """Computes the irradiance of the surface samples by transform feedback."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -35,11 +35,11 @@ class SampleIrradiancePass:
         return Program(self._context, "irradiance_samples.vert", varyings=("v_irradiance",), soft=True)
 
     def run(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Float32:
-        """As `steps`, all at once."""
+        """Return the irradiance of one light at every sample: `steps`, all taken."""
         return exhausted(self.steps(buffers, source, eta))
 
     def steps(self, buffers: SampleBuffers, source: LightSource, eta: float) -> Steps[Float32]:
-        """E of one light at every sample: (n, 3) float32, linear RGB, hidden parts included."""
+        """Compute E of one light at every sample in steps: (n, 3) float32, linear RGB, hidden parts included."""
         program = self._soft_program if source.is_soft else self._program
         result, step = np.empty((buffers.count, 3), np.float32), max(1, SAMPLES_A_STEP // source.sub_lights)
         for first in range(0, buffers.count, step):
@@ -52,14 +52,14 @@ class SampleIrradiancePass:
 
 
 class PixelIrradiancePass:
-    """Runs irradiance.glsl over the G-buffer."""
+    """Computes irradiance, highlights and local exitance of every pixel of a G-buffer."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._variants = {(False, False): self._variant(soft=False, detail=False)}
 
     def _drawn_with(self, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
-        """Return the cheapest program that does."""
+        """Return the cheapest program for a light and a surface, made at its first use."""
         if (soft, detail) not in self._variants:
             self._variants[soft, detail] = self._variant(soft, detail)
         return self._variants[soft, detail]
@@ -69,7 +69,7 @@ class PixelIrradiancePass:
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
-        """Allocate what `steps` fill; `depth` of the G-buffer spares it the pixels beside the object."""
+        """Allocate the textures that `steps` fills; the G-buffer's `depth` spares it the pixels beside the object."""
         irradiance, specular, local = float_targets(self._context, size, 3)
         framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
@@ -128,7 +128,7 @@ class PixelIrradiancePass:
 
 
 def highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
-    """Values for highlights.glsl."""
+    """Return the values for highlights.glsl."""
     integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
     normalized = specular.model == "normalized"
     return {

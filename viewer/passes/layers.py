@@ -16,14 +16,14 @@ BODIES_A_ROW = 256
 
 
 class LayersPass:
-    """Moves the layers' data between the two sides."""
+    """Moves the data of layers between CPU and GPU."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._program = Program(context, "layers_samples.vert", varyings=("v_coordinates",))
 
     def coordinates(self, buffers: SampleBuffers, grid: LayerGrid) -> Float32:
-        """Grid coordinates (u, v, layer) of the samples, view depth being the layer: (n, 3) float32."""
+        """Return grid coordinates (u, v, layer) of the samples, (n, 3) float32; layers count view depth in dz."""
         self._program.set({"u_world_to_grid": np.asarray(grid.world_to_grid)})
         return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
 

@@ -34,7 +34,7 @@ class Occlusion:
     values: moderngl.Buffer
 
     def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-        """Shares at points (n, 3) of the surface with normals (n, 3): of the nearest vertices that face that way."""
+        """Return shares (n, 3) at points of the surface with normals: of the nearest vertices that face that way."""
         weights, nearest = self._neighbours(points, normals)
         return np.asarray(np.einsum("nk,nkc->nc", weights, self.shares[nearest]))
 
@@ -50,9 +50,9 @@ class Occlusion:
         return weights / weights.sum(axis=1, keepdims=True), nearest
 
     def behind(self, context: moderngl.Context) -> moderngl.Buffer:
-        """Shares on the other side, seen against each vertex' normal: three floats each."""
+        """Return the shares seen against each vertex' normal, as a buffer of three floats a vertex."""
         return context.buffer(interpolated(*self.baked.opposite, self.shares))
 
     def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
-        """Body of each vertex of the refined mesh, one float."""
+        """Return the body of each vertex of the refined mesh, as a buffer of one float a vertex."""
         return context.buffer(of_vertex[self.baked.refined.sources].astype(np.float32))

@@ -28,11 +28,11 @@ class DepthTiles:
 
     @computed_once
     def no_bodies(self) -> moderngl.Texture:
-        """What stands for the bodies where they are not told apart."""
+        """Texture of one texel that stands for the bodies where they are not told apart."""
         return float_texture(self._context, (1, 1), 1)
 
     def texture(self, size: tuple[int, int], what: str) -> moderngl.Texture:
-        """Allocate depths, read texel by texel; `what` names them where there is no memory."""
+        """Allocate a depth texture that is read texel by texel; `what` names it in the error if there is no memory."""
         texture = checked(self._context, lambda: self._context.depth_texture(size), what)
         texture.compare_func = ""
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -48,7 +48,7 @@ class DepthTiles:
         buffers: MeshBuffers,
         bodies: moderngl.Buffer | None,
     ) -> Steps[moderngl.Texture]:
-        """Draw the mesh by each matrix, row by row of `columns` tiles of `side` texels; returns its bodies if given."""
+        """Draw the mesh by each matrix, row by row of `columns` tiles of `side` texels; returns the bodies seen."""
         program, seen, colours = self._program, self.no_bodies, []
         if bodies is not None:
             program, seen = self._bodies_program, float_texture(self._context, texture.size, 1)

@@ -21,7 +21,7 @@ MAP_SIDE = 2048  # texels a side of the whole map; 0.05 mm on an object of 100 m
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """Depth seen from a light.
+    """Shadow map of a light: depth in one view or six.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class ShadowMap:
 
 
 class ShadowsPass:
-    """Renders shadow maps."""
+    """Renders the shadow maps of directional and point lights."""
 
     def __init__(self, context: moderngl.Context, size: int = MAP_SIDE) -> None:
         self._context, self._tiles = context, DepthTiles(context)

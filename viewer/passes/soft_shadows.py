@@ -28,7 +28,7 @@ MIN_WALL = 0.0095  # of the longest side: light leaks through thinner walls only
 
 @dataclass(frozen=True, eq=False)
 class SoftShadow:
-    """Depth seen from the sub-lights of one light.
+    """Shadow maps of the sub-lights of one light, as tiles of one texture.
 
     Attributes
     ----------

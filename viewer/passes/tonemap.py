@@ -13,7 +13,7 @@ from milkglass.viewer.gl.program import Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
 from milkglass.viewer.scene.settings import DisplaySettings
 
-TILE = 16  # pixels a side that one fragment of the reduction sums
+TILE_SIDE = 16  # pixels that one fragment of the reduction sums
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Background:
 
 
 class TonemapPass:
-    """Turns radiance into a picture."""
+    """Turns radiance into a picture: exposure, tone curve, background, sRGB."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -36,7 +36,7 @@ class TonemapPass:
         self._triangle = context.vertex_array(self._tonemap.program, [])
 
     def log_average(self, radiance: moderngl.Texture) -> float:
-        """Log-average luminance over the object, as `core.display.log_average`."""
+        """Return the log-average luminance over the object, as `core.display.log_average` does."""
         _, total, count = self._sums(radiance, 1.0)
         if count == 0.0 or total == 0.0:
             return 0.0
@@ -80,12 +80,12 @@ class TonemapPass:
         self._triangle.render(vertices=3)
 
     def _sums(self, radiance: moderngl.Texture, floor: float) -> npt.NDArray[np.float64]:
-        size = (-(-radiance.width // TILE), -(-radiance.height // TILE))
+        size = (-(-radiance.width // TILE_SIDE), -(-radiance.height // TILE_SIDE))
         target = float_texture(self._context, size)
         framebuffer = self._context.framebuffer([target])
         framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
-        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE, TILE), "u_floor": floor})
+        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_floor": floor})
         self._reduce.render(vertices=3)
         sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)[:, :3]
         leave_framebuffer(self._context)
