@@ -98,7 +98,7 @@ def test_every_room_says_what_it_is_for():
 
 CONSUMER = """
 import milkglass as mg
-from milkglass.viewer.assets import Quality
+from milkglass.core.transport import Quality
 
 scene = mg.Scene(material=mg.MaterialSettings.of(mg.materials["jade"]), lights=(mg.DirectionalLight((0, 0, 1)),))
 frame: mg.Frame = mg.render(scene, samples=2)

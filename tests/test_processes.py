@@ -97,6 +97,18 @@ def around():
         return picture(0)
 check([in_thread(around)], [main])
 """,
+    "beside a context of one's own": """
+import moderngl
+own = moderngl.create_context(standalone=True, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1")
+main = picture(0)
+target = own.simple_framebuffer((2, 2))
+target.use()
+target.clear(1.0, 0.0, 0.0, 1.0)
+check([picture(0), in_thread(lambda: picture(0))], [main] * 2)
+target.clear(0.0, 1.0, 0.0, 1.0)
+assert target.read()[:3] == bytes((0, 255, 0))
+assert own.error == "GL_NO_ERROR"
+""",
     "a picture that stays on the GPU, read elsewhere": """
 from milkglass.viewer.render.picture import read_frame
 renderer, scene = mg.Renderer(), mg.Scene.from_toml(TEXT)
@@ -178,3 +190,25 @@ if __name__ == "__main__":
     program = tmp_path / "program.py"
     program.write_text(COMMON.replace("{model}", model.as_posix()).replace("{method}", "layered") + body)
     run(tmp_path, program)
+
+
+@pytest.mark.window
+@pytest.mark.slow
+def test_beside_a_window_pictures_are_made_in_another_thread(context, model, tmp_path):
+    """Where the window's context is current, EGL's cannot be: a sentence, not a picture of something else."""
+    if not os.environ.get("DISPLAY"):
+        pytest.skip("there is no display")
+    code = """
+import glfw
+main = in_thread(lambda: picture(0))
+assert glfw.init()
+glfw.window_hint(glfw.VISIBLE, False)
+window = glfw.create_window(32, 32, "", None, None)
+glfw.make_context_current(window)
+assert refused(0).startswith("a window's or another library's OpenGL context is current in this thread")
+check([in_thread(lambda: picture(0))], [main])
+glfw.make_context_current(None)
+check([picture(0)], [main])
+glfw.terminate()
+"""
+    run(tmp_path, "-c", COMMON.replace("{model}", model.as_posix()).replace("{method}", "layered") + code)

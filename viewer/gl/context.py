@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.gl import egl
 
 T = TypeVar("T")
 
@@ -22,6 +23,7 @@ FORKED = (
     "OpenGL was in use before this process was forked, which its drivers do not survive: start the process with "
     'multiprocessing\'s method "spawn", or fork before anything is drawn'
 )
+OCCUPIED = "a window's or another library's OpenGL context is current in this thread; draw in another thread"
 
 
 @dataclass(eq=False)
@@ -34,16 +36,22 @@ class _Turns:
         Of one pixel.
     of_window : bool
         Whether a window's toolkit keeps the context current in the thread that made it.
+    handle : int, optional
+        EGL's name of the context.
     depth : int
         How many blocks of `current` the thread that has the context is in.
+    before : egl.Binding, optional
+        What that thread had of EGL's before it entered the first of them.
     """
 
     framebuffer: moderngl.Framebuffer
     of_window: bool
+    handle: int | None = None
     process: int = field(default_factory=os.getpid)
     thread: int = field(default_factory=threading.get_ident)
     lock: threading.RLock = field(default_factory=threading.RLock)
     depth: int = 0
+    before: egl.Binding | None = None
 
 
 class _Process:
@@ -93,7 +101,8 @@ def _made_headless() -> moderngl.Context:
     options: dict[str, Any] = {}
     if sys.platform.startswith("linux"):
         # The versioned names: the bare ones exist only where development packages are installed.
-        options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+        options = {"backend": "egl", "libgl": "libGL.so.1", "libegl": egl.LIBRARY}
+    before = egl.binding()
     try:
         context = moderngl.create_context(standalone=True, require=GLSL_VERSION, **options)
     except Exception as problem:  # glcontext raises bare Exception
@@ -101,8 +110,12 @@ def _made_headless() -> moderngl.Context:
         raise InputError(
             f"cannot create an OpenGL 3.3 context ({reason}); install a driver, on Debian and Ubuntu: {INSTALL_HINT}"
         ) from None
+    made = egl.binding()
+    if options and (made is None or made == before):
+        raise InputError(OCCUPIED)
     prepare_context(context)
-    context.mglo.__exit__(None, None, None)  # making it made it current
+    context.extra.before, context.extra.handle = before, made and made.context
+    _leave(context)  # making it made it current
     return context
 
 
@@ -160,13 +173,12 @@ def current(context: moderngl.Context) -> Iterator[moderngl.Context]:
 
 
 def _enter(context: moderngl.Context) -> None:
+    turns: _Turns = context.extra
+    turns.before = egl.binding()
     context.mglo.__enter__()
-    try:
-        context.buffer(reserve=4).release()  # nothing else tells whether it is current now
-    except moderngl.Error:
-        raise InputError(
-            "another OpenGL context is current in this thread and cannot be replaced; draw in another thread"
-        ) from None
+    have = egl.binding()
+    if turns.handle is not None and (have is None or have.context != turns.handle):
+        raise InputError(OCCUPIED)
     free_dropped(context)
 
 
@@ -174,6 +186,8 @@ def _leave(context: moderngl.Context) -> None:
     free_dropped(context)
     leave_framebuffer(context)
     context.mglo.__exit__(None, None, None)
+    if context.extra.before is not None:
+        egl.bind(context.extra.before)
 
 
 def leave_framebuffer(context: moderngl.Context) -> None:
