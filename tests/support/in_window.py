@@ -48,8 +48,7 @@ class Inside:
     def _at_rest(self) -> bool:
         glfw.poll_events()
         self.window.draw()
-        for live in self.app.view.lives():
-            live.wait()
+        self.app.view.wait(60.0)
         return self.app.view.at_rest() and self.app.next_frame() != 0.0
 
     def shot(self, name: str) -> None:

@@ -96,4 +96,4 @@ def same_light(a: LitScene, b: LitScene) -> bool:
 def looks_of(scene: Scene, lit: LitScene) -> tuple[object, ...]:
     """All that a picture depends on, but for its volume and its size."""
     display = replace(scene.display, image_size=(16, 16))
-    return scene.camera, scene.specular, scene.environment, display, lit.model, lit.detail, lit.sources
+    return scene.camera, scene.specular, scene.environment, display, scene.photo, lit.model, lit.detail, lit.sources

@@ -15,10 +15,10 @@ from milkglass.core.stages import Timings, Unfinished
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
 from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, scene_sources, turned
+from milkglass.viewer.live.developer import Developer, PictureRequest, ToneMap
 from milkglass.viewer.live.draft import Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.visibility import VisibilityJob
-from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.render.renderer import Renderer
@@ -40,9 +40,18 @@ class Live:
         Called from the worker thread when something is ready: draw again.
     assets : Assets, optional
         Shared with another `Live` of the same context.
+    developer : Developer, optional
+        Makes the picture of what is lit; a tone map if not given.
     """
 
-    def __init__(self, context: moderngl.Context, wake: Callable[[], object], assets: Assets | None = None) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        wake: Callable[[], object],
+        assets: Assets | None = None,
+        developer: Developer | None = None,
+    ) -> None:
+        self._developer = developer or ToneMap()
         self.assets = assets or Assets(KEEP)
         self.assets.bakes = False
         self.visibility = VisibilityJob(self.assets, wake)
@@ -95,10 +104,8 @@ class Live:
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
             try:
-                self.picture = self.renderer.shade(
-                    *newest, samples=detail.samples, parts=show != "radiance", show=show, exposure_for=exposure_for,
-                    quick=not detail.at_once,
-                )  # fmt: skip
+                request = PictureRequest(detail.samples, show, exposure_for, quick=not detail.at_once)
+                self.picture = self._developer.develop(self.renderer, *newest, request)
             except Unfinished:
                 looks = ()
                 self._go_on()
@@ -110,11 +117,14 @@ class Live:
         """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""
         self.renderer.stages.begin(allowance())
         newest = self._newest(scene, Detail(False, samples))
-        done = newest is None or self.renderer.advance(*newest, samples=samples, parts=show != "radiance")
+        done = True
+        if newest is not None:
+            drawn, lit, finished = newest
+            done = self.renderer.advance(drawn, lit, finished.gather, samples=samples, parts=show != "radiance")
         self._count(self.renderer.stages.timings)
         return done
 
-    def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Gather] | None:
+    def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Finished] | None:
         """Light the scene and keep the worker busy; returns what can be drawn now."""
         self._collect()
         self.current = self.spreading = False
@@ -130,8 +140,11 @@ class Live:
         old = self.finished.lit
         if lit.model is not old.model or lit.bodies is not old.bodies or lit.quality.facts.solves:
             lit = old  # the first volume of a new model, its bodies or other light is on the way
-        camera = place_camera(drawn.camera, lit.model.mesh.radius, drawn.display.image_size)
-        return drawn, replace(lit, camera=camera), self.finished.gather
+        placed = self._developer.placed(drawn, lit)
+        if placed is None:
+            return None
+        camera = place_camera(placed.camera, lit.model.mesh.radius, placed.display.image_size)
+        return placed, replace(lit, camera=camera), self.finished
 
     def is_settled(self, scene: Scene) -> bool:
         """Whether what was drawn last is of this scene at full quality, with nothing more to come."""

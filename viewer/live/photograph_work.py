@@ -9,37 +9,39 @@ import numpy.typing as npt
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.files.photograph import Photo
-from milkglass.viewer.live.live import KEEP
 from milkglass.viewer.photograph.cut import Box, cut_out
 from milkglass.viewer.photograph.edit import placed_scene
-from milkglass.viewer.photograph.made import MADE, Made, Wanted, make_object
 from milkglass.viewer.photograph.mask import PaintedMask
+from milkglass.viewer.photograph.object import KEPT_OBJECTS, ObjectRequest, PhotographObject, make_object
 from milkglass.viewer.scene.scene import Scene
 
 FIXED = "the camera is the photograph's: it cannot be moved"
 
-SMALLEST = 1.0  # radius of the brush, pixels
-
-LARGEST = 0.25  # likewise, of the photograph's longer side
-
-
+SMALLEST_BRUSH = 1.0  # radius, pixels
+LARGEST_BRUSH = 0.25  # radius, of the photograph's longer side
 TOOLS = ("brush", "box")
 
 
 class PhotoWork:
-    """The photograph that a window edits.
+    """The photograph that a window edits: its mask, and the object that a worker makes of it.
 
     Attributes
     ----------
-    tool : one of `TOOLS`, None for none
-    brush : radius, pixels of the photograph
-    erases : whether it takes away
-    made : Made, optional
-        The newest object; None without a mask, or where none can be made of it.
+    photo : Photo
+    mask : PaintedMask
+    tool : str, optional
+        One of `TOOLS`.
+    brush : float
+        Radius, pixels of the photograph.
+    erases : bool
+        Whether the brush takes away.
+    object : PhotographObject, optional
+        The newest; None without a mask, or where none can be made of it.
     trouble : str
-        Why not, a sentence.
+        Why there is no object, a sentence; empty if there is nothing to say.
+    wake : callable
+        Called from the worker when something is ready.
     """
 
     def __init__(self, photo: Photo) -> None:
@@ -47,15 +49,14 @@ class PhotoWork:
         self.mask = PaintedMask(eight_bits(photo.mask))
         self.tool: str | None = None if photo.mask.any() else TOOLS[0]
         self.brush, self.erases = max(2.0, max(photo.size) / 50.0), False
-        self.made: Made | None = None
+        self.object: PhotographObject | None = None
         self.trouble = ""
-        self.wake: Callable[[], object] = lambda: None  # called from the worker when something is ready
-        self.assets = Assets(KEEP)
-        self._objects: tuple[Made, ...] = ()  # the last few: on screen, or on their way there
+        self.wake: Callable[[], object] = lambda: None
+        self._objects: tuple[PhotographObject, ...] = ()  # the last few: on screen, or on their way there
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="photograph")
-        self._job: tuple[Wanted, Future[Made]] | None = None
+        self._job: tuple[ObjectRequest, Future[PhotographObject]] | None = None
         self._cut: Future[npt.NDArray[np.uint8]] | None = None
-        self._answered: Wanted | None = None
+        self._answered: ObjectRequest | None = None
         self._masked, self._of_version = photo, 0
 
     @property
@@ -64,7 +65,7 @@ class PhotoWork:
         return self._job is not None or self._cut is not None
 
     def update(self, scene: Scene, *, can_make: bool = True) -> None:
-        """Take what the worker has made, and have made what the scene and the mask ask for; once a frame.
+        """Take what the worker has finished, and have it make the object that scene and mask ask for; once a frame.
 
         Parameters
         ----------
@@ -75,43 +76,42 @@ class PhotoWork:
         Raises
         ------
         InputError
-            What could not be made; once.
+            Why an object could not be made; raised once.
         """
         self._collect()
         size, white, read = scene.model.size_mm, scene.display.white, scene.photo
-        wanted = Wanted(self.mask.version, size, white, read.depth_strength, read.depth_smoothing, read.depth)
-        if wanted == self._answered or self._job is not None or not can_make:
+        request = ObjectRequest(self.mask.version, size, white, read.depth_strength, read.depth_smoothing, read.depth)
+        if request == self._answered or self._job is not None or not can_make:
             return
-        if self._of_version != wanted.mask:
+        if self._of_version != request.mask:
             self._masked = replace(self.photo, mask=self.mask.pixels.copy())
-            self._of_version = wanted.mask
+            self._of_version = request.mask
         if not self._masked.mask.any():
-            self.made, self._answered, self.trouble = None, wanted, ""
+            self.object, self._answered, self.trouble = None, request, ""
             return
-        arguments = self._masked, wanted, self.made
-        self._job = wanted, self._worker.submit(make_object, *arguments)
+        self._job = request, self._worker.submit(make_object, self._masked, request, self.object)
         self._job[1].add_done_callback(lambda _: self.wake())
 
     def cut(self, box: Box) -> None:
-        """Have the mask cut out of a box, unless that is being done."""
+        """Have the worker cut the mask out of a box, unless it is at one already."""
         if self._cut is None:
             self._cut = self._worker.submit(cut_out, self.photo, box)
             self._cut.add_done_callback(lambda _: self.wake())
 
     def placed(self, scene: Scene) -> Scene:
         """Return the scene with the newest object, in its light unless the scene has another environment."""
-        assert self.made is not None
-        placed = placed_scene(scene, self.made.geometry, self.made.light)
+        assert self.object is not None
+        placed = placed_scene(scene, self.object.geometry, self.object.light)
         model = replace(placed.model, texture=None, normal_map=None)
         environment = replace(placed.environment, extract=scene.environment.extract)
         return replace(placed, model=model, environment=environment)
 
-    def object_of(self, mesh: Mesh) -> Made | None:
+    def object_of(self, mesh: Mesh) -> PhotographObject | None:
         """Return the object whose surface a mesh is, if it is one of the last few."""
-        return next((made for made in self._objects if made.geometry.mesh is mesh), None)
+        return next((kept for kept in self._objects if kept.geometry.mesh is mesh), None)
 
     def wait(self, timeout: float) -> None:
-        """Wait for the worker; for tests and replays."""
+        """Wait for the worker, at most `timeout` seconds for each of its tasks; for tests and replays."""
         if self._job is not None:
             self._job[1].exception(timeout)
         if self._cut is not None:
@@ -128,11 +128,11 @@ class PhotoWork:
         if self._job is not None and self._job[1].done():
             (self._answered, job), self._job = self._job, None
             try:
-                self.made, self.trouble = job.result(), ""
+                self.object, self.trouble = job.result(), ""
             except InputError as error:
-                self.made, self.trouble = None, str(error)
+                self.object, self.trouble = None, str(error)
                 raise
-            self._objects = (*self._objects[1 - MADE :], self.made)
+            self._objects = (*self._objects[1 - KEPT_OBJECTS :], self.object)
 
 
 def eight_bits(mask: npt.NDArray[np.integer]) -> npt.NDArray[np.uint8]:

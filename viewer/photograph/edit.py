@@ -128,11 +128,12 @@ def edit(
     lap(Stage.LIGHT)
     placed = placed_scene(scene, geometry, light)
     renderer = Renderer(context)
-    renderer.develops = parts
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
     own = placed.environment.probe is light and placed.environment.intensity > 0.0
     # A height field casts short shadows: a window of the surround needs few sub-lights.
-    picture = renderer.draw(placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True)
+    picture = renderer.draw(
+        placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True, develop=parts
+    )
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])
     radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)

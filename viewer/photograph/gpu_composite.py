@@ -12,13 +12,20 @@ from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.photograph.composite import trusted
 from milkglass.viewer.photograph.geometry import Geometry
-from milkglass.viewer.photograph.made import Made, shown_block
+from milkglass.viewer.photograph.object import PhotographObject, shown_block
 from milkglass.viewer.scene.settings import BEHIND
 
 
 @dataclass(frozen=True, eq=False)
-class MadeTextures:
-    """What a photograph's object brings to the GPU."""
+class ObjectTextures:
+    """Textures of an object that do not change with its material.
+
+    Attributes
+    ----------
+    trust : how much each rendered pixel counts, see `viewer.photograph.composite.trusted`
+    behind : the background, filled in where the object is
+    edges : as of `viewer.photograph.object.PhotographObject`
+    """
 
     trust: moderngl.Texture
     behind: moderngl.Texture
@@ -32,7 +39,7 @@ class PhotoPass:
     ----------
     context : moderngl.Context
     photo : Photo
-        Shown with a pixel for each square of `viewer.photograph.made.shown_block`.
+        Shown with a pixel for each square of `viewer.photograph.object.shown_block`.
 
     Attributes
     ----------
@@ -55,12 +62,12 @@ class PhotoPass:
         size = self.photograph.size
         return self._context.framebuffer([self._context.texture(size, 4)], self._context.depth_renderbuffer(size))
 
-    def upload(self, made: Made) -> MadeTextures:
+    def upload(self, shown: PhotographObject) -> ObjectTextures:
         """Upload what does not change with the material."""
-        return MadeTextures(
-            _uploaded(self._context, _trust(made.geometry)),
-            _uploaded(self._context, made.behind.astype(np.float16)),
-            _uploaded(self._context, made.edges),
+        return ObjectTextures(
+            _uploaded(self._context, _trust(shown.geometry)),
+            _uploaded(self._context, shown.behind.astype(np.float16)),
+            _uploaded(self._context, shown.edges),
         )
 
     def pyramid(self, size: tuple[int, int]) -> moderngl.Framebuffer:
@@ -70,7 +77,7 @@ class PhotoPass:
         return self._context.framebuffer([texture])
 
     def fill(
-        self, radiance: moderngl.Texture, textures: MadeTextures, exposure: float, pyramid: moderngl.Framebuffer
+        self, radiance: moderngl.Texture, textures: ObjectTextures, exposure: float, pyramid: moderngl.Framebuffer
     ) -> None:
         """Draw all levels of an object's radiance, which is weighted by coverage."""
         self._context.enable_only(moderngl.NOTHING)
@@ -82,7 +89,7 @@ class PhotoPass:
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
 
-    def backdrop(self, textures: MadeTextures, behind: str, out: moderngl.Framebuffer) -> None:
+    def backdrop(self, textures: ObjectTextures, behind: str, out: moderngl.Framebuffer) -> None:
         """Draw what stays of the photograph, and mark the rest for `render`; `behind` of `BEHIND`."""
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "1"
@@ -94,12 +101,17 @@ class PhotoPass:
         out.depth_mask = False
 
     def render(
-        self, pyramid: moderngl.Framebuffer, made: Made, textures: MadeTextures, behind: str, out: moderngl.Framebuffer
+        self,
+        pyramid: moderngl.Framebuffer,
+        shown: PhotographObject,
+        textures: ObjectTextures,
+        behind: str,
+        out: moderngl.Framebuffer,
     ) -> None:
         """Draw an object whose radiance is in all levels over its `backdrop`; `behind` likewise."""
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = ">"
-        region = made.geometry.framing.shown
+        region = shown.geometry.framing.shown
         out.use()
         self._photo.set(
             {
@@ -110,7 +122,7 @@ class PhotoPass:
                 "u_region": tuple(
                     side / self._block for side in (region.left, region.top, region.width, region.height)
                 ),
-                "u_white": made.wanted.white,
+                "u_white": shown.request.white,
                 "u_behind": BEHIND.index(behind),
             }
         )

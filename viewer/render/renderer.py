@@ -99,11 +99,6 @@ class Renderer:
         FFTW's planner flag, see `core.grid.convolution.LayerConvolver`.
     assets : Assets, optional
         Where meshes and probes come from, and stay for the next scene.
-
-    Attributes
-    ----------
-    develops : bool
-        Whether `shade` makes an image of radiance. Without one a photograph is drawn, which has its own exposure.
     """
 
     def __init__(
@@ -115,7 +110,6 @@ class Renderer:
         with current(context):
             self._lighting = Lighting(context, self.stages, effort, assets or Assets())
             self._shading = Shading(context, self.stages)
-        self.develops = True
 
     @property
     def timings(self) -> Timings:
@@ -140,12 +134,13 @@ class Renderer:
         last: bool = False,
         tinted: bool = True,
         draft: bool = False,
+        develop: bool = True,
     ) -> Picture:
         """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
 
         If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
         `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A
-        `draft` has fewer sub-lights, see `light`.
+        `draft` has fewer sub-lights, see `light`; `develop` as of `shade`.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
@@ -156,7 +151,7 @@ class Renderer:
             lit = self._without_transport(lit)
             memory.give_back()
         say("drawing")
-        return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts)
+        return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts, develop=develop)
 
     def _scattered(self, scene: Scene, say: Progress, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
@@ -208,15 +203,17 @@ class Renderer:
         show: str = "radiance",
         exposure_for: float | None = None,
         quick: bool = False,
+        develop: bool = True,
     ) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light.
 
         `show` is what the image is made of, one of `viewer.passes.composite.OUTPUTS`; `exposure_for` a log-average
         luminance that takes the place of the picture's own. `quick` as of `viewer.render.shading.Shading.shade`.
+        Without `develop`, radiance gets no exposure and no tone map: a photograph has its own.
         """
         offsets = pixel_offsets(samples, seed)
         shading = self._shading
-        if show == "radiance" and not self.develops:
+        if show == "radiance" and not develop:
             return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
         return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 

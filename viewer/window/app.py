@@ -27,11 +27,12 @@ from milkglass.viewer.window.curves.view import ProfileView
 from milkglass.viewer.window.panel.panel import WIDTH, Panel
 from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
-from milkglass.viewer.window.photograph.view import PhotoView
+from milkglass.viewer.window.photograph.subject import PhotographSubject
 from milkglass.viewer.window.view.actions import Actions, Clipboard
 from milkglass.viewer.window.view.area import ViewArea
 from milkglass.viewer.window.view.error_overlay import ErrorOverlay
 from milkglass.viewer.window.view.overlays import Messages, draw_help, draw_status
+from milkglass.viewer.window.view.subject import ModelSubject
 
 
 def make_contents(
@@ -44,12 +45,13 @@ def make_contents(
 ) -> tuple[ViewArea, Actions, PhotoActions | None]:
     """Make the view of a session and what commands do to both; parameters as of `viewer.window.app.App`."""
     if photo is None:
-        view = ViewArea(*graphics, session, wake)
+        view = ViewArea(*graphics, session, wake, ModelSubject(session))
         return view, Actions(session, view, preferences, clipboard), None
     session.view.photograph = photo.photo.path.name
-    photo_view = PhotoView(*graphics, session, wake, photo)
-    actions = Actions(session, photo_view, preferences, clipboard)
-    return photo_view, actions, PhotoActions(session, photo_view, photo, actions)
+    subject = PhotographSubject(graphics[0], graphics[2], session, photo)
+    view = ViewArea(*graphics, session, wake, subject)
+    actions = Actions(session, view, preferences, clipboard)
+    return view, actions, PhotoActions(session, view, subject, photo, actions)
 
 
 FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay out, one to draw
@@ -152,7 +154,7 @@ class App:
     def next_frame(self) -> float | None:
         """Seconds until a frame is due, 0 for now, None if only an event can make one."""
         if self._frames_due > 0:
-            waits_for_worker = self._frames_due < FRAMES_AN_EVENT and self.view.detail.draft and self.view.live.working
+            waits_for_worker = self._frames_due < FRAMES_AN_EVENT and self.view.detail.draft and self.view.working
             return max(0.0, self._last_event + PATIENCE - self.clock()) if waits_for_worker else 0.0
         now = self.clock()
         waits = [self.view.next_change(now)]
@@ -205,8 +207,7 @@ class App:
         end = time.monotonic() + limit
         while time.monotonic() < end:
             self.frame(target)
-            for live in self.view.lives():
-                live.wait(limit)
+            self.view.wait(limit)
             self.error.wait(limit)
             self.profiles.wait(limit)
             due = self.next_frame()
@@ -287,7 +288,7 @@ class App:
         if live.loading:
             return left, f"loading {self.session.model_name} ..."
         if live.finished is None:
-            return left, "light spreads ..." if live.working else ""
+            return left, "light spreads ..." if self.view.working else ""
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
         baked = live.visibility.progress
         casting = "" if baked is None else f"environment's shadows: {100.0 * baked:.0f} %"

@@ -86,8 +86,7 @@ class Headless:
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
             self.frame()
-            for live in self.app.view.lives():
-                live.wait()
+            self.app.view.wait(60.0)
             self.app.error.wait()
             self.app.profiles.wait(60.0)
             self.now += 0.1

@@ -13,6 +13,7 @@ from milkglass.viewer.commands.photograph import work_and_scene
 from milkglass.viewer.files.images import read_photo, write_png
 from milkglass.viewer.files.photograph import Region, load_photo
 from milkglass.viewer.gui.events import Key, MouseButton, MouseMoved
+from milkglass.viewer.live.photograph import DevelopedObject
 from milkglass.viewer.live.photograph_work import FIXED, PhotoWork
 from milkglass.viewer.photograph.composite import Compositor
 from milkglass.viewer.photograph.edit import edit
@@ -47,11 +48,18 @@ def window(context, tmp_path: Path):
 
 
 def work_of(window: Driver) -> PhotoWork:
-    return window.view._work
+    return window.view.subject.work
+
+
+def developed(window: Driver) -> DevelopedObject:
+    """Return what the window shows of the session's own state."""
+    shown = window.view.subject.developers[window.view.live].developed
+    assert shown is not None
+    return shown
 
 
 def in_window(window: Driver, column: float, row: float) -> tuple[float, float]:
-    return window.view._in_window((column, row))
+    return window.view.subject.in_window((column, row))
 
 
 def close_to(picture: np.ndarray, other: np.ndarray) -> bool:
@@ -65,7 +73,7 @@ def test_the_window_shows_what_edit_writes(window) -> None:
     work, picture = work_of(shown), shown.picture()
     written = edit(work.photo, SCENE, shown._context, samples=4, parts=False)
     assert close_to(picture, Compositor(written).picture())
-    still, _ = shown.view.still()
+    still, _ = shown.view.subject.still(shown.view.live)
     assert close_to(picture, still)
     # A lamp has more sub-lights at rest than in `edit`.
     assert close_to(still, Compositor(written).picture())
@@ -98,12 +106,12 @@ def test_light_by_hand_is_as_bright_as_edit_makes_it(window) -> None:
     shown = window(by_hand)
     shown.settle()
     written = edit(work_of(shown).photo, by_hand, shown._context, samples=4)
-    assert shown.view.live.exposure() == pytest.approx(written.exposure, rel=0.1)
+    assert developed(shown).exposure == pytest.approx(written.exposure, rel=0.1)
 
 
 def test_material_and_depth_change_the_object_alone(window) -> None:
     shown = window()
-    before, made = shown.picture(), work_of(shown).made
+    before, made = shown.picture(), work_of(shown).object
     shown.session.edit("material", name="ketchup")
     assert "sample buffers" not in shown.stages()
     red = shown.picture()
@@ -114,27 +122,27 @@ def test_material_and_depth_change_the_object_alone(window) -> None:
     left, top, right, _ = shown.app.panel.controls.boxes["photo.depth_strength"]
     shown.drag((0.6 * left + 0.4 * right, top + 5.0), (-40.0, 0.0))
     shown.settle()
-    deeper = work_of(shown).made
+    deeper = work_of(shown).object
     assert deeper is not made
     assert shown.session.scene.photo.depth_strength != 1.0
     assert deeper.light is made.light  # how deep it is read does not change what it is lit by
-    assert shown.view.live.shown[0] is deeper
+    assert developed(shown).object is deeper
     np.testing.assert_array_equal(shown.picture()[far], before[far])
 
 
 def test_how_depth_is_read_is_undone_saved_and_opened(window, tmp_path: Path) -> None:
     assert PhotoSettings().depth_smoothing == SMOOTHING
     shown = window()
-    first = work_of(shown).made
+    first = work_of(shown).object
     shown.session.edit("photo", depth_strength=0.4, behind="seen")
     shown.settle()
-    flat = work_of(shown).made
+    flat = work_of(shown).object
     assert flat.geometry.height.max() < 0.5 * first.geometry.height.max()
     shown.app.actions.save_to(tmp_path / "photo.toml")
     shown.key("left_ctrl", "z")
     shown.settle()
     assert shown.session.scene.photo == PhotoSettings()
-    np.testing.assert_array_equal(work_of(shown).made.geometry.height, first.geometry.height)
+    np.testing.assert_array_equal(work_of(shown).object.geometry.height, first.geometry.height)
     shown.app.workspace.open(tmp_path / "photo.toml")
     assert shown.session.scene.photo == PhotoSettings(depth_strength=0.4, behind="seen")
     shown.settle()
@@ -154,7 +162,7 @@ def test_a_depth_map_takes_the_place_of_the_estimate(window, tmp_path: Path) -> 
     assert shown.session.scene.photo.depth is None
     shown.app.workspace.photo.take_depth(tmp_path / "ramp.npy")
     shown.settle()
-    height, inner = work_of(shown).made.geometry.height, work_of(shown).made.geometry.share == 1.0
+    height, inner = work_of(shown).object.geometry.height, work_of(shown).object.geometry.share == 1.0
     assert np.all(np.diff(height, axis=0)[inner[1:] & inner[:-1]] > 0.0)
     shown.click("photo.depth.reset")
     assert shown.session.scene.photo.depth is None
@@ -188,13 +196,13 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     shown = window(masked=False)
     work = work_of(shown)
     assert work.tool == "brush"
-    assert work.made is None
+    assert work.object is None
     work.brush = 20.0
     shown.drag(in_window(shown, 40.0, 50.0), (20.0, 0.0))
     shown.settle()
     assert work.mask.pixels[50, 40] == 255
-    assert work.made is not None
-    first = work.made
+    assert work.object is not None
+    first = work.object
     middle = in_window(shown, 50.0, 50.0)
     shown.send(Key("left_alt", True), MouseMoved(*middle), MouseButton("left", True), MouseButton("left", False))
     shown.send(Key("left_alt", False))
@@ -202,13 +210,13 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     shown.key("left_ctrl", "z")
     shown.settle()
     assert work.mask.pixels[50, 50] == 255
-    assert work.made is not first
+    assert work.object is not first
     shown.send(MouseMoved(*middle))
     shown.key("right_bracket")
     assert work.brush == pytest.approx(23.0)
     shown.key("left_ctrl", "z")
     shown.settle()
-    assert work.made is None
+    assert work.object is None
     assert not work.trouble
     shown.key("escape")
     assert work.tool is None
@@ -221,7 +229,7 @@ def test_what_is_under_the_pointer_stays_there_when_the_mask_is_painted_from_clo
     place = in_window(shown, 20.0, 30.0)
     shown.scroll(place, 6.0)
     assert in_window(shown, 20.0, 30.0) == pytest.approx(place)
-    assert shown.view.zoom.scale == pytest.approx(1.25**6)
+    assert shown.view.subject.zoom.scale == pytest.approx(1.25**6)
     assert work.brush == brush
     work.brush = 2.0
     shown.drag(place, (0.0, 0.0))
@@ -234,7 +242,7 @@ def test_what_is_under_the_pointer_stays_there_when_the_mask_is_painted_from_clo
     shown.send(Key("left_ctrl", False))
     assert work.brush == pytest.approx(2.3)
     shown.key("enter")
-    assert shown.view.zoom.scale == 1.0
+    assert shown.view.subject.zoom.scale == 1.0
 
 
 def test_a_mask_that_is_no_object_is_said_and_survived(window) -> None:
@@ -242,7 +250,7 @@ def test_a_mask_that_is_no_object_is_said_and_survived(window) -> None:
     work_of(shown).brush = 1.0
     shown.drag(in_window(shown, 10.0, 50.0), (3.0, 0.0))
     shown.settle()
-    assert work_of(shown).made is None
+    assert work_of(shown).object is None
     assert "pixels" in work_of(shown).trouble
     assert work_of(shown).trouble in shown.app.messages
 
@@ -257,14 +265,16 @@ def test_a_box_makes_a_mask(window) -> None:
     shown.drag((x0, y0), (x1 - x0, y1 - y0))
     shown.settle()
     assert work.mask.pixels[48, 48] == 255
-    assert work.made is not None
+    assert work.object is not None
 
 
 def test_pictures_and_masks_are_saved(window, tmp_path: Path) -> None:
     shown = window()
     shown.app.preferences.folder = str(tmp_path)
     shown.key("left_ctrl", "f12")
-    np.testing.assert_array_equal(read_photo(tmp_path / "milkglass-001.png")[0], shown.view.still()[0])
+    np.testing.assert_array_equal(
+        read_photo(tmp_path / "milkglass-001.png")[0], shown.view.subject.still(shown.view.live)[0]
+    )
     shown.app.workspace.photo.save_mask(tmp_path / "painted.png")
     np.testing.assert_array_equal(load_photo(tmp_path / "photo.png", tmp_path / "painted.png").mask, 255 * (
         work_of(shown).photo.mask > 0

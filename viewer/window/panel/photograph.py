@@ -2,7 +2,7 @@
 
 from milkglass.viewer.gui.controls import RESET_HINT, Reach, default_of, explained
 from milkglass.viewer.gui.toolkit import icons, imgui
-from milkglass.viewer.live.photograph_work import LARGEST, SMALLEST, PhotoWork
+from milkglass.viewer.live.photograph_work import LARGEST_BRUSH, SMALLEST_BRUSH, PhotoWork
 from milkglass.viewer.scene.declaration import Setting, settings_of
 from milkglass.viewer.scene.settings import BEHIND
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
@@ -50,7 +50,7 @@ class PhotographSection(Section):
         controls.mark("photo.save")
         if work.trouble:
             controls.note(work.trouble, warning=True)
-        elif work.made is None and not work.busy:
+        elif work.object is None and not work.busy:
             controls.note("no mask yet: paint the object with the brush, or draw a box around it")
 
     def _depth(self) -> None:
@@ -106,12 +106,12 @@ class PhotographSection(Section):
             self._brush(work)
 
     def _brush(self, work: PhotoWork) -> None:
-        most, start = LARGEST * max(work.photo.size), self._start_brush
-        declared = Setting("number", "radius of the brush", low=SMALLEST, high=most)
+        most, start = LARGEST_BRUSH * max(work.photo.size), self._start_brush
+        declared = Setting("number", "radius of the brush", low=SMALLEST_BRUSH, high=most)
         new = self._controls.value(
             "photo.brush", "Brush", declared, work.brush, default=start,
             on_reset=lambda: setattr(work, "brush", start),
-            reach=Reach(SMALLEST, max(SMALLEST + 1.0, most), True, "%.0f px"),
+            reach=Reach(SMALLEST_BRUSH, max(SMALLEST_BRUSH + 1.0, most), True, "%.0f px"),
         )  # fmt: skip
         if new is not None:  # what was typed may lie anywhere
-            work.brush = min(max(new, SMALLEST), most)
+            work.brush = min(max(new, SMALLEST_BRUSH), most)

@@ -13,8 +13,9 @@ from milkglass.viewer.gui.file_dialog import Request
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.photograph.geometry import read_depth
 from milkglass.viewer.session.session import Session
-from milkglass.viewer.window.photograph.view import PhotoView
+from milkglass.viewer.window.photograph.subject import PhotographSubject
 from milkglass.viewer.window.view.actions import SCENE_SUFFIXES, Actions
+from milkglass.viewer.window.view.area import ViewArea
 
 PNG = (".png",)
 
@@ -25,12 +26,17 @@ class PhotoActions:
     Parameters
     ----------
     session, view, work
+    subject : PhotographSubject
+        What the view shows.
     actions : Actions
         Those of the window, for its dialog and its folder.
     """
 
-    def __init__(self, session: Session, view: PhotoView, work: PhotoWork, actions: Actions) -> None:
-        self._session, self._view, self._work, self._actions = session, view, work, actions
+    def __init__(
+        self, session: Session, view: ViewArea, subject: PhotographSubject, work: PhotoWork, actions: Actions
+    ) -> None:
+        self._session, self._view, self._subject = session, view, subject
+        self._work, self._actions = work, actions
 
     def open(self, path: Path) -> None:
         """Open a light probe, a profile or a scene, whose model and camera mean nothing here."""
@@ -44,7 +50,7 @@ class PhotoActions:
 
     def show_all(self) -> None:
         """Zoom out until the whole photograph shows."""
-        self._view.zoom.reset()
+        self._subject.zoom.reset()
 
     @property
     def can_undo_stroke(self) -> bool:
@@ -89,7 +95,7 @@ class PhotoActions:
     def save_picture(self, path: Path) -> None:
         """Write the photograph with its object as PNG."""
         try:
-            still = self._view.still()
+            still = self._subject.still(self._view.live)
         except InputError as error:
             self._session.fail(error)
             return

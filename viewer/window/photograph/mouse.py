@@ -5,17 +5,16 @@ from typing import Any
 
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.toolkit import imgui
-from milkglass.viewer.live.live import Live
-from milkglass.viewer.live.photograph_work import FIXED, LARGEST, SMALLEST, PhotoWork
+from milkglass.viewer.live.photograph_work import FIXED, LARGEST_BRUSH, SMALLEST_BRUSH, PhotoWork
 from milkglass.viewer.photograph.mask import Point
 from milkglass.viewer.session import navigation
 from milkglass.viewer.session.session import Session
-from milkglass.viewer.window.view.mouse import ViewMouse
+from milkglass.viewer.window.view.mouse import drag_divider
 
-STEP = 1.15  # factor on the brush for a key or a notch of the wheel
+BRUSH_STEP = 1.15  # factor on the brush for a key or a notch of the wheel
 
 
-class PhotoMouse(ViewMouse):
+class PhotoMouse:
     """Paints a photograph's mask, draws a box on it, moves what is shown of it, turns a session's lights.
 
     Parameters
@@ -34,13 +33,13 @@ class PhotoMouse(ViewMouse):
         to_photo: Callable[[Point], Point],
         move_picture: Callable[[float, Point], object],
     ) -> None:
-        super().__init__(session)
-        self._work, self._to_photo, self._move_picture = work, to_photo, move_picture
+        self._session, self._work = session, work
+        self._to_photo, self._move_picture = to_photo, move_picture
         self._last: Point | None = None  # where the brush was, or the box began
-        self._told = False
+        self._said_fixed = False  # that the camera does not move
 
-    def move(self, box: Box, live: Live) -> Point | None:
-        """Do what the mouse does in a box of the window; no double click means anything."""
+    def move(self, box: Box) -> None:
+        """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
         io, work = imgui.get_io(), self._work
         imgui.set_cursor_screen_pos((box[0], box[1]))
         flags = imgui.ButtonFlags_
@@ -49,7 +48,7 @@ class PhotoMouse(ViewMouse):
         imgui.invisible_button("##view", (box[2] - box[0], box[3] - box[1]), buttons)
         hovered, active, started = imgui.is_item_hovered(), imgui.is_item_active(), imgui.is_item_activated()
         if self._session.view.split is not None:
-            self._divider(box)
+            drag_divider(box, self._session)
         if hovered:
             self._wheel()
         place = self._to_photo((io.mouse_pos.x, io.mouse_pos.y))
@@ -57,7 +56,6 @@ class PhotoMouse(ViewMouse):
             self._use_tool(place, io.mouse_down[0])
         elif active and not started and (io.mouse_delta.x or io.mouse_delta.y):
             self._move(box[3] - box[1])
-        return None
 
     def draw(self, draw: Any, to_window: Callable[[Point], Point], colour: int) -> None:
         """Draw the brush at the pointer, or the box on its way."""
@@ -90,9 +88,9 @@ class PhotoMouse(ViewMouse):
             self._move_picture(0.0, (io.mouse_delta.x, io.mouse_delta.y))
         elif io.mouse_down[1]:
             session.put(navigation.lights_turned(session.scene, io.mouse_delta.x, io.mouse_delta.y, height))
-        elif not self._told:
+        elif not self._said_fixed:
             session.say(FIXED)
-            self._told = True
+            self._said_fixed = True
 
     def _wheel(self) -> None:
         io = imgui.get_io()
@@ -106,5 +104,5 @@ class PhotoMouse(ViewMouse):
     def _resize(self, notches: float) -> None:
         steps = notches + imgui.is_key_pressed(imgui.Key.right_bracket) - imgui.is_key_pressed(imgui.Key.left_bracket)
         if steps:
-            most = LARGEST * max(self._work.photo.size)
-            self._work.brush = min(most, max(SMALLEST, self._work.brush * STEP**steps))
+            largest = LARGEST_BRUSH * max(self._work.photo.size)
+            self._work.brush = min(largest, max(SMALLEST_BRUSH, self._work.brush * BRUSH_STEP**steps))

@@ -6,13 +6,21 @@ from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.photograph.mask import Point
 from milkglass.viewer.window.view.drawing import fitted
 
-STEP = 1.25  # factor for a notch of the wheel
-MOST = 32.0
+ZOOM_STEP = 1.25  # factor for a notch of the wheel
+LARGEST_SCALE = 32.0
 
 
 @dataclass
 class Zoom:
-    """What is shown: all of the picture at a scale of 1; `centre` is what lies in the middle, shares of its sides."""
+    """Which part of a picture a view shows.
+
+    Attributes
+    ----------
+    scale : float
+        1 shows all of the picture, as large as fits.
+    centre : Point
+        What lies in the middle of the view, as shares of the picture's sides.
+    """
 
     scale: float = 1.0
     centre: Point = (0.5, 0.5)
@@ -28,7 +36,7 @@ class Zoom:
     def zoom(self, notches: float, at: Point, box: Box, size: tuple[int, int]) -> None:
         """Zoom in or out; what is at a place of the window stays there, unless it would leave a gap."""
         before = self.placed(box, size)
-        self.scale = min(MOST, max(1.0, self.scale * STEP**notches))
+        self.scale = min(LARGEST_SCALE, max(1.0, self.scale * ZOOM_STEP**notches))
         left, top, right, bottom = fitted(box, size)
         width, height = self.scale * (right - left), self.scale * (bottom - top)
         self._look(
@@ -43,7 +51,7 @@ class Zoom:
         self._look((left + by[0], right - left), (top + by[1], bottom - top), box)
 
     def reset(self) -> None:
-        """Show all of it."""
+        """Show all of the picture."""
         self.scale, self.centre = 1.0, (0.5, 0.5)
 
     def _look(self, across: tuple[float, float], down: tuple[float, float], box: Box) -> None:
@@ -56,7 +64,7 @@ class Zoom:
 
 
 def _start(low: float, high: float, length: float, centre: float) -> float:
-    """Where a side begins: centred where it is short, else without a gap at either end."""
+    """Return where a side begins: centred where it is short, else without a gap at either end."""
     if length <= high - low:
         return 0.5 * (low + high - length)
     return min(low, max(high - length, 0.5 * (low + high) - centre * length))

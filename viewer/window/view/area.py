@@ -19,8 +19,8 @@ from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.session import SHOWN, Session
 from milkglass.viewer.window.view.drawing import checkerboard, developed, fitted
-from milkglass.viewer.window.view.mouse import ViewMouse
 from milkglass.viewer.window.view.overlays import draw_label
+from milkglass.viewer.window.view.subject import Subject
 
 LOG = logging.getLogger("milkglass")
 SAMPLES = 4  # antialiasing of a picture at rest, as `milkglass render`
@@ -37,6 +37,8 @@ class ViewArea:
 
     Attributes
     ----------
+    subject : Subject
+        What the view shows.
     picture : Picture or None
         The last one, of the session's own state.
     changed : bool
@@ -44,16 +46,17 @@ class ViewArea:
     """
 
     def __init__(
-        self, context: moderngl.Context, gui: Gui, painter: ImguiRenderer, session: Session, wake: Callable[[], object]
-    ) -> None:
-        self.live = self._live(context, wake, None)
-        self._mouse: ViewMouse = ViewMouse(session)
+        self, context: moderngl.Context, gui: Gui, painter: ImguiRenderer, session: Session,
+        wake: Callable[[], object], subject: Subject,
+    ) -> None:  # fmt: skip
+        self.live = subject.make_live(context, wake, None)
         self.picture: Picture | None = None
         self.size = (SMALLEST, SMALLEST)  # pixels, of the last frame's view
         self.changed = False
         self.detail = Detail()
         self.refining = False
         self._context, self._gui, self._painter, self._session, self._wake = context, gui, painter, session, wake
+        self.subject = subject
         self._other: Live | None = None  # of the kept state
         self._key: object = None
         self._changed_at = -1e9
@@ -64,19 +67,18 @@ class ViewArea:
         self._map: tuple[object, moderngl.Texture] | None = None
         self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
 
-    _live: Callable[..., Live] = staticmethod(Live)
-
     def steer(self, box: Box, now: float) -> None:
         """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
-        session = self._session
         scale = self._gui.pixels[0] / max(1, self._gui.size[0])
         width, height = box[2] - box[0], box[3] - box[1]
-        double_clicked = self._mouse.move(box, self.live)
-        if double_clicked is not None:
-            self._centre(double_clicked)
+        target = self.subject.steer(box, self.live)
+        if target is not None:
+            self._centre(target)
         pixels = (max(SMALLEST, round(width * scale)), max(SMALLEST, round(height * scale)))
-        self.size = session.scene.display.image_size if session.view.fixed_size else pixels
-        self._drawn_at = fitted(box, self.size)
+        self.size = self.subject.size(pixels)
+        self._drawn_at = self.subject.place(box, self.size)
+        if self.subject.scene(self._session.scene, self.size) is None:
+            self.picture = None
         self._judge(now)
 
     def draw(self) -> None:
@@ -88,7 +90,7 @@ class ViewArea:
 
     def next_change(self, now: float) -> float | None:
         """Seconds until the picture gets better by itself, None if it does not."""
-        if self.live.working:
+        if self.working:
             return None  # it wakes us
         age = now - self._changed_at
         if self.detail.draft:
@@ -112,7 +114,10 @@ class ViewArea:
 
     def at_rest(self) -> bool:
         """Whether the picture is at its best, with nothing more to come."""
-        if self.detail.samples < SAMPLES or not self.live.is_settled(self._sized(self._session.scene)):
+        scene = self._sized(self._session.scene)
+        if self.subject.busy or scene is None:
+            return not self.subject.busy
+        if self.detail.samples < SAMPLES or not self.live.is_settled(scene):
             return False
         return self._session.view.split is None or self._other is None or not self._other.working
 
@@ -123,13 +128,27 @@ class ViewArea:
     def transparent(self) -> Picture | None:
         """Draw the object alone, antialiased."""
         scene = self._sized(self._session.scene)
+        if scene is None:
+            return None
         scene = replace(scene, display=replace(scene.display, background="transparent"))
         return self.live.draw(scene, Detail(False, SAMPLES, True), exposure_for=self._session.view.exposure_lock)
+
+    @property
+    def working(self) -> bool:
+        """Whether a worker has something to do that will change the picture, or the next frame."""
+        return self.live.working or self.subject.busy
+
+    def wait(self, timeout: float) -> None:
+        """Wait for the workers, at most `timeout` seconds for each of their tasks; for tests and replays."""
+        self.subject.wait(timeout)
+        for live in self.lives():
+            live.wait(timeout)
 
     def close(self) -> None:
         """Stop the workers."""
         for live in self.lives():
             live.close()
+        self.subject.close()
 
     # pictures
 
@@ -138,7 +157,7 @@ class ViewArea:
         scene = self._session.scene
         key = (
             scene.model, scene.camera, scene.material.resolve(), scene.detail, scene.specular, scene.effective_lights(),
-            scene.environment, scene.transport, self.size, self._session.view.show,
+            scene.environment, scene.transport, self.size, self._session.view.show, self.subject.state,
         )  # fmt: skip
         if key != self._key:
             first = self._key is None
@@ -148,9 +167,10 @@ class ViewArea:
         age = now - self._changed_at
         was_draft = self.detail.draft
         # Still a draft while the worker is at it: the old volume in full quality would hold up the new one.
-        draft = self._dragged and (age < DRAFT_UNTIL or (was_draft and self.live.working))
+        draft = self._dragged and (age < DRAFT_UNTIL or (was_draft and self.working))
         if draft and not was_draft:
-            width, height = self._sized(scene).display.image_size
+            sized = self._sized(scene)
+            width, height = (0, 0) if sized is None else sized.display.image_size
             predicted = self._per_pixel * width * height
             fitting = [scale for scale in SCALES if predicted * scale**2 <= DRAFT_MS]
             self._scale = fitting[0] if fitting else SCALES[-1]
@@ -160,21 +180,25 @@ class ViewArea:
 
     def _refined(self, scene: Scene) -> bool:
         """Antialias a picture that has come to rest, sample by sample so that no frame waits long; True when done."""
-        self.refining = self.live.is_settled(self._sized(scene))
-        if not self.refining:
+        sized = self._sized(scene)
+        self.refining = sized is not None and not self.subject.busy and self.live.is_settled(sized)
+        if sized is None or not self.refining:
             return False
         show = SHOWN[self._session.view.show] or "radiance"
-        return self.live.refine(self._sized(scene), SAMPLES, show)
+        return self.live.refine(sized, SAMPLES, show)
 
-    def _sized(self, scene: Scene) -> Scene:
+    def _sized(self, scene: Scene) -> Scene | None:
+        """Return the scene to draw, smaller while something moves; None while there is nothing to draw."""
         size = self.size
         if self.detail.draft:
             size = (max(SMALLEST, round(size[0] * self._scale)), max(SMALLEST, round(size[1] * self._scale)))
-        return replace(scene, display=replace(scene.display, image_size=size))
+        return self.subject.scene(scene, size)
 
     def _draw_scene(self) -> None:
         session = self._session
         scene = self._sized(session.scene)
+        if scene is None:
+            return
         show = SHOWN[session.view.show] or "radiance"
         try:
             picture = self.live.draw(scene, self.detail, show, self._exposure() if show == "radiance" else None)
@@ -213,8 +237,9 @@ class ViewArea:
         session = self._session
         assert session.kept is not None
         if self._other is None:
-            self._other = self._live(self._context, self._wake, self.live.assets)
+            self._other = self.subject.make_live(self._context, self._wake, self.live.assets)
         kept = self._sized(replace(session.kept, camera=session.scene.camera))
+        assert kept is not None
         try:
             self._other.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)
         except Exception as error:
@@ -239,6 +264,11 @@ class ViewArea:
 
     def _put_picture(self) -> None:
         draw: Any = imgui.get_window_draw_list()
+        self.subject.draw_below(draw, has_picture=self.picture is not None)
+        self._put_shown(draw)
+        self.subject.draw_above(draw)
+
+    def _put_shown(self, draw: Any) -> None:
         view = self._session.view
         if view.show in ("layer in", "layer out"):
             self._put_map(draw, view.show == "layer in", view.layer)

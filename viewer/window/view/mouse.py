@@ -25,7 +25,7 @@ class ViewMouse:
         imgui.invisible_button("##view", (box[2] - box[0], box[3] - box[1]), buttons)
         hovered, active = imgui.is_item_hovered(), imgui.is_item_active() and not imgui.is_item_activated()
         if session.view.split is not None:
-            self._divider(box)
+            drag_divider(box, session)
         if hovered and io.mouse_wheel != 0.0:
             session.look(navigation.zoomed(session.scene.camera, io.mouse_wheel))
         if hovered and imgui.is_mouse_double_clicked(imgui.MouseButton_.left.value):
@@ -48,13 +48,15 @@ class ViewMouse:
         elif down[0]:
             session.look(navigation.orbited(camera, dx, dy, size[1]))
 
-    def _divider(self, box: Box) -> None:
-        view = self._session.view
-        assert view.split is not None
-        width = box[2] - box[0]
-        imgui.set_cursor_screen_pos((box[0] + view.split * width - 5.0, box[1]))
-        imgui.invisible_button("##divider", (10.0, box[3] - box[1]))
-        if imgui.is_item_hovered() or imgui.is_item_active():
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
-        if imgui.is_item_active():
-            view.split = min(0.98, max(0.02, (imgui.get_io().mouse_pos.x - box[0]) / max(1.0, width)))
+
+def drag_divider(box: Box, session: Session) -> None:
+    """Let the mouse drag the divider of a split view, which fills a box of the window."""
+    view = session.view
+    assert view.split is not None
+    width = box[2] - box[0]
+    imgui.set_cursor_screen_pos((box[0] + view.split * width - 5.0, box[1]))
+    imgui.invisible_button("##divider", (10.0, box[3] - box[1]))
+    if imgui.is_item_hovered() or imgui.is_item_active():
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew.value)
+    if imgui.is_item_active():
+        view.split = min(0.98, max(0.02, (imgui.get_io().mouse_pos.x - box[0]) / max(1.0, width)))

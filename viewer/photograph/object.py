@@ -1,0 +1,104 @@
+"""The object of a photograph: its surface, its light, and what a picture of it needs beside them."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.light.probe import Probe
+from milkglass.viewer.files.photograph import Photo, Region
+from milkglass.viewer.photograph.composite import dilated, softened
+from milkglass.viewer.photograph.edit import background, photo_light
+from milkglass.viewer.photograph.framing import PICTURE, frame_object
+from milkglass.viewer.photograph.geometry import Geometry, make_geometry
+
+KEPT_OBJECTS = 4  # one is shown, the next on its way, and both perhaps in each half of a split view
+
+
+@dataclass(frozen=True)
+class ObjectRequest:
+    """What an object's surface and light depend on; attributes as parameters of `photograph.geometry.make_geometry`.
+
+    Attributes
+    ----------
+    mask : int
+        Version of the mask, see `viewer.photograph.mask.PaintedMask`.
+    size_mm : float
+        Longer side of the object's outline.
+    white, strength, smoothing, depth
+    """
+
+    mask: int
+    size_mm: float
+    white: float
+    strength: float
+    smoothing: float
+    depth: Path | None
+
+    @property
+    def light(self) -> tuple[object, ...]:
+        """What all but the surface depends on: how deep an object is estimated does not change what it is lit by.
+
+        How deep a depth map is read does: its slopes tell which light shades as the photograph shows.
+        """
+        return self.mask, self.size_mm, self.white, self.depth, None if self.depth is None else self.strength
+
+
+@dataclass(frozen=True, eq=False)
+class PhotographObject:
+    """The object of a photograph, ready to be lit and put back.
+
+    Attributes
+    ----------
+    request : ObjectRequest
+        What it was made for.
+    photo : Photo
+    geometry : Geometry
+    light : Probe
+    behind : (h, w, 3) float32
+        As of `viewer.photograph.edit.Edited`.
+    edges : (H, W, 2) uint8
+        Of the pixels shown: the object's coverage, and the share that the background is filled in; edges softened.
+    """
+
+    request: ObjectRequest
+    photo: Photo
+    geometry: Geometry
+    light: Probe
+    behind: Float32
+    edges: npt.NDArray[np.uint8]
+
+
+def make_object(photo: Photo, request: ObjectRequest, last: PhotographObject | None) -> PhotographObject:
+    """Make an object, with what can stay of the last one; uses no OpenGL, so that any thread may run it.
+
+    Raises
+    ------
+    InputError
+        As `make_geometry`.
+    """
+    framing = frame_object(photo, request.size_mm)
+    geometry = make_geometry(
+        photo, framing, request.white, strength=request.strength, smoothing=request.smoothing, depth=request.depth
+    )
+    if last is not None and last.request.light == request.light:
+        return replace(last, request=request, photo=photo, geometry=geometry)
+    light = photo_light(photo, geometry.shading, request.white)
+    return PhotographObject(request, photo, geometry, light, background(geometry), soft_edges(photo))
+
+
+def shown_block(photo: Photo) -> int:
+    """Return how many pixels of a photograph make a side of a pixel that is shown."""
+    return -(-max(photo.size) // PICTURE)
+
+
+def soft_edges(photo: Photo) -> npt.NDArray[np.uint8]:
+    """Return coverage and filling of the pixels that are shown, (h, w, 2), as `photograph.composite.edges` has them."""
+    block = shown_block(photo)
+    rows, columns = (-(-side // block) for side in photo.size)
+    coverage = photo.coverage(Region(0, 0, rows * block, columns * block))
+    coverage = coverage.reshape(rows, block, columns, block).mean(axis=(1, 3), dtype=np.float32)
+    both = np.stack([softened(coverage), softened(dilated(coverage))], axis=-1)
+    return np.asarray(np.rint(255.0 * both), np.uint8)
