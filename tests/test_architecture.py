@@ -166,3 +166,53 @@ def test_d():
 """
     assert clock_assertions(ast.parse(planted)) == [4, 8, 12]
     assert clock_assertions(ast.parse("def test():\n    end = time.time()\n    assert done()")) == []
+
+
+# Concrete classes that another inherits from -> why.
+INHERITED = {"Headless": "the benchmark's desk is one whose frames it measures"}
+
+
+def base_names(node: ast.ClassDef) -> Iterator[str]:
+    for base in node.bases:
+        named = base.value if isinstance(base, ast.Subscript) else base
+        yield named.attr if isinstance(named, ast.Attribute) else ast.unparse(named)
+
+
+def inherited_and_instantiated(trees: list[ast.Module]) -> set[str]:
+    """Names of the classes in some trees that both have subclasses there and are made instances of there."""
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    classes = [node for node in nodes if isinstance(node, ast.ClassDef)]
+    bases = {name for node in classes for name in base_names(node)} & {node.name for node in classes}
+    called = {node.func.id for node in nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    return bases & called
+
+
+def private_reaches(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and text of every private attribute that is asked of another object than `self` or `cls`."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Attribute) or ast.unparse(node.value) in ("self", "cls"):
+            continue
+        if node.attr.startswith("_") and not node.attr.startswith("__"):
+            yield node.lineno, ast.unparse(node)
+
+
+def test_what_is_inherited_from_is_abstract():
+    trees = [tree for folder in ("core", "viewer") for _, tree in syntax_trees(folder)]
+    assert inherited_and_instantiated(trees) == set(INHERITED)
+
+
+def test_window_live_and_photograph_keep_to_what_is_public():
+    rooms = "viewer/window", "viewer/live", "viewer/photograph"
+    found = [
+        f"{path}:{line}: {what}"
+        for room in rooms
+        for path, tree in syntax_trees(room)
+        for line, what in private_reaches(tree)
+    ]
+    assert not found
+
+
+def test_inheritance_from_a_concrete_class_and_a_private_reach_are_seen():
+    tree = ast.parse("class A:\n pass\nclass B(A):\n def draw(self): super()._draw()\na = A()\nb = a._hidden")
+    assert inherited_and_instantiated([tree]) == {"A"}
+    assert {what for _, what in private_reaches(tree)} == {"super()._draw", "a._hidden"}

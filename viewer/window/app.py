@@ -28,7 +28,7 @@ from milkglass.viewer.window.panel.panel import WIDTH, Panel
 from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
 from milkglass.viewer.window.photograph.subject import PhotographSubject
-from milkglass.viewer.window.view.actions import Actions, Clipboard
+from milkglass.viewer.window.view.actions import Actions, Clipboard, MemoryClipboard
 from milkglass.viewer.window.view.area import ViewArea
 from milkglass.viewer.window.view.error_overlay import ErrorOverlay
 from milkglass.viewer.window.view.overlays import Messages, draw_help, draw_status
@@ -99,7 +99,7 @@ class App:
         self._context = context
         self._gui = Gui()
         self._painter = ImguiRenderer(context)
-        graphics, clipboard = (context, self._gui, self._painter), clipboard or Clipboard()
+        graphics, clipboard = (context, self._gui, self._painter), clipboard or MemoryClipboard()
         parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
         self.view, self.actions, photo_actions = parts
         self._messages = Messages()

@@ -28,7 +28,6 @@ from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.window.app import App
-from milkglass.viewer.window.view.actions import Clipboard
 
 SMALLEST = (480, 320)  # window coordinates
 MOUSE_BUTTONS = {0: "left", 1: "right", 2: "middle"}  # GLFW's numbers
@@ -204,7 +203,7 @@ class Window:
         self._take(Resized((int(size[0]), int(size[1])), (int(pixels[0]), int(pixels[1])), content / max(scaled, 1e-3)))
 
 
-class _WindowClipboard(Clipboard):
+class _WindowClipboard:
     """The system's clipboard."""
 
     def get(self) -> str:

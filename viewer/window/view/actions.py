@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,10 +28,21 @@ SCENE_SUFFIXES = (".toml",)
 PROFILE_SUFFIXES = (".csv",)
 
 
-class Clipboard:
-    """Text that is kept for pasting; the window's own where there is one."""
+class Clipboard(Protocol):
+    """Keeps a text for pasting."""
 
-    text = ""
+    def get(self) -> str:
+        """Return the text, empty if there is none."""
+
+    def set(self, text: str) -> None:
+        """Take a text."""
+
+
+class MemoryClipboard:
+    """The clipboard of contents without a window."""
+
+    def __init__(self) -> None:
+        self.text = ""
 
     def get(self) -> str:
         """Return the text, empty if there is none."""
