@@ -9,7 +9,7 @@ from milkglass.core.stages import Stage
 from milkglass.viewer.live.developer import PictureRequest, ToneMap
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.photograph_work import PhotoWork
-from milkglass.viewer.photograph.edit import KEY, exposure_match
+from milkglass.viewer.photograph.edit import PHOTOGRAPH_KEY, exposure_match
 from milkglass.viewer.photograph.gpu_composite import PhotoPass
 from milkglass.viewer.photograph.object import PhotographObject
 from milkglass.viewer.render.lit_scene import LitScene
@@ -91,7 +91,7 @@ def exposure_of(shown: PhotographObject, scene: Scene, lit: LitScene) -> float:
 
     See `viewer.photograph.edit.Edited`; `lit` is the light that the object's volume is of.
     """
-    exposure = scene.display.key / KEY
+    exposure = scene.display.key / PHOTOGRAPH_KEY
     if scene.environment.probe is shown.light and scene.environment.intensity > 0.0:
         return exposure
     # What is seen is what faces the camera: a height field hides nothing of itself.

@@ -16,7 +16,7 @@ from milkglass.viewer.photograph.mask import PaintedMask
 from milkglass.viewer.photograph.object import KEPT_OBJECTS, ObjectRequest, PhotographObject, make_object
 from milkglass.viewer.scene.scene import Scene
 
-FIXED = "the camera is the photograph's: it cannot be moved"
+CAMERA_FIXED = "the camera is the photograph's: it cannot be moved"
 
 SMALLEST_BRUSH = 1.0  # radius, pixels
 LARGEST_BRUSH = 0.25  # radius, of the photograph's longer side

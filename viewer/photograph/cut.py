@@ -6,15 +6,15 @@ import numpy.typing as npt
 from milkglass.core.errors import InputError
 from milkglass.viewer.files.photograph import Photo
 
-SIDE = 640  # pixels along the longer side that it is cut at: its time grows with their number
-ITERATIONS = 4
-LEAST = 8  # pixels a side of a box
+CUT_SIDE = 640  # pixels along the longer side that it is cut at: its time grows with their number
+GRABCUT_ITERATIONS = 4
+SMALLEST_BOX_SIDE = 8  # pixels a side of a box
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom; pixels of the photograph
 
 
 def cut_out(photo: Photo, box: Box) -> npt.NDArray[np.uint8]:
-    """Return the mask (h, w) of what stands out in a box from what is around it.
+    """Return the mask (h, w) uint8 of the object in a box, by how its colours differ from those around the box.
 
     Raises
     ------
@@ -29,11 +29,11 @@ def cut_out(photo: Photo, box: Box) -> npt.NDArray[np.uint8]:
         ) from None
     (h, w), most = photo.size, int(np.iinfo(photo.pixels.dtype).max)
     left, top, right, bottom = (round(min(max(at, 0.0), end)) for at, end in zip(box, (w, h, w, h), strict=True))
-    if min(right - left, bottom - top) < LEAST:
+    if min(right - left, bottom - top) < SMALLEST_BOX_SIDE:
         raise InputError(f"the box measures {right - left}x{bottom - top} pixels: draw one around the whole object")
     if right - left >= w and bottom - top >= h:
         raise InputError("the box is the whole photograph: leave some of the background around it")
-    scale = min(1.0, SIDE / max(h, w))
+    scale = min(1.0, CUT_SIDE / max(h, w))
     size = max(1, round(w * scale)), max(1, round(h * scale))
     colours = np.ascontiguousarray((photo.pixels // ((most + 1) // 256)).astype(np.uint8)[..., ::-1])
     small = cv2.resize(colours, size, interpolation=cv2.INTER_AREA)
@@ -41,7 +41,7 @@ def cut_out(photo: Photo, box: Box) -> npt.NDArray[np.uint8]:
     rectangle = tuple(max(1, round(scale * at)) for at in (left, top, right - left, bottom - top))
     labels, models = np.zeros(small.shape[:2], np.uint8), (np.zeros((1, 65)), np.zeros((1, 65)))
     cv2.setRNGSeed(0)
-    cv2.grabCut(small, labels, rectangle, *models, ITERATIONS, cv2.GC_INIT_WITH_RECT)
+    cv2.grabCut(small, labels, rectangle, *models, GRABCUT_ITERATIONS, cv2.GC_INIT_WITH_RECT)
     inside = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
     if not inside.any():
         raise InputError("nothing in the box stands out from what is around it: paint the mask with the brush")

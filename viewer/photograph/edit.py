@@ -30,31 +30,35 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings
 
-SURROUND_SIDE = 256  # pixels of the background that light is made of, along its longer side
-NODES = 48  # of diffusion along the object, unless it is told: what they miss is far less than an estimated shape does
-KEY = DisplaySettings().key  # where the photograph's own exposure is kept
+SURROUND_SIDE = 256  # pixels along the longer side of the background that the light is computed of
+OBJECT_NODES = (
+    48  # of diffusion along the object, unless the scene says: what they miss is less than an estimated shape misses
+)
+PHOTOGRAPH_KEY = DisplaySettings().key  # of a scene whose object keeps the photograph's exposure
 
 
 @dataclass(frozen=True, eq=False)
 class Edited:
-    """An object in another material, not yet in its photograph; pixels are the rendered ones of `geometry.framing`.
+    """An object rendered in another material, not yet in its photograph.
+
+    Pixels (h, w) are the rendered ones, see `viewer.photograph.framing.Framing.size`.
 
     Attributes
     ----------
     photo : Photo
     geometry : Geometry
     radiance : (h, w, 3) float32
-        Rendered, multiplied by coverage.
+        Linear RGB, multiplied by coverage.
     coverage : (h, w) float32
-        By the rendered surface.
+        By the rendered surface, [0, 1].
     frame : Frame, optional
-        All of what was rendered, where it was asked for.
+        Everything that was rendered, where it was asked for.
     exposure : float
-        The radiance times this is that of the photograph, see `core.photograph.surround.scene_radiance`.
+        Factor that turns the radiance into the photograph's, see `core.photograph.surround.scene_radiance`.
     white : float
-        Of the tone map.
+        White point of the tone map.
     behind : (h, w, 3) float32
-        Linear RGB of the background, filled in where the object was; see `background`.
+        Linear RGB of the background in [0, 1], filled in where the object was; see `background`.
     timings : Timings
     warnings : tuple of str
     """
@@ -81,17 +85,17 @@ def edit(
     parts: bool = True,
     progress: Progress = lambda _: None,
 ) -> Edited:
-    """Render the object of a photograph in a scene's material and light.
+    """Return the object of a photograph, rendered in a scene's material and light.
 
     Parameters
     ----------
     photo : Photo
     scene : Scene
-        Its model's shape, camera and picture size are the photograph's; without an environment of its own, the
-        photograph's background is one. How depth is read is in its table of the photograph.
+        Its model's shape, camera and picture size are replaced by the photograph's; without an environment, the
+        photograph's background is one. Its `photo` settings say how depth is estimated or read.
     context : moderngl.Context
     samples : int
-        Of a pixel; the mask smooths the outline anyway.
+        Antialiasing samples of a pixel, >= 1; the mask smooths the outline anyway.
     parts : bool
         Whether to keep what the radiance is made of.
     progress : as of `viewer.render.renderer.render`
@@ -99,7 +103,7 @@ def edit(
     Raises
     ------
     InputError
-        What cannot be rendered; one sentence.
+        Why the object cannot be rendered; one sentence.
     """
     timings: Timings = {}
     clock = perf_counter()
@@ -110,35 +114,41 @@ def edit(
 
     progress("estimating the depth")
     framing = frame_object(photo, scene.model.size_mm)
-    white, read = scene.display.white, scene.photo
-    lit: list[Future[Probe]] = []
+    white, depth = scene.display.white, scene.photo
+    lights: list[Future[Probe]] = []
     geometry = make_geometry(
         photo,
         framing,
         white,
-        strength=read.depth_strength,
-        smoothing=read.depth_smoothing,
-        depth=read.depth,
-        tell=lambda shading: lit.append(thread_pool().submit(photo_light, photo, shading, white)),
+        strength=depth.depth_strength,
+        smoothing=depth.depth_smoothing,
+        depth=depth.depth,
+        on_shading=lambda shading: lights.append(thread_pool().submit(photo_light, photo, shading, white)),
     )
     lap(Stage.DEPTH_AND_SURFACE)
     behind = thread_pool().submit(background, geometry)
     progress("looking at the surround")
-    light = lit[0].result()
+    light = lights[0].result()
     lap(Stage.LIGHT)
     placed = placed_scene(scene, geometry, light)
     renderer = Renderer(context)
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
-    own = placed.environment.probe is light and placed.environment.intensity > 0.0
+    is_lit_by_photo = placed.environment.probe is light and placed.environment.intensity > 0.0
     # A height field casts short shadows: a window of the surround needs few sub-lights.
     picture = renderer.draw(
-        placed, samples=samples, parts=parts or not own, progress=progress, last=True, draft=True, develop=parts
+        placed,
+        samples=samples,
+        parts=parts or not is_lit_by_photo,
+        progress=progress,
+        last=True,
+        draft=True,
+        develop=parts,
     )
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])
     radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
-    exposure = scene.display.key / KEY
-    if not own:
+    exposure = scene.display.key / PHOTOGRAPH_KEY
+    if not is_lit_by_photo:
         irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
         mean = float(luminance(irradiance).sum()) / max(float(covered.sum()), 1.0)
         exposure *= exposure_match(light, geometry, placed, mean)
@@ -161,7 +171,7 @@ def placed_scene(scene: Scene, geometry: Geometry, light: Probe) -> Scene:
         environment = replace(environment, probe=light, extract=sharp)
     transport = scene.transport
     if transport.facts.solves and transport.resolution is None and transport.error_target is None:
-        transport = replace(transport, resolution=NODES)
+        transport = replace(transport, resolution=OBJECT_NODES)
     display = replace(scene.display, image_size=(columns, rows), background="black")
     return replace(
         scene,
@@ -174,7 +184,7 @@ def placed_scene(scene: Scene, geometry: Geometry, light: Probe) -> Scene:
 
 
 def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
-    """Return the light on the object, in the photograph's radiance, see `core.photograph.light`."""
+    """Return the light probe around the object, in the photograph's radiance, see `core.photograph.light`."""
     h, w = photo.size
     block = max(1, max(h, w) // SURROUND_SIDE)
     region = Region(0, 0, -(-h // block) * block, -(-w // block) * block)
@@ -188,23 +198,23 @@ def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
 
 
 def background(geometry: Geometry) -> Float32:
-    """Fill the background in where the object is, (h, w, 3), two pixels that are read a side of one.
+    """Return the background (h, w, 3), linear RGB, filled in where the object is.
 
-    So large since what is filled in is smooth, and only that is seen.
+    A pixel has two read pixels along a side: only what is filled in is seen, and that is smooth.
     """
     step, clear = geometry.framing.step, clear_of(geometry.coverage).astype(np.float32)
     return filled_halves(geometry.framing.cut(geometry.colour, step), geometry.framing.cut(clear, step))
 
 
 def clear_of(coverage: Float32) -> npt.NDArray[np.bool_]:
-    """Which pixels (h, w) show nothing of the object, its blurred edge of two pixels included."""
+    """Return which pixels (h, w) show nothing of the object, nor of its blurred edge of two pixels."""
     near = np.pad(coverage > 0.0, 2)
     near = near[:-4] | near[1:-3] | near[2:-2] | near[3:-1] | near[4:]
     return ~(near[:, :-4] | near[:, 1:-3] | near[:, 2:-2] | near[:, 3:-1] | near[:, 4:])
 
 
 def exposure_match(light: Probe, geometry: Geometry, scene: Scene, rendered: float) -> float:
-    """Factor that makes the mean luminance of the irradiance in a picture that of the photograph's own light."""
+    """Return the factor that makes the mean luminance of a picture's irradiance that of the photograph's light."""
     front = geometry.mesh.normals[geometry.mesh.normals[:, 2] > 0.0]
     # Facing the camera as the picture shows them: a tilted face is as many pixels smaller.
     table = irradiance_table(light.sh, scene.material.resolve().eta)

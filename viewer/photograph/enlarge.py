@@ -1,4 +1,4 @@
-"""Pictures of few pixels at the size of a photograph: linear between the middles of their pixels."""
+"""Pictures of few pixels enlarged to the size of a photograph, by linear interpolation between pixel centres."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ Places = npt.NDArray[np.integer]
 
 
 def enlarged(values: Float32, factor: float, rows: range, columns: range) -> Float32:
-    """Enlarge (h, w, c) to squares of `factor` pixels, linear between their centres, and cut out rows and columns."""
+    """Return some rows and columns of an array (h, w, c) that is enlarged by a factor, linear between pixel centres."""
     for axis, wanted in enumerate((rows, columns)):
         n = values.shape[axis]
         if factor == 1:
@@ -25,7 +25,7 @@ def enlarged(values: Float32, factor: float, rows: range, columns: range) -> Flo
 
 
 def sampled(values: Float32, factor: float, rows: Places, columns: Places) -> Float32:
-    """Return the same of k pixels, (k, c), at rows and columns (k,)."""
+    """Return k pixels (k, c) of an array that is enlarged as by `enlarged`, at rows and columns (k,)."""
     top, bottom, down = _between(rows, factor, values.shape[0])
     left, right, across = _between(columns, factor, values.shape[1])
     upper, lower = (
@@ -35,7 +35,7 @@ def sampled(values: Float32, factor: float, rows: Places, columns: Places) -> Fl
 
 
 def _between(wanted: Places, factor: float, n: int) -> tuple[Places, Places, Float32]:
-    """Pixels of n below and above each place, and its share of the way to the second."""
+    """Return, of n pixels, those below and above each place, and its share of the way to the second."""
     at = np.clip((wanted + 0.5) / factor - 0.5, 0.0, n - 1.0)
     low = np.minimum(at.astype(np.intp), max(n - 2, 0))
     return low, np.minimum(low + 1, n - 1), (at - low).astype(np.float32)

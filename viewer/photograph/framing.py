@@ -1,4 +1,4 @@
-"""What of a photograph an object is made of, what of that is rendered, and how finely."""
+"""Which part of a photograph an object's surface is made of, which part of that is rendered, and how finely."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -10,28 +10,30 @@ from milkglass.viewer.files.photograph import Photo, Region
 
 T = TypeVar("T", npt.NDArray[np.float32], npt.NDArray[np.float64])
 
-GRID = 192  # nodes along the outline's longer side, at most; solvers resolve a third of it
-PICTURE = 1536  # pixels along the longer side of what is read of a photograph, at most
-SHADES = 3  # rendered pixels between two nodes, at most: nothing of a surface is finer, and the mask cuts its outline
-MARGIN = 4  # nodes around the outline
+MAX_NODES = 192  # nodes along the outline's longer side, at most; solvers resolve a third of it
+MAX_READ_PIXELS = 1536  # pixels along the longer side of what is read of a photograph, at most
+MAX_PIXELS_PER_NODE = (
+    3  # rendered pixels between two nodes, at most: nothing of a surface is finer, and the mask cuts its outline
+)
+MARGIN_NODES = 4  # nodes around the outline
 
 
 @dataclass(frozen=True)
 class Framing:
-    """What of a photograph is rendered, and how finely.
+    """Which part of a photograph is read and rendered, and how finely.
 
     Attributes
     ----------
     region : Region
-        What a surface is made of. Its sides are multiples of `node`.
+        The part that the surface is made of; its sides are multiples of `node`.
     shown : Region
-        What of it is rendered: squares of nodes that are in the photograph.
+        The part of the region that is rendered: squares of nodes inside the photograph.
     block : int
-        Pixels of the photograph a side of a pixel that is read.
+        Side of a pixel that is read, in pixels of the photograph.
     step : int
-        Pixels read between two nodes of the surface.
+        Distance between two nodes of the surface, in pixels that are read.
     mm : float
-        Between two nodes.
+        Distance between two nodes, mm.
     """
 
     region: Region
@@ -42,13 +44,13 @@ class Framing:
 
     @property
     def node(self) -> int:
-        """Pixels of the photograph between two nodes of the surface."""
+        """Distance between two nodes of the surface, in pixels of the photograph."""
         return self.block * self.step
 
     @property
     def shades(self) -> int:
-        """Rendered pixels between two nodes."""
-        return min(self.step, SHADES)
+        """Distance between two nodes, in rendered pixels."""
+        return min(self.step, MAX_PIXELS_PER_NODE)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -56,25 +58,25 @@ class Framing:
         return self.shown.height // self.node * self.shades, self.shown.width // self.node * self.shades
 
     def cut(self, values: T, squares: int = 1) -> T:
-        """Cut what is rendered out of an array that has some `squares` of the region a side of a node."""
+        """Return the rendered part of an array over the region with `squares` values along a side of a node."""
         top, left = (self.shown.top - self.region.top) // self.node, (self.shown.left - self.region.left) // self.node
         rows, columns = self.shown.height // self.node, self.shown.width // self.node
         return values[squares * top : squares * (top + rows), squares * left : squares * (left + columns)]
 
 
 def frame_object(photo: Photo, size_mm: float) -> Framing:
-    """Choose what to render, and how finely; `size_mm` is the longer side of the object's outline."""
+    """Return what to render of a photograph, and how finely; `size_mm` is the longer side of the object's outline."""
     outline = photo.outline
     longest = max(outline.height, outline.width)
-    block = -(-longest // PICTURE)
-    step = max(1, -(-longest // (block * GRID)))
+    block = -(-longest // MAX_READ_PIXELS)
+    step = max(1, -(-longest // (block * MAX_NODES)))
     node = block * step
     h, w = photo.size
 
     def side(start: int, length: int, end: int) -> tuple[int, int]:
         # What the photograph cuts off goes on beyond it: an outline there would bend to a rim that is not one.
-        before = longest // 4 if start == 0 else MARGIN * node
-        after = longest // 4 if start + length == end else MARGIN * node
+        before = longest // 4 if start == 0 else MARGIN_NODES * node
+        after = longest // 4 if start + length == end else MARGIN_NODES * node
         total = max(length + before + after, 16 * block)
         return start - before, -(-total // node) * node
 

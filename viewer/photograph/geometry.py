@@ -1,4 +1,4 @@
-"""The object of a photograph as a mesh in front of a camera that sees it where the photograph shows it."""
+"""The object of a photograph as a mesh, and the camera that sees the mesh where the photograph shows the object."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,20 +24,21 @@ from milkglass.viewer.scene.settings import CameraSettings
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """An object of a photograph.
+    """Surface of a photograph's object, and what it was made of.
 
     Attributes
     ----------
     framing : Framing
     colour : (h, w, 3) float32
-        Linear RGB of the region, a pixel for each `block`.
+        Linear RGB of the region in [0, 1], a pixel for each `block`.
     coverage : (h, w) float32
+        By the object, [0, 1], of the same pixels.
     share : (n, m) float64
         Coverage of the nodes' squares.
     base : (n, m) float64
         The outline inflated, in nodes.
     shading : Shading
-        How the photograph shows it lit.
+        How the object is lit in the photograph.
     height : (n, m) float64
         Of the nodes towards the camera, in nodes; 0 beside the object.
     mesh : Mesh
@@ -56,7 +57,7 @@ class Geometry:
     camera: CameraSettings
 
     def depth_mm(self, band: Region) -> Float32:
-        """Height of a region's pixels, (height, width), 0 beside the object: between the nodes, linearly."""
+        """Return the height of a region's pixels (height, width), mm, linear between the nodes; 0 beside the object."""
         nodes = (self.height * self.framing.mm).astype(np.float32)[..., None]
         whole = self.framing.region
         rows, columns = (
@@ -66,7 +67,7 @@ class Geometry:
         return enlarged(nodes, self.framing.node, rows, columns)[..., 0]
 
     def facing(self) -> Float32:
-        """Cosine between the surface and the camera at every rendered pixel, (h, w); 0 at the rim."""
+        """Return the cosine between surface and camera at every rendered pixel, (h, w); 0 at the rim."""
         down, right = np.gradient(self.height)
         cosine = np.where(self.base > 0.0, 1.0 / np.sqrt(1.0 + down**2 + right**2), 0.0).astype(np.float32)[..., None]
         rows, columns = self.framing.size
@@ -81,9 +82,9 @@ def make_geometry(
     strength: float,
     smoothing: float,
     depth: Path | None = None,
-    tell: Callable[[Shading], object] = lambda _: None,
+    on_shading: Callable[[Shading], object] = lambda _: None,
 ) -> Geometry:
-    """Estimate the object's depth, or read it, and make a surface of it.
+    """Return the surface of a photograph's object, its depth estimated or read from a map.
 
     Parameters
     ----------
@@ -91,11 +92,11 @@ def make_geometry(
     white : float
         Luminance of the photograph's white, see `core.photograph.surround.scene_radiance`.
     strength, smoothing : as of `core.photograph.depth.estimate_height`
-        With a depth of one's own, strength scales it and smoothing is of no use.
+        Of a depth map, strength is a factor and smoothing has no effect.
     depth : Path, optional
         See `read_depth`.
-    tell : callable
-        Told the shading as soon as it is known: light can be made of it meanwhile.
+    on_shading : callable
+        Called with the shading as soon as it is measured: the light can be computed meanwhile.
 
     Raises
     ------
@@ -110,15 +111,15 @@ def make_geometry(
             f"{photo.mask_path} shows nothing thick enough for a volume: paint the object's inside white too"
         )
     base = inflated(outline.inner)
-    given = None
+    mapped = None
     if depth is not None:
-        given = _given_height(
+        mapped = _height_from_map(
             read_depth(depth, photo), photo, framing, outline, strength, depth_format_of(depth).relative
         )
     shown = colour @ LUMINANCE.astype(np.float32)
-    shading = _shading(shown, coverage, share, base if given is None else given, framing.step, white)
-    tell(shading)
-    if given is None:
+    shading = _shading(shown, coverage, share, base if mapped is None else mapped, framing.step, white)
+    on_shading(shading)
+    if mapped is None:
         light = over_nodes(shown, coverage, framing.step)
         # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
         more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
@@ -133,7 +134,7 @@ def make_geometry(
             strength=strength,
         )
     else:
-        height = given
+        height = mapped
     mesh = height_surface(outline, height, base, framing.mm)
     centre = mesh.bounds.mean(axis=0)
     mesh = replace(mesh, vertices=mesh.vertices - centre.astype(np.float32))
@@ -142,7 +143,7 @@ def make_geometry(
 
 
 def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
-    """Measure how the object is lit, on nodes that it covers wholly, if there are any."""
+    """Return how the object is lit, measured on nodes that it covers wholly, if there are any."""
     seen = over_nodes(scene_luminance(shown, white), coverage, step)
     inside = share > 0.999
     return measure_shading(seen, height, inside if inside.any() else share > 0.5)
@@ -168,10 +169,10 @@ def read_depth(path: Path, photo: Photo) -> Float32:
     return values
 
 
-def _given_height(
+def _height_from_map(
     values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
 ) -> Array:
-    """Height of the nodes, in nodes, from a depth map; what lies beyond the mask goes on from it."""
+    """Return the height of the nodes, in nodes, by a depth map; beyond the mask it continues."""
     region = framing.region
     rows = np.clip(np.arange(region.top, region.top + region.height), 0, photo.size[0] - 1)
     columns = np.clip(np.arange(region.left, region.left + region.width), 0, photo.size[1] - 1)
@@ -191,7 +192,7 @@ def _given_height(
 
 
 def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
-    """Orthographic, from +z, so that the picture is what is shown of the region."""
+    """Return an orthographic camera at +z whose picture is the rendered part of the region."""
     rows, columns = framing.size
     pixel, region, shown = framing.mm / framing.node, framing.region, framing.shown
     half = 0.5 * shown.height * pixel
@@ -204,12 +205,12 @@ def _camera(framing: Framing, mesh: Mesh, centre: Array) -> CameraSettings:
 
 
 def over_nodes(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating], step: int) -> Array:
-    """Weighted means (n, m) of pixels (h, w) over the squares of the nodes; 0 where nothing has weight."""
+    """Return weighted means (n, m) of pixels (h, w) over the squares of the nodes; 0 where nothing has weight."""
     return _squares(values * weight, step) / np.maximum(_squares(weight, step), 1e-6)
 
 
 def _squares(values: npt.NDArray[np.floating], step: int) -> Array:
-    """Means over squares of `step` pixels, (h, w)."""
+    """Return means over squares of `step` x `step` pixels of (h, w)."""
     h, w = values.shape
     rows = values.reshape(h // step, step, w).sum(axis=1, dtype=np.float64)  # along memory
     return np.asarray(rows.reshape(h // step, w // step, step).sum(axis=2) / step**2)

@@ -1,4 +1,4 @@
-"""A photograph with its object in another material, on the GPU: the window's `viewer.photograph.composite`."""
+"""A photograph with its object in another material, composed on the GPU: `viewer.photograph.composite` for windows."""
 
 from dataclasses import dataclass
 

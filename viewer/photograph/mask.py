@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-HISTORY = 50  # strokes that can be undone
+UNDO_STEPS = 50  # strokes that can be undone
 
 Pixels8 = npt.NDArray[np.uint8]
 Point = tuple[float, float]  # column and row, pixels, the middle of the first pixel at 0.5
@@ -39,7 +39,7 @@ class PaintedMask:
         return bool(self._history)
 
     def begin(self) -> None:
-        """Begin a stroke."""
+        """Begin a stroke of the brush."""
         self._before, self._touched = self.pixels.copy(), None
 
     def paint(self, start: Point, end: Point, radius: float, *, erases: bool = False) -> None:
@@ -63,13 +63,13 @@ class PaintedMask:
         self.shown += 1
 
     def end(self) -> None:
-        """End the stroke; one that touched nothing is forgotten."""
+        """End the stroke; one that changed nothing cannot be undone."""
         before, window, self._before = self._before, self._touched, None
         if before is not None and window is not None:
             self._remember(window, before[window].copy())
 
     def replace(self, pixels: Pixels8) -> None:
-        """Take another mask of the same size, as one step."""
+        """Replace the mask by another of the same size, as one step that can be undone."""
         everything = slice(0, pixels.shape[0]), slice(0, pixels.shape[1])
         before, self.pixels = self.pixels, pixels
         self._remember(everything, before)
@@ -84,7 +84,7 @@ class PaintedMask:
 
     def _remember(self, window: Window, before: Pixels8) -> None:
         self._history.append((window, before))
-        del self._history[:-HISTORY]
+        del self._history[:-UNDO_STEPS]
         self.version += 1
         self.shown += 1
 
@@ -94,6 +94,6 @@ def _span(low: float, high: float, length: int) -> slice:
 
 
 def _around(a: Window, b: Window) -> Window:
-    """The smallest window around two."""
+    """Return the smallest window around two."""
     rows, columns = (slice(min(x.start, y.start), max(x.stop, y.stop)) for x, y in zip(a, b, strict=True))
     return rows, columns

@@ -11,7 +11,7 @@ from milkglass.core.light.probe import Probe
 from milkglass.viewer.files.photograph import Photo, Region
 from milkglass.viewer.photograph.composite import dilated, softened
 from milkglass.viewer.photograph.edit import background, photo_light
-from milkglass.viewer.photograph.framing import PICTURE, frame_object
+from milkglass.viewer.photograph.framing import MAX_READ_PIXELS, frame_object
 from milkglass.viewer.photograph.geometry import Geometry, make_geometry
 
 KEPT_OBJECTS = 4  # one is shown, the next on its way, and both perhaps in each half of a split view
@@ -91,7 +91,7 @@ def make_object(photo: Photo, request: ObjectRequest, last: PhotographObject | N
 
 def shown_block(photo: Photo) -> int:
     """Return how many pixels of a photograph make a side of a pixel that is shown."""
-    return -(-max(photo.size) // PICTURE)
+    return -(-max(photo.size) // MAX_READ_PIXELS)
 
 
 def soft_edges(photo: Photo) -> npt.NDArray[np.uint8]:

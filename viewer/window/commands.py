@@ -13,7 +13,7 @@ from milkglass.viewer.gui import command
 from milkglass.viewer.gui.command import Argument, Button, Command
 from milkglass.viewer.gui.file_dialog import Request
 from milkglass.viewer.gui.toolkit import icons
-from milkglass.viewer.live.photograph_work import FIXED
+from milkglass.viewer.live.photograph_work import CAMERA_FIXED
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.photograph.actions import PhotoActions
 from milkglass.viewer.window.view.actions import PROFILE_SUFFIXES, SCENE_SUFFIXES, Actions
@@ -87,7 +87,7 @@ def _view_from(side: str, keys: str, where: str, azimuth_deg: float, elevation_d
     def turn(space: Workspace) -> None:
         space.actions.see_from(azimuth_deg, elevation_deg)
 
-    return Command(f"view_{side}", f"view from {where}", turn, "View", keys, _shows_model, FIXED)
+    return Command(f"view_{side}", f"view from {where}", turn, "View", keys, _shows_model, CAMERA_FIXED)
 
 
 def _of_photo(id: str, title: str, callback: Callable[[PhotoActions], object]) -> Command[Workspace]:
@@ -160,15 +160,16 @@ COMMANDS: tuple[Command[Workspace], ...] = (
     _view_from("bottom", "Ctrl+7", "below", 0.0, -90.0),
     Command(
         "toggle_orthographic", "perspective or orthographic", lambda space: space.actions.toggle_orthographic(),
-        "View", "5", _shows_model, FIXED,
+        "View", "5", _shows_model, CAMERA_FIXED,
     ),
     Command("reset_view", "reset the view", _reset_view, "View", "Enter"),
     Command(
         "copy_view", "copy the view as text", lambda space: space.actions.copy_view(),
-        "View", "Ctrl+C", _shows_model, FIXED,
+        "View", "Ctrl+C", _shows_model, CAMERA_FIXED,
     ),
     Command(
-        "paste_view", "paste a view", lambda space: space.actions.paste_view(), "View", "Ctrl+V", _shows_model, FIXED
+        "paste_view", "paste a view", lambda space: space.actions.paste_view(),
+        "View", "Ctrl+V", _shows_model, CAMERA_FIXED,
     ),
     Command(
         "open_file", "open a model, probe or scene", _ask_for_file, "Files", "Ctrl+O",

@@ -13,10 +13,10 @@ from milkglass.core.photograph.surround import filled, filled_halves
 from milkglass.viewer.commands.cli import main
 from milkglass.viewer.files.images import read_channels, read_photo, write_png
 from milkglass.viewer.files.photograph import Photo, load_photo
-from milkglass.viewer.photograph.composite import BEHIND, LAYERS, Compositor, encoded
+from milkglass.viewer.photograph.composite import BACKGROUNDS, LAYER_CHANNELS, Compositor, encoded
 from milkglass.viewer.photograph.edit import edit
 from milkglass.viewer.photograph.enlarge import enlarged, sampled
-from milkglass.viewer.photograph.framing import PICTURE, frame_object
+from milkglass.viewer.photograph.framing import MAX_READ_PIXELS, frame_object
 from milkglass.viewer.photograph.geometry import make_geometry
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import START, apply_set
@@ -56,7 +56,9 @@ def test_only_the_object_changes(edited) -> None:
 
 def test_edges_are_soft_and_show_what_was_asked_for(edited) -> None:
     edge = (edited.photo.mask == 0) & ~beyond(edited.photo)
-    changed = {behind: (Compositor(edited, behind).picture() != edited.photo.pixels).any(axis=2) for behind in BEHIND}
+    changed = {
+        behind: (Compositor(edited, behind).picture() != edited.photo.pixels).any(axis=2) for behind in BACKGROUNDS
+    }
     assert 0 < changed["seen"][edge].sum() <= changed["filled"][edge].sum()
     alone = Compositor(edited).picture(transparent=True)
     assert alone.shape[2] == 4
@@ -67,7 +69,7 @@ def test_edges_are_soft_and_show_what_was_asked_for(edited) -> None:
 def test_layers_hold_what_the_object_is_made_of(edited) -> None:
     names, made = Compositor(edited).layers()
     layers = dict(zip(names, np.moveaxis(np.concatenate(list(made)), -1, 0), strict=True))
-    assert {name.split(".")[0] for name in names if "." in name} == {*LAYERS, "object", "background", "depth"}
+    assert {name.split(".")[0] for name in names if "." in name} == {*LAYER_CHANNELS, "object", "background", "depth"}
     inside = binary_erosion(edited.photo.mask > 0, iterations=4)
     parts = layers["subsurface.G"] + layers["specular.G"]
     np.testing.assert_allclose(parts[inside], layers["object.G"][inside], rtol=0.02, atol=1e-3)
@@ -177,7 +179,7 @@ def test_a_large_photograph_is_rendered_at_a_bounded_size() -> None:
     mask[1000:5000, 2000:7000] = 255
     pixels = np.broadcast_to(np.uint8(90), (6000, 8400, 3))
     framing = frame_object(Photo(Path("photo"), Path("mask"), pixels, None, mask, None), 100.0)
-    assert max(framing.size) <= 1.5 * PICTURE
+    assert max(framing.size) <= 1.5 * MAX_READ_PIXELS
     assert framing.block == 4
     assert framing.mm == pytest.approx(framing.node * 100.0 / 5000)
 

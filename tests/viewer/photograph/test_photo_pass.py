@@ -14,7 +14,7 @@ from milkglass.viewer.files.images import read_photo, write_png
 from milkglass.viewer.files.photograph import Region, load_photo
 from milkglass.viewer.gui.events import Key, MouseButton, MouseMoved
 from milkglass.viewer.live.photograph import DevelopedObject
-from milkglass.viewer.live.photograph_work import FIXED, PhotoWork
+from milkglass.viewer.live.photograph_work import CAMERA_FIXED, PhotoWork
 from milkglass.viewer.photograph.composite import Compositor
 from milkglass.viewer.photograph.edit import edit
 from milkglass.viewer.render.picture import read_image
@@ -186,7 +186,7 @@ def test_the_camera_is_the_photographs(window) -> None:
     shown.scroll(in_window(shown, 50.0, 50.0), 2.0)
     shown.key("_7")
     assert shown.session.scene.camera == camera
-    assert FIXED in shown.app.messages
+    assert CAMERA_FIXED in shown.app.messages
     assert not work_of(shown).mask.can_undo
     shown.app.commands.run("toggle_measure")
     assert not shown.session.view.measure

@@ -1,6 +1,6 @@
 """The panel's section on the camera."""
 
-from milkglass.viewer.live.photograph_work import FIXED
+from milkglass.viewer.live.photograph_work import CAMERA_FIXED
 from milkglass.viewer.window.panel.section import Section, Seen
 
 LABELS = {
@@ -18,6 +18,8 @@ class CameraSection(Section):
         """Draw the rows in the current ImGui window."""
         is_fixed = self._work is not None
         for key, label in LABELS.items():
-            self._controls.setting(f"camera.{key}", label, off=f"{FIXED[:1].upper()}{FIXED[1:]}." if is_fixed else None)
+            self._controls.setting(
+                f"camera.{key}", label, off=f"{CAMERA_FIXED[:1].upper()}{CAMERA_FIXED[1:]}." if is_fixed else None
+            )
         if is_fixed:
-            self._controls.note(FIXED)
+            self._controls.note(CAMERA_FIXED)

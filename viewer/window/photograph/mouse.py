@@ -5,7 +5,7 @@ from typing import Any
 
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.toolkit import imgui
-from milkglass.viewer.live.photograph_work import FIXED, LARGEST_BRUSH, SMALLEST_BRUSH, PhotoWork
+from milkglass.viewer.live.photograph_work import CAMERA_FIXED, LARGEST_BRUSH, SMALLEST_BRUSH, PhotoWork
 from milkglass.viewer.photograph.mask import Point
 from milkglass.viewer.session import navigation
 from milkglass.viewer.session.session import Session
@@ -89,7 +89,7 @@ class PhotoMouse:
         elif io.mouse_down[1]:
             session.put(navigation.lights_turned(session.scene, io.mouse_delta.x, io.mouse_delta.y, height))
         elif not self._said_fixed:
-            session.say(FIXED)
+            session.say(CAMERA_FIXED)
             self._said_fixed = True
 
     def _wheel(self) -> None:
