@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from milkglass.viewer.scene.lights.base import AimedLight, fixed_to_setting, light_setting
-from milkglass.viewer.scene.lights.sub_lights import FACE, POINT, SubLights
+from milkglass.viewer.scene.lights.sub_lights import POINT, SHAPE_FACE, SubLights
 
 
 @dataclass(frozen=True)
@@ -27,4 +27,6 @@ class RingLight(AimedLight):
         angles, frame = 2.0 * np.pi * np.arange(count) / count, self.axes
         circle = self.radius_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ frame[:2]
         normal = tuple(frame[2].tolist())
-        return SubLights(POINT, self.position_mm, self.position_mm + circle, self.intensity, self.tube_mm, FACE, normal)
+        return SubLights(
+            POINT, self.position_mm, self.position_mm + circle, self.intensity, self.tube_mm, SHAPE_FACE, normal
+        )

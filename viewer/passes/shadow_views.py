@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.viewer.scene.lights.sub_lights import CONE, DIRECTIONAL, SubLights
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, SHAPE_CONE, SubLights
 
 CUBE_MARGIN = 1.05  # of the bounding sphere: nearer lights need all six faces of a cube
 # Bounding-sphere radii beyond which a point light's rays are parallel to a fifth of a texel; beyond a thousand times as
@@ -123,7 +123,7 @@ def soft_views(mesh: Mesh, lights: SubLights) -> SoftViews:
     distance = np.linalg.norm(lights.vectors, axis=1)
     far = 1.01 * (float(distance.max()) + mesh.radius)
     least = 1e-3 * far
-    cone = _cone_tangent(lights) if lights.shape == CONE else np.inf
+    cone = _cone_tangent(lights) if lights.shape == SHAPE_CONE else np.inf
     views = [_around_object(corners, eye, least) for eye in lights.vectors]
     widest = max(np.inf if view is None else view.tangent for view in views)
     if cone < min(widest, MAX_CONE_TANGENT):

@@ -15,14 +15,14 @@ from milkglass.viewer.scene.settings import CameraSettings
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
-    """(3, 3), row vectors: a probe rotated by a about +y is looked up at R_y(-a) d."""
+    """Return the rotation from world to probe, (3, 3), row vectors: a probe turned by a about +y is read at R_y(-a) d."""
     # pyrr turns row vectors by the negative angle: v @ M = R_y(-a) v.
     return np.asarray(matrix33.create_from_y_rotation(np.radians(rotation_deg), dtype=np.float64))
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A placed camera.
+    """A camera placed in the world, as view and projection matrices.
 
     Attributes
     ----------
@@ -40,12 +40,12 @@ class Camera:
 
     @property
     def rotation(self) -> Array:
-        """(3, 3): world to view rotation, row vectors."""
+        """Rotation from world to view, (3, 3), row vectors."""
         return self.view[:3, :3]
 
     @property
     def world_to_clip(self) -> Array:
-        """(4, 4), row vectors."""
+        """Matrix from world to clip space, (4, 4), row vectors."""
         return self.view @ self.projection
 
 
@@ -87,14 +87,14 @@ def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int,
 
 
 def jittered(camera: Camera, offset: tuple[float, float], image_size: tuple[int, int]) -> Array:
-    """World to clip, row vectors, with the image moved by `offset` pixels: a sample of every pixel off its centre."""
+    """Return the matrix from world to clip with the image moved by `offset` pixels: samples off the pixels' centres."""
     shift = np.eye(4)
     shift[3, :2] = 2.0 * np.asarray(offset) / np.asarray(image_size)
     return camera.world_to_clip @ shift
 
 
 def pixel_offsets(samples: int, seed: int = 0) -> tuple[tuple[float, float], ...]:
-    """Offsets from a pixel's centre in [-1/2, 1/2): one sample sits in the centre, more follow an R2 sequence.
+    """Return offsets from a pixel's centre in [-1/2, 1/2): one sample sits in the centre, more follow an R2 sequence.
 
     R2 (Roberts 2018) is the two-dimensional golden ratio: any number of samples covers the pixel evenly. `seed`
     rotates the pattern.

@@ -162,12 +162,12 @@ def is_required(declared: Field[Any]) -> bool:
     return declared.default is MISSING and declared.default_factory is MISSING
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """Return the fix for a misspelt name: "did you mean "key"?" or, if none is near, what is known."""
-    known = list(known)
-    folded = {candidate.casefold(): candidate for candidate in known}
+    names = list(names)
+    folded = {candidate.casefold(): candidate for candidate in names}
     matches = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
-    return f'did you mean "{folded[matches[0]]}"?' if matches else f"known are {', '.join(known)}"
+    return f'did you mean "{folded[matches[0]]}"?' if matches else f"known are {', '.join(names)}"
 
 
 def _elements(value: object) -> list[object]:

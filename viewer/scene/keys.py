@@ -33,10 +33,13 @@ def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[s
 
     Tables may be left out (`without`, their names). A file is its name and its `version`.
     """
-    wanted = frozenset(parts)
-    of_lights = tuple((light.KIND, *_values(light, wanted)) for light in scene.effective_lights())
+    moving_parts = frozenset(parts)
+    of_lights = tuple((light.KIND, *_values(light, moving_parts)) for light in scene.effective_lights())
     lit = () if all(len(light) == 1 for light in of_lights) else of_lights
-    return (*(value for name in TABLES if name not in without for value in _values(getattr(scene, name), wanted)), lit)
+    return (
+        *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving_parts)),
+        lit,
+    )
 
 
 def _values(table: Any, parts: frozenset[Part]) -> Key:

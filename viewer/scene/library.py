@@ -42,24 +42,24 @@ class Library(Mapping[str, Material]):
         return len(found())
 
 
-def found(only: str = "all", search: str = "", own: own_materials.Materials | None = None) -> list[Material]:
-    """Return the materials that a filter keeps and a search finds, one's own last; `own` takes the place of the file's.
+def found(category: str = "all", search: str = "", stored: own_materials.Materials | None = None) -> list[Material]:
+    """Return the materials that a filter keeps and a search finds, one's own last; `stored` takes the place of the file's.
 
     Raises
     ------
     InputError
         If there is no such filter, or the file of one's own materials is broken.
     """
-    if only not in FILTERS:
-        raise InputError(f"unknown filter {only!r}; {nearest(only, FILTERS)}")
-    kept = _kept(only, own_materials.own() if own is None else own)
-    return [material for material in kept if matches(material, search)]
+    if category not in FILTERS:
+        raise InputError(f"unknown filter {category!r}; {nearest(category, FILTERS)}")
+    listed = _kept(category, own_materials.stored() if stored is None else stored)
+    return [material for material in listed if matches(material, search)]
 
 
 @functools.lru_cache(maxsize=16)
-def _kept(only: str, own: own_materials.Materials) -> own_materials.Materials:
-    _, keeps = FILTERS[only]
-    return tuple(material for material in (*measured.library(), *own) if keeps(material))
+def _kept(category: str, stored: own_materials.Materials) -> own_materials.Materials:
+    _, keeps = FILTERS[category]
+    return tuple(material for material in (*measured.library(), *stored) if keeps(material))
 
 
 def matches(material: Material, search: str) -> bool:

@@ -28,17 +28,17 @@ if TYPE_CHECKING:
 # ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
 
 Vector = tuple[float, float, float]
-# Ways to say what a material is: one of them, whole.
-WAYS = (
+# Combinations of keys that define a material: exactly one of them, with all its keys.
+COMBINATIONS = (
     ("name",),
     ("sigma_s_prime", "sigma_a"),
     ("diffuse_reflectance", "mean_free_path_mm"),
     ("diffuse_reflectance", "diffuse_mean_free_path_mm"),
 )
-OTHER = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")  # what mix_with is by coefficients
-ADDED = ("mix_with", *OTHER, "mix_share", "water")
+MIX_COEFFICIENTS = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")  # of the material mixed in, in the place of mix_with
+ADDED = ("mix_with", *MIX_COEFFICIENTS, "mix_share", "water")
 # Keys that exclude each other: choosing one side sets the other to its default. A new material starts pure.
-_NAME, _COEFFICIENTS, _LENGTH, _DIFFUSE_LENGTH = map(set, WAYS)
+_NAME, _COEFFICIENTS, _LENGTH, _DIFFUSE_LENGTH = map(set, COMBINATIONS)
 _COLOUR = _LENGTH | _DIFFUSE_LENGTH
 RIVALS = (
     (_NAME, _COEFFICIENTS | _COLOUR | {"eta", *ADDED}),
@@ -46,8 +46,8 @@ RIVALS = (
     (_COLOUR, _NAME | _COEFFICIENTS),
     ({"mean_free_path_mm"}, {"diffuse_mean_free_path_mm"}),
     ({"diffuse_mean_free_path_mm"}, {"mean_free_path_mm"}),
-    ({"mix_with"}, {*OTHER}),
-    ({*OTHER}, {"mix_with"}),
+    ({"mix_with"}, {*MIX_COEFFICIENTS}),
+    ({*MIX_COEFFICIENTS}, {"mix_with"}),
 )
 
 
@@ -133,9 +133,9 @@ class MaterialSettings:
         for key in ("name", "mix_with"):
             if getattr(self, key) is not None:  # in the library's own spelling
                 object.__setattr__(self, key, materials.lookup(getattr(self, key)).name)
-        self._check_way()
+        self._check_combination()
         if (self.mix_sigma_s_prime is None) != (self.mix_sigma_a is None):
-            keys = OTHER[:2] if self.mix_sigma_a is None else OTHER[1::-1]
+            keys = MIX_COEFFICIENTS[:2] if self.mix_sigma_a is None else MIX_COEFFICIENTS[1::-1]
             raise InputError(f"material.{keys[0]} is given without material.{keys[1]}; add it")
         if self.mix_with is not None and self.mix_sigma_a is not None:
             raise InputError("material.mix_with and material.mix_sigma_a are both given; keep one of them")
@@ -146,35 +146,35 @@ class MaterialSettings:
         if self.water < 0.0:
             self.resolve()  # and a concentration
 
-    def _check_way(self) -> None:
-        """Check that one way of saying what the material is has been used, whole."""
-        used = [key for key in dict.fromkeys(itertools.chain(*WAYS)) if getattr(self, key) is not None]
+    def _check_combination(self) -> None:
+        """Check that exactly one combination of keys defines the material, with all its keys."""
+        used = [key for key in dict.fromkeys(itertools.chain(*COMBINATIONS)) if getattr(self, key) is not None]
         if not used:
             raise InputError(
                 "material has neither name nor sigma_s_prime and sigma_a, nor diffuse_reflectance and "
                 "mean_free_path_mm; give one of them"
             )
         for pair in itertools.combinations(used, 2):
-            if not any({*pair} <= {*way} for way in WAYS):
+            if not any({*pair} <= {*combination} for combination in COMBINATIONS):
                 raise InputError(f"material.{pair[0]} and material.{pair[1]} are both given; keep one of them")
-        way = next(way for way in WAYS if {*used} <= {*way})
-        if len(used) < len(way):
-            missing = next(key for key in way if key not in used)
+        combination = next(combination for combination in COMBINATIONS if {*used} <= {*combination})
+        if len(used) < len(combination):
+            missing = next(key for key in combination if key not in used)
             raise InputError(f"material.{used[0]} is given without material.{missing}; add it")
 
     @classmethod
-    def of(cls, material: materials.Material, **others: Any) -> "MaterialSettings":
-        """Return settings of a material, of the library or another: its name or its coefficients, and other keys."""
+    def of(cls, material: materials.Material, **values: Any) -> "MaterialSettings":
+        """Return settings of a material: its name if the library has it, else its coefficients, with values of more keys."""
         if material in materials.library():
-            return cls(name=material.name, **others)
-        return cls(sigma_s_prime=material.sigma_s_prime, sigma_a=material.sigma_a, eta=material.eta, **others)
+            return cls(name=material.name, **values)
+        return cls(sigma_s_prime=material.sigma_s_prime, sigma_a=material.sigma_a, eta=material.eta, **values)
 
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""
         return _resolved(self)
 
-    def other(self) -> materials.Material | None:
-        """Return what is mixed in."""
+    def admixture(self) -> materials.Material | None:
+        """Return the material that is mixed in, if any."""
         if self.mix_with is not None:
             return materials.lookup(self.mix_with)
         if self.mix_sigma_s_prime is None or self.mix_sigma_a is None:
@@ -190,7 +190,7 @@ class MaterialSettings:
         eta = self.DEFAULT_ETA if self.eta is None else self.eta
         if self.sigma_s_prime is not None and self.sigma_a is not None:
             return materials.Material("custom", self.sigma_s_prime, self.sigma_a, eta, "scene")
-        assert self.diffuse_reflectance is not None  # _check_way
+        assert self.diffuse_reflectance is not None  # _check_combination
         from milkglass.core.profiles import choose as profiles  # numerics that what only reads settings need not load
 
         colour, lengths = self.diffuse_reflectance, self.mean_free_path_mm
@@ -225,9 +225,9 @@ class MaterialSettings:
 
 @functools.lru_cache(maxsize=64)  # a window asks many times a frame
 def _resolved(settings: MaterialSettings) -> materials.Material:
-    material, other = settings.base(), settings.other()
-    if other is not None:
-        material = mix(material, other, settings.mix_share)
+    material, admixture = settings.base(), settings.admixture()
+    if admixture is not None:
+        material = mix(material, admixture, settings.mix_share)
     try:
         return material if settings.water == 0.0 else dilute(material, settings.water)
     except InputError as error:

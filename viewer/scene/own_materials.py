@@ -34,12 +34,12 @@ Materials = tuple[Material, ...]
 
 
 def file() -> Path:
-    """Return where they are kept; there need not be such a file."""
+    """Return the path of the file of own materials, which need not exist."""
     return Path(platformdirs.user_data_dir("milkglass", appauthor=False)) / "materials.toml"
 
 
-def own() -> Materials:
-    """Return all of them, in the order of the file, which is read again where it has changed.
+def stored() -> Materials:
+    """Return the own materials in the order of their file, which is read again where it has changed.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def lookup(name: str) -> Material:
     try:
         return materials.lookup(name)
     except InputError:
-        return materials.lookup(name, own())
+        return materials.lookup(name, stored())
 
 
 def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,89 +68,91 @@ def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         If no material has a name, or one is given beside coefficients.
     """
-    said = dict(values)
+    settings = dict(values)
     for key, coefficients in COEFFICIENTS.items():
-        if said.get(key) is None:
+        if settings.get(key) is None:
             continue
-        material = lookup(said[key])
+        material = lookup(settings[key])
         if material.source != SOURCE:
             continue
         for coefficient, value in zip(coefficients, _content(material), strict=True):
-            if said.get(coefficient) is None:
-                said[coefficient] = value
+            if settings.get(coefficient) is None:
+                settings[coefficient] = value
             elif coefficient not in ("eta", "mix_eta"):
                 raise InputError(f"material.{key} and material.{coefficient} are both given; keep one of them")
-        said[key] = None
-    return said
+        settings[key] = None
+    return settings
 
 
 def named_like(material: Material) -> Material | None:
     """Return the own material of the same coefficients, if there is one; a file that cannot be read has none."""
     try:
-        return next((each for each in own() if _content(each) == _content(material)), None)
+        return next((candidate for candidate in stored() if _content(candidate) == _content(material)), None)
     except InputError:
         return None
 
 
 def save(name: str, material: Material) -> Material:
-    """Keep a material under a name, in the place of an own one of that name; returns it as it is kept.
+    """Store a material under a name, in the place of an own one of that name, and return it as it is stored.
 
     Raises
     ------
     InputError
         If the name is the library's or no name, or the file cannot be read or written.
     """
-    kept = replace(material, name=checked_name(name), source=SOURCE)
-    key, known = materials.key_of(kept.name), own()
-    if any(materials.key_of(each.name) == key for each in known):
-        _write(file(), [kept if materials.key_of(each.name) == key else each for each in known])
+    saved = replace(material, name=checked_name(name), source=SOURCE)
+    key, existing = materials.key_of(saved.name), stored()
+    if any(materials.key_of(candidate.name) == key for candidate in existing):
+        _write(file(), [saved if materials.key_of(candidate.name) == key else candidate for candidate in existing])
     else:
-        _write(file(), [*known, kept])
-    return kept
+        _write(file(), [*existing, saved])
+    return saved
 
 
 def delete(name: str) -> None:
-    """Forget an own material."""
-    _write(file(), [each for each in own() if each.name != name])
+    """Remove an own material from the file."""
+    _write(file(), [candidate for candidate in stored() if candidate.name != name])
 
 
 def rename(name: str, new: str) -> None:
     """Give an own material another name, which none of the others has."""
     new = checked_name(new)
-    if any(materials.key_of(each.name) == materials.key_of(new) for each in own() if each.name != name):
+    if any(
+        materials.key_of(candidate.name) == materials.key_of(new) for candidate in stored() if candidate.name != name
+    ):
         raise InputError(f'"{new}" is another of your materials; choose another name')
-    _write(file(), [replace(each, name=new) if each.name == name else each for each in own()])
+    _write(file(), [replace(candidate, name=new) if candidate.name == name else candidate for candidate in stored()])
 
 
 def import_from(path: Path) -> Materials:
-    """Add the materials of a file, all or none; returns them.
+    """Add the materials of a file to the own ones, all or none, and return them.
 
     Raises
     ------
     InputError
         Naming the file and what is wrong in it, or the material that would change one that is known.
     """
-    known = {materials.key_of(each.name): each for each in own()}
+    by_key = {materials.key_of(candidate.name): candidate for candidate in stored()}
     try:
         new = read(path)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
-    for each in new:
-        before = known.get(materials.key_of(each.name))
-        if before is not None and _content(before) != _content(each):
-            raise InputError(f'{path}: you have another "{each.name}"; rename one of them')
-        known.setdefault(materials.key_of(each.name), each)
-    _write(file(), known.values())
+    for candidate in new:
+        before = by_key.get(materials.key_of(candidate.name))
+        if before is not None and _content(before) != _content(candidate):
+            raise InputError(f'{path}: you have another "{candidate.name}"; rename one of them')
+        by_key.setdefault(materials.key_of(candidate.name), candidate)
+    _write(file(), by_key.values())
     return new
 
 
 def export_to(path: Path) -> Materials:
-    """Write all of them to a file, which is replaced; returns them."""
-    kept = own()
-    if not kept:
+    """Write the own materials to a file, which is replaced, and return them."""
+    exported = stored()
+    if not exported:
         raise InputError("there are no materials of your own to export; save one first")
-    _write(path, kept)
-    return kept
+    _write(path, exported)
+    return exported
 
 
 def checked_name(name: str) -> str:
@@ -164,9 +166,9 @@ def checked_name(name: str) -> str:
     name = " ".join(name.split())
     if not materials.key_of(name) or not name.isprintable() or len(name) > LONGEST_NAME:
         raise InputError(f"a material needs a name of 1 to {LONGEST_NAME} letters, not {shown(name)}")
-    for each in materials.library():
-        if materials.key_of(each.name) == materials.key_of(name):
-            raise InputError(f'"{name}" is a material of the library ({each.name}); choose another name')
+    for candidate in materials.library():
+        if materials.key_of(candidate.name) == materials.key_of(name):
+            raise InputError(f'"{name}" is a material of the library ({candidate.name}); choose another name')
     return name
 
 
@@ -221,10 +223,11 @@ def _content(material: Material) -> tuple[object, ...]:
     return tuple(getattr(material, key) for key in KEYS)
 
 
-def _write(path: Path, kept: Iterable[Material]) -> None:
+def _write(path: Path, stored_materials: Iterable[Material]) -> None:
     """Write a file of materials, whole or not at all."""
     document = {
-        each.name: {key: list(v) if isinstance(v := getattr(each, key), tuple) else v for key in KEYS} for each in kept
+        candidate.name: {key: list(v) if isinstance(v := getattr(candidate, key), tuple) else v for key in KEYS}
+        for candidate in content
     }
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -71,9 +71,9 @@ class Scene:
 
     def __post_init__(self) -> None:
         for name, table in TABLES.items():
-            given = getattr(self, name)
-            if not isinstance(given, table):
-                raise InputError(f"{name} must be a {table.__name__}, not a {type(given).__name__}")
+            value = getattr(self, name)
+            if not isinstance(value, table):
+                raise InputError(f"{name} must be a {table.__name__}, not a {type(value).__name__}")
         if self.lights is not None:
             lights: object = self.lights
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
@@ -105,8 +105,8 @@ class Scene:
     @property
     def separate(self) -> bool:
         """Whether bodies scatter light each alone, where there are not too many."""
-        asked = self.model.bodies
-        return asked == "separate" or (asked is None and self.transport.facts.separates_bodies)
+        bodies = self.model.bodies
+        return bodies == "separate" or (bodies is None and self.transport.facts.separates_bodies)
 
     def all_lights(self) -> tuple[Light, ...]:
         """Return the lights given, off or on, else the default pair where there is no environment."""
@@ -180,7 +180,7 @@ def changed(scene: Scene, changes: Iterable[Change]) -> Scene:
 
 
 def _default(table: str, key: str) -> Any:
-    return next(each.default for each in dataclasses.fields(TABLES[table]) if each.name == key)
+    return next(field.default for field in dataclasses.fields(TABLES[table]) if field.name == key)
 
 
 def apply_set(scene: Scene, assignments: Sequence[str]) -> Scene:
@@ -286,8 +286,8 @@ def _to_toml(scene: Scene, base: Path) -> str:
 
 
 def _content(table: Any, base: Path) -> dict[str, Any]:
-    given = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
-    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in given.items()}
+    values = {key: value for key in settings_of(table) if (value := getattr(table, key)) is not None}
+    return {key: _relative(value, base) if isinstance(value, Path) else value for key, value in values.items()}
 
 
 def _relative(path: Path, base: Path) -> str:

@@ -35,7 +35,7 @@ def dumps(document: Mapping[str, Any]) -> str:
     return _VECTOR.sub(lambda match: f"[{' '.join(match[1].split()).rstrip(',')}]", tomli_w.dumps(document))
 
 
-def write(path: str | Path, text: str, what: str) -> None:
+def write(path: str | Path, text: str, document: str) -> None:
     """Write a file, whole or not at all; `what` names it in messages: "the scene file"."""
     # Through a link, write what it points to, and leave the link.
     target = Path(os.path.realpath(path))
@@ -44,7 +44,7 @@ def write(path: str | Path, text: str, what: str) -> None:
         temporary.write_bytes(text.encode("utf-8"))
         os.replace(temporary, target)
     except OSError as error:
-        raise InputError(f"{path}: cannot write {what} ({error.strerror or error})") from error
+        raise InputError(f"{path}: cannot write {document} ({error.strerror or error})") from error
     except UnicodeEncodeError as error:
         raise InputError(f"{path}: cannot hold a file name that is not UTF-8 text; rename it") from error
     finally:

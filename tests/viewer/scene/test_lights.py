@@ -19,7 +19,7 @@ from milkglass.viewer.scene.lights import (
     SpotLight,
     as_kind,
 )
-from milkglass.viewer.scene.lights.sub_lights import CONE, DIRECTIONAL, PARTS
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, PARTS, SHAPE_CONE
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings_docs import settings_markdown
 from milkglass.viewer.session.navigation import lights_turned, turn_matrix
@@ -191,7 +191,7 @@ def test_a_rectangle_shines_as_the_integral_over_it():
 def test_a_spot_light_ends_at_its_cone():
     light = LIGHTS[4]
     parts = light.sub_lights(1)
-    assert parts.shape == CONE
+    assert parts.shape == SHAPE_CONE
     way = -np.array(light.position_mm) / np.linalg.norm(light.position_mm)
     side = np.cross(way, [1.0, 0.0, 0.0])
     angles = np.radians([0.0, 6.2, 9.0, 12.4, 12.6, 40.0, 180.0])

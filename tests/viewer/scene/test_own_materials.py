@@ -24,7 +24,7 @@ def folder(monkeypatch, tmp_path):
 
 
 def test_what_is_kept_is_found_however_written_renamed_and_forgotten(folder):
-    assert own_materials.own() == ()
+    assert own_materials.stored() == ()
     kept = own_materials.save("  my   candle ", WAX)
     assert own_materials.file() == folder / "materials.toml"
     assert (kept.name, kept.source, kept.sigma_a) == ("my candle", "own", WAX.sigma_a)
@@ -35,12 +35,12 @@ def test_what_is_kept_is_found_however_written_renamed_and_forgotten(folder):
         own_materials.lookup("candle")
     own_materials.save("second", materials.lookup("jade"))
     own_materials.save("MY CANDLE", materials.lookup("merlot"))  # in its place
-    assert [each.name for each in own_materials.own()] == ["MY CANDLE", "second"]
+    assert [each.name for each in own_materials.stored()] == ["MY CANDLE", "second"]
     with pytest.raises(InputError, match="another of your materials"):
         own_materials.rename("second", "my candle")
     own_materials.rename("second", "Second")
     own_materials.delete("MY CANDLE")
-    assert [each.name for each in own_materials.own()] == ["Second"]
+    assert [each.name for each in own_materials.stored()] == ["Second"]
     assert own_materials.named_like(WAX) is None
 
 
@@ -54,7 +54,7 @@ def test_no_name_of_the_library_is_taken(name, folder):
     (folder / "materials.toml").write_text(GOOD.replace("candle", f'"{name}"'))
     assert own_materials.lookup(name).source != "own"  # the library needs no file
     with pytest.raises(InputError, match="choose another name"):
-        own_materials.own()
+        own_materials.stored()
 
 
 @pytest.mark.parametrize("name", ["", "  ", "-_", "a\tb\x07", "x" * 61])
@@ -162,7 +162,7 @@ def test_command_line_finds_lists_imports_and_exports(tmp_path, folder, capsys):
     assert cli.main(["materials", "candle"]) == 0
     assert "0.012" in capsys.readouterr().out
     assert cli.main(["materials", "--export", str(tmp_path / "out.toml")]) == 0
-    assert own_materials.read(tmp_path / "out.toml") == own_materials.own()
+    assert own_materials.read(tmp_path / "out.toml") == own_materials.stored()
     scene = scene_from_options(NO_OPTIONS | {"material": "candle", "set": ["material.water=0.5"]})
     assert scene.material.sigma_a == (0.0008, 0.003, 0.012)
     assert scene.material.water == 0.5

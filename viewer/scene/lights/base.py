@@ -77,7 +77,7 @@ class Light(ABC):
     @property
     @abstractmethod
     def on(self) -> bool:
-        """Whether it shines."""
+        """Whether the light shines in the scene."""
 
     @property
     @abstractmethod

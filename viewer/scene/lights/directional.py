@@ -51,13 +51,13 @@ class DirectionalLight(Light):
         towards = np.asarray(self.direction, np.float64) / np.linalg.norm(self.direction)
         i = np.arange(count) + 0.5
         cosine = 1.0 - (1.0 - np.cos(half)) * i / count
-        around = spiral(towards, np.sqrt(1.0 - cosine**2), i)
+        offsets = spiral(towards, np.sqrt(1.0 - cosine**2), i)
         # A surface that faces the disc gets less of a direction at its rim; the irradiance is meant for all together.
-        more = 2.0 / (1.0 + np.cos(half))
-        red, green, blue = (more * channel for channel in self.irradiance)
+        rim_gain = 2.0 / (1.0 + np.cos(half))
+        red, green, blue = (rim_gain * channel for channel in self.irradiance)
         cell = float(2.0 * np.sin(0.5 * half) / np.sqrt(count))
         x, y, z = towards.tolist()
-        return SubLights(DIRECTIONAL, (x, y, z), cosine[:, None] * towards + around, (red, green, blue), cell)
+        return SubLights(DIRECTIONAL, (x, y, z), cosine[:, None] * towards + offsets, (red, green, blue), cell)
 
     @classmethod
     def _values_like(cls, light: Light) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.viewer.scene.lights.base import AimedLight, fixed_to_setting, intensity_setting, light_setting
-from milkglass.viewer.scene.lights.sub_lights import FACE, POINT, SubLights, Vector, lattice
+from milkglass.viewer.scene.lights.sub_lights import POINT, SHAPE_FACE, SubLights, Vector, lattice
 
 # fmt: off
 # ruff: noqa: RUF009  (light_setting() makes a dataclasses.field, fresh for each class)
@@ -51,4 +51,4 @@ class RectangleLight(AimedLight):
         cell = float(np.sqrt(self.size_mm[0] * self.size_mm[1] / (np.pi * count)))
         vectors = np.array(self.position_mm) + places @ np.stack([width, height])
         normal = float(x), float(y), float(z)
-        return SubLights(POINT, self.position_mm, vectors, self.intensity, cell, FACE, normal)
+        return SubLights(POINT, self.position_mm, vectors, self.intensity, cell, SHAPE_FACE, normal)

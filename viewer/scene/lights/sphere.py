@@ -7,7 +7,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.viewer.scene.lights.base import NearLight, fixed_to_setting, light_setting
-from milkglass.viewer.scene.lights.sub_lights import BALL, POINT, SPHERE, SubLights, spiral
+from milkglass.viewer.scene.lights.sub_lights import POINT, SHAPE_BALL, SHAPE_SPHERE, SubLights, spiral
 
 # fmt: off
 
@@ -35,7 +35,7 @@ class SphereLight(NearLight):
     def _divided(self, count: int) -> SubLights:
         centre, radius, near = np.array(self.position_mm), self.radius_mm, count > MAX_FACING
         offsets = radius * _ball(count) if near else self._facing_disc(count)
-        cell, shape = float((2.0 if near else 1.0) * radius / np.sqrt(count)), BALL if near else SPHERE
+        cell, shape = float((2.0 if near else 1.0) * radius / np.sqrt(count)), SHAPE_BALL if near else SHAPE_SPHERE
         return SubLights(POINT, self.position_mm, centre + offsets, self.intensity, cell, shape, radius=radius)
 
     def _facing_disc(self, count: int) -> Array:
@@ -46,9 +46,9 @@ class SphereLight(NearLight):
         sine = min(self.radius_mm / distance, 0.99)
         i = np.arange(count) + 0.5
         cosine = 1.0 - (1.0 - np.sqrt(1.0 - sine**2)) * i / count
-        away = distance * (1.0 - sine**2)
-        around = spiral(towards, away * np.sqrt(1.0 - cosine**2) / cosine, i)
-        return np.asarray(around - (distance - away) * towards)
+        plane_distance = distance * (1.0 - sine**2)
+        offsets = spiral(towards, plane_distance * np.sqrt(1.0 - cosine**2) / cosine, i)
+        return np.asarray(offsets - (distance - plane_distance) * towards)
 
 
 def _ball(count: int) -> Array:

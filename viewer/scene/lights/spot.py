@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from milkglass.viewer.scene.lights.base import AimedLight, fixed_to_setting, intensity_setting, light_setting
-from milkglass.viewer.scene.lights.sub_lights import CONE, POINT, SubLights, Vector
+from milkglass.viewer.scene.lights.sub_lights import POINT, SHAPE_CONE, SubLights, Vector
 
 # fmt: off
 # ruff: noqa: RUF009  (light_setting() makes a dataclasses.field, fresh for each class)
@@ -33,4 +33,4 @@ class SpotLight(AimedLight):
         inner = float(np.cos(half * (1.0 - self.softness)))
         cone = float(np.cos(half)), max(inner, float(np.cos(half)) + 1e-6)
         centre = np.array([self.position_mm], np.float64)
-        return SubLights(POINT, self.position_mm, centre, self.intensity, 0.0, CONE, (x, y, z), cone)
+        return SubLights(POINT, self.position_mm, centre, self.intensity, 0.0, SHAPE_CONE, (x, y, z), cone)

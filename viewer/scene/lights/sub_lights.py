@@ -15,7 +15,7 @@ from milkglass.core.geometry.normals import across
 Vector = tuple[float, float, float]
 
 DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # kinds of light; the last has no sub-lights
-EVEN, SPHERE, FACE, CONE, BALL = range(5)  # shapes
+SHAPE_EVEN, SHAPE_SPHERE, SHAPE_FACE, SHAPE_CONE, SHAPE_BALL = range(5)
 GOLDEN_RATIO = 0.6180339887498949  # its fractional part; in turns, 1 less it is the golden angle
 PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out
 
@@ -37,13 +37,13 @@ class SubLights:
     cell : float
         Radius of the disc that has a sub-light's share of the light: radians or mm.
     shape : int
-        EVEN, SPHERE, FACE, CONE or BALL, a sphere in patches of its surface.
+        SHAPE_EVEN, SHAPE_SPHERE, SHAPE_FACE, SHAPE_CONE or SHAPE_BALL, a sphere in patches of its surface.
     axis : 3 floats
-        Unit direction in which a FACE or a CONE shines.
+        Unit direction in which a SHAPE_FACE or a SHAPE_CONE shines.
     cone : 2 floats
-        Cosines to the axis where a CONE is dark, and from where on it is not dimmed.
+        Cosines to the axis where a SHAPE_CONE is dark, and from where on it is not dimmed.
     radius : float
-        Of a SPHERE or a BALL, mm.
+        Of a SHAPE_SPHERE or a SHAPE_BALL, mm.
     """
 
     kind: int
@@ -51,7 +51,7 @@ class SubLights:
     vectors: Array
     colour: Vector
     cell: float
-    shape: int = EVEN
+    shape: int = SHAPE_EVEN
     axis: Vector = (0.0, 0.0, 1.0)
     cone: tuple[float, float] = (0.0, 1.0)
     radius: float = 0.0
@@ -67,13 +67,13 @@ class SubLights:
         towards = self.vectors[i] - points
         distance2 = np.maximum(np.einsum("ij,ij->i", towards, towards), 1e-12)
         along = -(towards @ np.array(self.axis)) / np.sqrt(distance2)
-        if self.shape == FACE:
+        if self.shape == SHAPE_FACE:
             return np.asarray(np.maximum(along, 0.0) / distance2)
-        if self.shape == CONE:
+        if self.shape == SHAPE_CONE:
             low, high = self.cone
             t = np.clip((along - low) / (high - low), 0.0, 1.0)
             return np.asarray(t * t * (3.0 - 2.0 * t) / distance2)
-        if self.shape == BALL:
+        if self.shape == SHAPE_BALL:
             normal = (self.vectors[i] - np.array(self.vector)) / self.radius
             return np.asarray(4.0 * np.maximum(-(towards @ normal), 0.0) / distance2**1.5)
         # A sphere: 2 (1 - cos a) / sin^2 a / d^2 at an angular radius a, sin a = radius / d (arrival_soft.glsl).

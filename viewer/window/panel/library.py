@@ -49,7 +49,7 @@ class LibraryList:
         self._filter()
         problem = None
         try:
-            own: own_materials.Materials = own_materials.own()
+            own: own_materials.Materials = own_materials.stored()
         except InputError as error:
             own, problem = (), str(error)
         found = library.found(self._only, self._search, own)

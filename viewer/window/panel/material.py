@@ -39,7 +39,7 @@ class MixturePanel:
         """Draw them in the current ImGui window."""
         self._other()
         material = self._session.scene.material
-        if material.other() is not None:
+        if material.admixture() is not None:
             self._controls.setting("material.mix_share", "Its share")
         self._controls.setting("material.water", "Water")
         if material.name in SOLIDS and material.water != 0.0:
@@ -47,7 +47,7 @@ class MixturePanel:
 
     def _other(self) -> None:
         controls, session = self._controls, self._session
-        other, name = session.scene.material.other(), session.scene.material.mix_with
+        other, name = session.scene.material.admixture(), session.scene.material.mix_with
         controls.begin_row("Mix with", True)
         if other is not None:
             side = imgui.get_frame_height()

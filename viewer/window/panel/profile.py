@@ -13,7 +13,7 @@ from milkglass.viewer.gui.controls import TYPE_HINT, Controls, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.scene.declaration import settings_of
-from milkglass.viewer.scene.material_settings import WAYS, MaterialSettings
+from milkglass.viewer.scene.material_settings import COMBINATIONS, MaterialSettings
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import origin_of
 
@@ -89,7 +89,7 @@ class ProfilePanel:
         origin = origin_of(self._session)
         start: dict[str, Any] = {}
         if origin is not None:
-            given = {key: getattr(origin, key) for key in (*WAYS[1], "eta")}
+            given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta")}
             given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
             start = given_by(MaterialSettings(**given), way)
         for i, channel in enumerate(channels):

@@ -23,7 +23,7 @@ def driver(context, model, monkeypatch, tmp_path):
 
 
 def names():
-    return [each.name for each in own_materials.own()]
+    return [each.name for each in own_materials.stored()]
 
 
 def listed(driver, key="material"):
@@ -82,7 +82,7 @@ def test_own_materials_go_through_files_and_a_broken_file_is_left_alone(driver, 
         driver.type(name)
         driver.key("enter")
         assert f"{name}: candle" in driver.app.messages[-1]
-    assert own_materials.read(tmp_path / "out.toml") == own_materials.own()
+    assert own_materials.read(tmp_path / "out.toml") == own_materials.stored()
     own_materials.file().write_text("[candle")
     driver.click("material.name")
     driver.frames(3)
