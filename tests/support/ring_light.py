@@ -27,6 +27,5 @@ class RingLight(AimedLight):
         angles, frame = 2.0 * np.pi * np.arange(count) / count, self.axes
         circle = self.radius_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ frame[:2]
         normal = tuple(frame[2].tolist())
-        return SubLights(
-            POINT, self.position_mm, self.position_mm + circle, self.intensity, self.tube_mm, SHAPE_FACE, normal
-        )
+        vectors = self.position_mm + circle
+        return SubLights(POINT, self.position_mm, vectors, self.intensity, self.tube_mm, SHAPE_FACE, normal)

@@ -15,7 +15,7 @@ from milkglass.viewer.scene.settings import CameraSettings
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
-    """Return the rotation from world to probe, (3, 3), row vectors: a probe turned by a about +y is read at R_y(-a) d."""
+    """Return the rotation from world to probe, (3, 3), row vectors: one turned by a about +y is read at R_y(-a) d."""
     # pyrr turns row vectors by the negative angle: v @ M = R_y(-a) v.
     return np.asarray(matrix33.create_from_y_rotation(np.radians(rotation_deg), dtype=np.float64))
 

@@ -33,11 +33,11 @@ def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[s
 
     Tables may be left out (`without`, their names). A file is its name and its `version`.
     """
-    moving_parts = frozenset(parts)
-    of_lights = tuple((light.KIND, *_values(light, moving_parts)) for light in scene.effective_lights())
+    moving = frozenset(parts)
+    of_lights = tuple((light.KIND, *_values(light, moving)) for light in scene.effective_lights())
     lit = () if all(len(light) == 1 for light in of_lights) else of_lights
     return (
-        *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving_parts)),
+        *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving)),
         lit,
     )
 

@@ -43,7 +43,7 @@ class Library(Mapping[str, Material]):
 
 
 def found(category: str = "all", search: str = "", stored: own_materials.Materials | None = None) -> list[Material]:
-    """Return the materials that a filter keeps and a search finds, one's own last; `stored` takes the place of the file's.
+    """Return the materials that a filter keeps and a search finds; `stored` replaces the own ones of the file, last.
 
     Raises
     ------

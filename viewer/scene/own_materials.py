@@ -117,9 +117,8 @@ def delete(name: str) -> None:
 def rename(name: str, new: str) -> None:
     """Give an own material another name, which none of the others has."""
     new = checked_name(new)
-    if any(
-        materials.key_of(candidate.name) == materials.key_of(new) for candidate in stored() if candidate.name != name
-    ):
+    rest = [candidate for candidate in stored() if candidate.name != name]
+    if any(materials.key_of(candidate.name) == materials.key_of(new) for candidate in rest):
         raise InputError(f'"{new}" is another of your materials; choose another name')
     _write(file(), [replace(candidate, name=new) if candidate.name == name else candidate for candidate in stored()])
 
@@ -226,8 +225,8 @@ def _content(material: Material) -> tuple[object, ...]:
 def _write(path: Path, stored_materials: Iterable[Material]) -> None:
     """Write a file of materials, whole or not at all."""
     document = {
-        candidate.name: {key: list(v) if isinstance(v := getattr(candidate, key), tuple) else v for key in KEYS}
-        for candidate in content
+        material.name: {key: list(v) if isinstance(v := getattr(material, key), tuple) else v for key in KEYS}
+        for material in stored_materials
     }
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
