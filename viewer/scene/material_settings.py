@@ -164,7 +164,7 @@ class MaterialSettings:
 
     @classmethod
     def of(cls, material: materials.Material, **values: Any) -> "MaterialSettings":
-        """Return settings of a material: its name if the library has it, else its coefficients, and values of other keys."""
+        """Return settings of a material: its name if the library has it, else its coefficients, and other values."""
         if material in materials.library():
             return cls(name=material.name, **values)
         return cls(sigma_s_prime=material.sigma_s_prime, sigma_a=material.sigma_a, eta=material.eta, **values)
