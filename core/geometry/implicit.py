@@ -1,8 +1,8 @@
-"""Implicit surfaces: a union of signed distance functions turned into a triangle mesh.
+"""Implicit surfaces: a union of signed distance functions, polygonised by marching cubes.
 
-The parts are evaluated only in blocks of the grid that they reach, marching cubes joins up the grid, and the
-vertices are then moved onto the surface itself and apart from each other: on a sheet two cells thick the
-interpolation of marching cubes and the differences of the grid are too coarse for shading.
+Primitives are evaluated only in blocks of the grid that they reach. The vertices are then projected onto the surface
+and relaxed along it: on a sheet two cells thick the interpolation of marching cubes and the differences of the grid
+are too coarse for shading.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,10 +20,10 @@ from milkglass.core.geometry.normals import vertex_normals
 Values = npt.NDArray[np.floating]
 Coordinates = npt.NDArray[np.floating]
 
-BLOCK = 6  # nodes along the side of a block
-BACKGROUND = np.float32(1e3)  # distance where no part reaches
+BLOCK_NODES = 6  # nodes along the side of a block
+BACKGROUND = np.float32(1e3)  # distance where no primitive reaches
 
-# The parts' distances are first-order estimates: away from the surface they may be this many times too large.
+# Distances of primitives are first-order estimates: away from the surface they may be this many times too large.
 STEEPNESS = 1.4
 
 # Corners of an octahedron: six values give the gradient and, as their mean, the value. A tetrahedron's four
@@ -31,20 +31,20 @@ STEEPNESS = 1.4
 OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
 
 
-# Share of the way to the mean of its neighbours that a vertex goes in one round; 1 would swing back and forth.
+# Relaxation factor towards the mean of the neighbours; 1 would oscillate.
 RELAXATION = np.float32(0.7)
 
 
 @dataclass(frozen=True)
-class Part:
-    """One solid of a union.
+class Primitive:
+    """One solid of a union, by its signed distance function.
 
     Attributes
     ----------
     distance : callable
         (3, n) coordinates to (n,) signed distances, negative inside; exact to first order near the surface.
     blend : float
-        Width of the fillet between this part and those before it, > 0.
+        Width of the fillet between the solid and the union of those before it, > 0.
     """
 
     distance: Callable[[Coordinates], Values]
@@ -59,26 +59,26 @@ def smooth_min(a: Values, b: Values, blend: float) -> Values:
 
 
 def smooth_max(a: Values, b: Values, blend: float) -> Values:
-    """Return the maximum of two distances with an edge rounded over the width `blend`."""
+    """Return the maximum of two distances with an edge rounded over the width `blend` (quadratic)."""
     h = np.maximum(np.float32(blend) - np.abs(a - b), np.float32(0.0))
     result: Values = np.maximum(a, b) + h * h * np.float32(0.25 / blend)
     return result
 
 
 def polygonise(
-    parts: Sequence[Part], low: npt.ArrayLike, high: npt.ArrayLike, spacing: float, rounds: int = 5
+    primitives: Sequence[Primitive], low: npt.ArrayLike, high: npt.ArrayLike, spacing: float, rounds: int = 5
 ) -> tuple[Array, Ints, Array]:
-    """Mesh of the union of `parts`.
+    """Return a triangle mesh of the union of `primitives`.
 
     Parameters
     ----------
-    parts : sequence of Part
+    primitives : sequence of Primitive
     low, high : (3,) arrays
         A box that holds the surface.
     spacing : float
-        Side of a grid cell; sheets should be thicker than 1.5 of them.
+        Side of a grid cell; sheets should be thicker than 1.5 cells.
     rounds : int
-        How often the vertices are spread evenly and moved back onto the surface.
+        Number of relaxations of the vertices, each followed by a projection onto the surface.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def polygonise(
     faces : (m, 3) int64, counter-clockwise seen from outside
     normals : (n, 3) float64, unit, outward: the gradient of the distance
     """
-    union = _Union(parts, np.asarray(low, np.float64), np.asarray(high, np.float64), spacing)
+    union = _Union(primitives, np.asarray(low, np.float64), np.asarray(high, np.float64), spacing)
     vertices, faces, _, _ = marching_cubes(union.grid(), 0.0, gradient_direction="descent")
     v = np.ascontiguousarray((union.low + vertices * spacing).T, np.float32)
     faces = faces.astype(np.int64)
@@ -99,80 +99,80 @@ def polygonise(
     v, _ = surface.project(v)
     v, gradients = surface.project(v)
     vertices, normals = v.T.astype(np.float64), gradients.T.astype(np.float64)
-    # On edges sharper than the grid the gradient of one vertex says little about its faces: ask them.
+    # On edges sharper than the grid the gradient of one vertex says little about its faces: their normals replace it.
     of_faces = vertex_normals(vertices, faces)
     sharp = np.einsum("ij,ij->i", normals, of_faces) < 0.8
     return vertices, faces, np.where(sharp[:, None], of_faces, normals)
 
 
 def _neighbour_sum(vertices: Coordinates, faces: Ints) -> Coordinates:
-    """Sum of the neighbours of each vertex of a closed mesh, where each directed edge belongs to one face."""
+    """Return the sum of the neighbours of each vertex of a closed mesh, where a directed edge belongs to one face."""
     corner, following = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     n = vertices.shape[1]
     return np.stack([np.bincount(corner, v[following], minlength=n) for v in vertices]).astype(np.float32)
 
 
 class _Union:
-    """The union of parts over a grid of blocks, and which parts reach which blocks."""
+    """A union of primitives over a grid of blocks, with the primitives that reach each block."""
 
-    def __init__(self, parts: Sequence[Part], low: Array, high: Array, spacing: float) -> None:
-        self.parts, self.low, self.spacing = parts, low, spacing
-        self.blocks = np.ceil(((high - low) / spacing + 1.0) / BLOCK).astype(np.int64)
+    def __init__(self, primitives: Sequence[Primitive], low: Array, high: Array, spacing: float) -> None:
+        self.primitives, self.low, self.spacing = primitives, low, spacing
+        self.blocks = np.ceil(((high - low) / spacing + 1.0) / BLOCK_NODES).astype(np.int64)
         index = np.stack(np.meshgrid(*map(np.arange, self.blocks), indexing="ij")).reshape(3, -1)
-        self.corners = (low[:, None] + index * (BLOCK * spacing)).astype(np.float32)
-        centres = self.corners + np.float32(0.5 * (BLOCK - 1) * spacing)
-        reach = STEEPNESS * 0.5 * np.sqrt(3.0) * BLOCK * spacing
-        self.reaches: list[Bools] = [part.distance(centres) < reach + part.blend for part in parts]
+        self.corners = (low[:, None] + index * (BLOCK_NODES * spacing)).astype(np.float32)
+        centres = self.corners + np.float32(0.5 * (BLOCK_NODES - 1) * spacing)
+        reach = STEEPNESS * 0.5 * np.sqrt(3.0) * BLOCK_NODES * spacing
+        self.reaches: list[Bools] = [primitive.distance(centres) < reach + primitive.blend for primitive in primitives]
 
     def grid(self) -> Values:
-        """Distances at all nodes, negative inside."""
-        steps = np.arange(BLOCK, dtype=np.float32) * np.float32(self.spacing)
+        """Return the distance at all nodes, negative inside."""
+        steps = np.arange(BLOCK_NODES, dtype=np.float32) * np.float32(self.spacing)
         offsets = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).reshape(3, 1, -1)
-        values = np.full((self.corners.shape[1], BLOCK**3), BACKGROUND)
-        for part, reached in zip(self.parts, self.reaches, strict=True):
+        values = np.full((self.corners.shape[1], BLOCK_NODES**3), BACKGROUND)
+        for primitive, reached in zip(self.primitives, self.reaches, strict=True):
             points = self.corners[:, reached, None] + offsets
-            distance = part.distance(points.reshape(3, -1)).reshape(-1, BLOCK**3)
-            values[reached] = smooth_min(values[reached], distance, part.blend)
+            distance = primitive.distance(points.reshape(3, -1)).reshape(-1, BLOCK_NODES**3)
+            values[reached] = smooth_min(values[reached], distance, primitive.blend)
         # A node exactly on the surface makes faces without area.
         values[np.abs(values) < 1e-3 * self.spacing] = 1e-3 * self.spacing
         a, b, c = self.blocks
-        cubes = values.reshape(a, b, c, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
-        volume = np.ascontiguousarray(cubes.reshape(a * BLOCK, b * BLOCK, c * BLOCK))
-        # Fill the bubbles that parts enclose where they run together: nobody sees them, and they scatter light.
+        cubes = values.reshape(a, b, c, BLOCK_NODES, BLOCK_NODES, BLOCK_NODES).transpose(0, 3, 1, 4, 2, 5)
+        volume = np.ascontiguousarray(cubes.reshape(a * BLOCK_NODES, b * BLOCK_NODES, c * BLOCK_NODES))
+        # Bubbles that primitives enclose where they meet are filled: they are not visible, but would scatter light.
         air = label(volume > 0.0, connectivity=1)
         bubbles = (air > 0) & (air != air[0, 0, 0])
         volume[bubbles] *= -1.0
         return volume
 
     def near(self, points: Coordinates) -> "_Surface":
-        """Sort out which parts matter at points less than a cell from the surface."""
-        cell = np.floor((points.T - self.low) / (BLOCK * self.spacing)).astype(np.int64)
+        """Return the surface near points (3, n) less than a cell from it, with the primitives that matter at each."""
+        cell = np.floor((points.T - self.low) / (BLOCK_NODES * self.spacing)).astype(np.int64)
         cell = np.clip(cell, 0, self.blocks - 1)
         block = (cell[:, 0] * self.blocks[1] + cell[:, 1]) * self.blocks[2] + cell[:, 2]
         members = []
-        for part, reached in zip(self.parts, self.reaches, strict=True):
+        for primitive, reached in zip(self.primitives, self.reaches, strict=True):
             near = np.flatnonzero(reached[block])
-            distance = part.distance(points[:, near])
-            members.append(near[distance < part.blend + 3.0 * self.spacing])
-        return _Surface(self.parts, members, self.spacing)
+            distance = primitive.distance(points[:, near])
+            members.append(near[distance < primitive.blend + 3.0 * self.spacing])
+        return _Surface(self.primitives, members, self.spacing)
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """The zero of the union; `members` are, by part, the points where the part matters."""
+    """Zero level of a union at given points; `members` holds, for each primitive, the points where it matters."""
 
-    parts: Sequence[Part]
+    primitives: Sequence[Primitive]
     members: list[Ints]
     spacing: float
 
     def project(self, points: Coordinates) -> tuple[Coordinates, Coordinates]:
-        """One Newton step towards the surface; returns the points, (3, n), and the unit gradients before it."""
+        """Move points (3, n) by one Newton step towards the surface; return them and the unit gradients before it."""
         step = np.float32(0.05 * self.spacing)
         values = np.full((6, points.shape[1]), BACKGROUND)
-        for part, member in zip(self.parts, self.members, strict=True):
+        for primitive, member in zip(self.primitives, self.members, strict=True):
             stencil = points[:, None, member] + step * OCTAHEDRON.T[:, :, None]
-            distance = part.distance(stencil.reshape(3, -1)).reshape(6, -1)
-            values[:, member] = smooth_min(values[:, member], distance, part.blend)
+            distance = primitive.distance(stencil.reshape(3, -1)).reshape(6, -1)
+            values[:, member] = smooth_min(values[:, member], distance, primitive.blend)
         gradient = OCTAHEDRON.T @ values / (2.0 * step)
         length = np.maximum(np.sqrt((gradient * gradient).sum(axis=0)), np.float32(1e-3))
         normals = gradient / length

@@ -1,8 +1,8 @@
-"""Arrays of a triangle mesh: placing it in world space, welding, degenerate faces and flaws.
+"""Arrays of a triangle mesh: placement in world space, welding, degenerate faces and flaws.
 
-Everything takes and returns plain arrays: vertices (n, 3), faces (m, 3), counter-clockwise seen from outside.
+Functions take and return plain arrays: vertices (n, 3), faces (m, 3), counter-clockwise seen from outside.
 Work is done in float64 and cast to float32 only when a `Mesh` is made, so that a model stored far from the
-origin keeps its precision. Normals are the business of `core.geometry.normals`.
+origin keeps its precision. Normals are computed in `core.geometry.normals`.
 """
 
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class Mesh:
 
     @classmethod
     def of(cls, vertices: npt.ArrayLike, normals: npt.ArrayLike, faces: npt.ArrayLike) -> "Mesh":
-        """Make a mesh of arrays of any dtype; float64 is rounded to float32 here and nowhere before."""
+        """Return a mesh of arrays of any dtype; float64 is rounded to float32 here and nowhere before."""
         return cls(np.asarray(vertices, np.float32), np.asarray(normals, np.float32), np.asarray(faces, np.int32))
 
     @computed_once
@@ -84,18 +84,18 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Flaws:
-    """What keeps a mesh from being the boundary of a solid; `flaws` finds them.
+    """Flaws that keep a mesh from being the boundary of a solid, as `flaws` finds them.
 
     Attributes
     ----------
     boundary_edges : int
-        Edges of one face only: the rim of a hole or of an open sheet.
+        Number of edges of one face only: the rim of a hole or of an open sheet.
     non_manifold_edges : int
-        Edges shared by more than two faces.
+        Number of edges shared by more than two faces.
     inconsistent_edges : int
-        Edges of two faces that run through it the same way: one of the two is inside out.
+        Number of edges that two faces traverse in the same direction: one of the two is inside out.
     inverted : bool
-        Closed, but with a negative signed volume: the faces look inwards.
+        Whether it is closed, but with a negative signed volume: the faces look inwards.
     """
 
     boundary_edges: int
@@ -105,17 +105,17 @@ class Flaws:
 
     @property
     def closed(self) -> bool:
-        """No boundary edge (non-manifold edges may still be there)."""
+        """Whether the mesh has no boundary edge; non-manifold edges are allowed."""
         return self.boundary_edges == 0
 
     @property
     def solid(self) -> bool:
-        """Closed, 2-manifold along every edge, consistently wound, outward."""
+        """Whether the mesh is closed, 2-manifold along every edge, and consistently wound outwards."""
         return self == Flaws(0, 0, 0, False)
 
 
 def up_rotation(up: str) -> Array:
-    """Proper rotation R, (3, 3) float64, that turns the axis `up` to +y: v_world = R v.
+    """Return the proper rotation R, (3, 3) float64, that turns the axis `up` to +y: v_world = R v.
 
     "x" and "-x" turn about z, "z" and "-z" about x, "-y" half a turn about z. Never a mirror: det R = +1.
     """
@@ -134,7 +134,7 @@ def up_rotation(up: str) -> Array:
 
 
 def check_size(size_mm: float) -> float:
-    """`size_mm` as a float; `InputError` unless it is finite and > 0."""
+    """Return `size_mm` as a float; raise `InputError` unless it is finite and > 0."""
     size = float(size_mm)
     if not (np.isfinite(size) and size > 0.0):
         raise InputError(f"model.size_mm must be a finite length above 0 mm, not {size_mm}.")
@@ -142,7 +142,7 @@ def check_size(size_mm: float) -> float:
 
 
 def place_in_world(vertices: npt.ArrayLike, size_mm: float, up: str = "y") -> Array:
-    """Turn `up` to +y, centre the bounding box at the origin, scale its longest side to `size_mm`.
+    """Return vertices in world space: `up` turned to +y, the bounding box centred, its longest side `size_mm`.
 
     Parameters
     ----------
@@ -168,16 +168,16 @@ def place_in_world(vertices: npt.ArrayLike, size_mm: float, up: str = "y") -> Ar
 
 
 def face_cross(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> Array:
-    """Cross product of two sides of each face, (m, 3) float64: along its normal, twice its area long."""
+    """Return the cross product of two sides of each face, (m, 3) float64: along its normal, twice its area long."""
     v = vertices.astype(np.float64, copy=False)
     origin = v[faces[:, 0]]
     return np.cross(v[faces[:, 1]] - origin, v[faces[:, 2]] - origin)
 
 
 def signed_volume(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> float:
-    """Volume enclosed by a closed mesh, negative if its faces look inwards, in the cube of the unit."""
+    """Return the volume enclosed by a closed mesh, negative if its faces look inwards, in the cube of the unit."""
     v = vertices.astype(np.float64, copy=False)
-    # About the mean, not the origin: less cancellation, and the least arbitrary answer for an open mesh.
+    # About the mean, not the origin: less cancellation, and for an open mesh a result independent of its place.
     return float(np.einsum("ij,ij->", v[faces[:, 0]] - v.mean(axis=0), face_cross(v, faces)) / 6.0)
 
 
@@ -189,7 +189,7 @@ def position_groups(vertices: npt.NDArray[np.floating]) -> tuple[Ints, Ints]:
     first : (k,) int64
         The first vertex of each group, ascending, so that the order of the vertices is kept.
     group : (n,) int64
-        The group of each vertex: vertices[first[group]] are the vertices again, to the welding tolerance.
+        The group of each vertex: vertices[first[group]] equals vertices within the welding tolerance.
     """
     v = vertices.astype(np.float64, copy=False)
     low = v.min(axis=0)
@@ -200,7 +200,7 @@ def position_groups(vertices: npt.NDArray[np.floating]) -> tuple[Ints, Ints]:
 
 
 def group_keys(key: Ints) -> tuple[Ints, Ints]:
-    """Group equal keys, (n,) int64; returns as `position_groups`."""
+    """Group equal keys, (n,) int64; return `first` and `group` as `position_groups` does."""
     _, first, group = np.unique(key, return_index=True, return_inverse=True)
     by_appearance = np.argsort(first)
     rank = np.empty_like(by_appearance)
@@ -209,20 +209,20 @@ def group_keys(key: Ints) -> tuple[Ints, Ints]:
 
 
 def weld(vertices: Array, faces: npt.NDArray[np.integer]) -> tuple[Array, Ints]:
-    """Merge the vertices that share a position; the first of each stays, in the order given."""
+    """Return vertices and faces with the vertices that share a position merged into the first of them, in order."""
     first, group = position_groups(vertices)
     return vertices[first], group[faces]
 
 
 def repeats_vertex(faces: npt.NDArray[np.integer]) -> Bools:
-    """Which faces, (m,) bool, use a vertex twice."""
+    """Return a mask (m,) of the faces that use a vertex twice."""
     a, b, c = faces.T
     repeats: Bools = (a == b) | (b == c) | (c == a)
     return repeats
 
 
 def has_no_area(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> Bools:
-    """Which faces, (m,) bool, have three collinear or coinciding vertices."""
+    """Return a mask (m,) of the faces with three collinear or coinciding vertices."""
     v = vertices.astype(np.float64, copy=False)
     sides = v[faces[:, [1, 2, 0]]] - v[faces]
     longest_squared = np.einsum("ijk,ijk->ij", sides, sides).max(axis=1)
@@ -237,7 +237,7 @@ def drop_degenerate(vertices: npt.NDArray[np.floating], faces: Ints) -> Ints:
 
 
 def compact(faces: npt.NDArray[np.integer], n: int) -> tuple[Ints, Ints]:
-    """Leave out vertices that no face uses: indices of those of n in use, (k,), and renumbered faces."""
+    """Return the indices (k,) of those of n vertices that a face uses, and the faces renumbered to them."""
     used = np.zeros(n, bool)
     used[faces] = True
     return np.flatnonzero(used).astype(np.int64), (np.cumsum(used) - 1)[faces].astype(np.int64)
@@ -253,9 +253,9 @@ def half_edges(faces: npt.NDArray[np.integer], n: int) -> tuple[Ints, Ints, Ints
     order : (3m,) int64
         Sides, edge by edge.
     starts, counts : (e,) int64
-        Where in `order` each edge starts, and how many sides it has.
+        Start of each edge in `order`, and its number of sides.
     forward : (3m,) bool
-        By side, not by order: it runs from the lower to the higher vertex index.
+        By side, not by order: whether it runs from the lower to the higher vertex index.
     """
     tail = faces.ravel().astype(np.int64)
     head = faces[:, [1, 2, 0]].ravel().astype(np.int64)
@@ -268,12 +268,12 @@ def half_edges(faces: npt.NDArray[np.integer], n: int) -> tuple[Ints, Ints, Ints
 
 
 def flaws(mesh: Mesh) -> Flaws:
-    """Find the flaws of a mesh; vertices that were split for their normals count as one."""
+    """Return the flaws of a mesh; vertices that were split for their normals count as one."""
     return find_flaws(*weld(mesh.vertices.astype(np.float64), mesh.faces))
 
 
 def find_flaws(vertices: Array, faces: npt.NDArray[np.integer]) -> Flaws:
-    """Find the flaws of welded vertices and faces; faces that repeat a vertex do not count."""
+    """Return the flaws of welded vertices and faces; faces that repeat a vertex do not count."""
     faces = faces[~repeats_vertex(faces)]
     if len(faces) == 0:
         return Flaws(0, 0, 0, False)
@@ -289,6 +289,6 @@ def find_flaws(vertices: Array, faces: npt.NDArray[np.integer]) -> Flaws:
 
 
 def longest_side(mesh: Mesh) -> float:
-    """Longest side of the bounding box, mm."""
+    """Return the longest side of the bounding box, mm."""
     low, high = mesh.bounds
     return float((high - low).max())

@@ -17,13 +17,13 @@ CREASE_DEG = 60.0
 # 2 area / longest side^2 below which float32 rounding of a file decides where the normal of a face points.
 SLIVER = 1e-5
 
-# Shares no angle: keeps a sliver from outvoting its neighbours with its angle of 180 degrees, yet gives a
-# vertex that has nothing but slivers a normal.
+# Factor on the weight of a sliver: its angle of 180 degrees must not outweigh its neighbours, yet a vertex of
+# slivers alone needs a normal.
 SLIVER_WEIGHT = 1e-6
 
 
 def unit(vectors: Array) -> Array:
-    """Scale each row, (n, 3), to length 1; rows of length 0 stay 0."""
+    """Return rows (n, 3) scaled to length 1; rows of length 0 stay 0."""
     # By the largest component first: squares of very small or large rows would leave float64.
     largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
     scaled = np.divide(vectors, largest, out=np.zeros_like(vectors), where=largest > 0.0)
@@ -33,7 +33,10 @@ def unit(vectors: Array) -> Array:
 
 
 def across(axes: Array) -> tuple[Array, Array]:
-    """Two unit vectors across each axis, (n, 3), and across each other: the same ones for the same axis."""
+    """Return two unit vectors, (n, 3) each, that complete each axis to a right-handed orthonormal frame.
+
+    They depend on the axis alone.
+    """
     first = np.cross(np.eye(3)[np.abs(axes).argmin(axis=1)], axes)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return first, np.cross(axes, first)
@@ -42,7 +45,7 @@ def across(axes: Array) -> tuple[Array, Array]:
 def crease_normals(
     vertices: Array, faces: npt.NDArray[np.integer], crease_deg: float = CREASE_DEG
 ) -> tuple[Array, Array, Ints]:
-    """Angle-weighted normals; vertices at a crease are split, one copy a smoothing group.
+    """Return a mesh with angle-weighted normals; vertices at a crease are split, one copy a smoothing group.
 
     Parameters
     ----------
@@ -54,7 +57,7 @@ def crease_normals(
     Returns
     -------
     vertices : (k, 3) float64
-        The vertices in use, in the order given; the further copies of split ones stand at the end.
+        The vertices in use, in the order given; further copies of split vertices come last.
     normals : (k, 3) float64, unit
     faces : (m, 3) int64, the same faces in the same order
     """
@@ -72,7 +75,7 @@ def crease_normals(
 
 
 def vertex_normals(vertices: Array, faces: npt.NDArray[np.integer]) -> Array:
-    """Angle-weighted unit normals, (n, 3) float64, of vertices shared as `faces` shares them.
+    """Return angle-weighted unit normals, (n, 3) float64, of vertices shared as `faces` shares them.
 
     A vertex whose faces cancel out (or that has none) takes the normal of one of them (or +y).
     """
@@ -81,7 +84,7 @@ def vertex_normals(vertices: Array, faces: npt.NDArray[np.integer]) -> Array:
     sides = vertices[faces[:, [1, 2, 0]]] - vertices[faces]
     twice_area = np.linalg.norm(cross, axis=1)
     longest_squared = np.einsum("ijk,ijk->ij", sides, sides).max(axis=1)
-    # The angle between the side that leaves a corner and the one that arrives, turned round.
+    # The angle between the side that leaves a corner and the reverse of the side that arrives.
     cosines = -np.einsum("ijk,ijk->ij", sides, sides[:, [2, 0, 1]])
     weights = np.arctan2(twice_area[:, None], cosines)
     weights[twice_area < SLIVER * longest_squared] *= SLIVER_WEIGHT
@@ -91,14 +94,14 @@ def vertex_normals(vertices: Array, faces: npt.NDArray[np.integer]) -> Array:
         total[:, axis] = np.bincount(corner, share, minlength=len(vertices))
     cancelled = np.linalg.norm(total, axis=1) < 1e-9 * SLIVER_WEIGHT
     if cancelled.any():
-        instead = np.tile([0.0, 1.0, 0.0], (len(vertices), 1))
-        instead[corner] = np.repeat(face_normals, 3, axis=0)
-        total[cancelled] = instead[cancelled]
+        fallback = np.tile([0.0, 1.0, 0.0], (len(vertices), 1))
+        fallback[corner] = np.repeat(face_normals, 3, axis=0)
+        total[cancelled] = fallback[cancelled]
     return unit(total)
 
 
 def _smoothing_groups(faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float) -> Ints:
-    """Smoothing group of each corner, (3m,): its vertex, or n + a corner for further copies of it."""
+    """Return the smoothing group of each corner, (3m,): its vertex, or n + a corner for a further copy."""
     corner_vertex = faces.ravel().astype(np.int64)
     links, all_smooth = _smooth_links(faces, n, face_normals, crease_deg)
     if all_smooth.all():
@@ -109,7 +112,7 @@ def _smoothing_groups(faces: npt.NDArray[np.integer], n: int, face_normals: Arra
     local[corners] = np.arange(len(corners))
     links = links[~all_smooth[corner_vertex[links[:, 0]]]]
     root = corners[_components(len(corners), local[links])]
-    # The group of a vertex' first corner keeps the vertex' own number.
+    # The group of a vertex' first corner is the vertex itself.
     first = np.full(n, len(corner_vertex))
     np.minimum.at(first, corner_vertex[corners], root)
     group = corner_vertex.copy()
@@ -118,13 +121,13 @@ def _smoothing_groups(faces: npt.NDArray[np.integer], n: int, face_normals: Arra
 
 
 def _smooth_links(faces: npt.NDArray[np.integer], n: int, face_normals: Array, crease_deg: float) -> tuple[Ints, Bools]:
-    """Pairs of corners, (p, 2), that an edge joins smoothly; which vertices, (n,), have no other edges."""
+    """Return pairs of corners (p, 2) that an edge joins smoothly, and a mask (n,) of vertices with such edges alone."""
     order, starts, counts, forward = half_edges(faces, n)
     edge = np.repeat(np.arange(len(starts)), counts)
     smooth_pairs = np.zeros(len(starts), np.int64)
     links = []
     # Sides of one edge, `step` apart in the order: 1 for a plain edge, more where several faces meet, such as
-    # the two sheets of a double-sided leaf. Beyond 7 nobody can tell what is meant.
+    # the two sheets of a double-sided leaf. Beyond 7 the grouping is ambiguous.
     for step in range(1, min(int(counts.max()), 8)):
         lead = np.flatnonzero(edge[step:] == edge[:-step])
         a, b = order[lead], order[lead + step]
@@ -143,12 +146,12 @@ def _smooth_links(faces: npt.NDArray[np.integer], n: int, face_normals: Array, c
 
 
 def _end(side: Ints) -> Ints:
-    """Return the corner at which a side ends; it starts at the corner of its own number."""
+    """Return the corner at which a side ends; side h starts at corner h."""
     return side + np.where(side % 3 == 2, -2, 1)
 
 
 def _components(n: int, links: Ints) -> Ints:
-    """Label n nodes, (n,), with the lowest node that links, (p, 2), connect them to."""
+    """Return labels of n nodes, (n,): the lowest node that links (p, 2) connect each to."""
     label = np.arange(n)
     while True:
         low = np.minimum(label[links[:, 0]], label[links[:, 1]])

@@ -1,6 +1,6 @@
-"""A mesh with more vertices on the same surface: for values that are known at vertices and interpolated between.
+"""Refinement of a mesh on its own surface, for values that are known at vertices and interpolated between them.
 
-Every edge that is longer than wanted is halved, until none is. Each edge decides for itself, by its two ends alone, so
+Every edge longer than a limit is halved, until none is. Whether an edge is halved depends on its two ends alone, so
 that the faces on both sides of it agree and no crack opens, across duplicated vertices too.
 """
 
@@ -16,7 +16,7 @@ from milkglass.core.geometry.mesh import Mesh
 
 Ints = npt.NDArray[np.int32]
 
-MOST_FACES = 200_000  # more are not made; the mesh itself may have any number
+MAX_FACES = 200_000  # limit of refinement; the mesh itself may have more
 # Corners (0, 1, 2) and middles of the edges from them to the next (3, 4, 5) of the pieces, by which edges are halved.
 _BITS = np.array([1, 2, 4], np.uint8)
 _PIECES: dict[tuple[bool, bool, bool], tuple[tuple[int, int, int], ...]] = {
@@ -31,26 +31,26 @@ _PIECES: dict[tuple[bool, bool, bool], tuple[tuple[int, int, int], ...]] = {
 }
 
 
-def _into(pieces: tuple[tuple[int, int, int], ...]) -> tuple[npt.NDArray[np.float32], ...]:
-    """Matrices that take barycentric coordinates (3, n) of a face to those of each of its pieces."""
+def _piece_matrices(pieces: tuple[tuple[int, int, int], ...]) -> tuple[npt.NDArray[np.float32], ...]:
+    """Return matrices that take barycentric coordinates (3, n) of a face to those of each of its pieces."""
     places = np.concatenate([np.eye(3), 0.5 * (np.eye(3) + np.roll(np.eye(3), 1, axis=1))])
     return tuple(np.linalg.inv(places[list(piece)]).T.astype(np.float32) for piece in pieces)
 
 
-_INTO = {int(np.dot(halved, _BITS)): _into(pieces) for halved, pieces in _PIECES.items()}
+_PIECE_MATRICES = {int(np.dot(halved, _BITS)): _piece_matrices(pieces) for halved, pieces in _PIECES.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Faces of one step of refinement.
+    """Faces before one step of refinement.
 
     Attributes
     ----------
     faces : (m, 3) int32
     first : (m,) int64
-        Index of the first piece of each in the next level; the others follow.
+        Index of the first piece of each face in the next level; its other pieces follow.
     halved : (m,) uint8
-        Which edges are halved, a bit each; empty in the last level.
+        Bit mask of the halved edges; empty in the last level.
     """
 
     faces: Ints
@@ -60,17 +60,17 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """A mesh and what became of its faces.
+    """A refined mesh with the history of its faces.
 
     Attributes
     ----------
     mesh : Mesh
-        The first vertices are those of the original. Normals of the others are means of two, as interpolation between
-        the ends would have them, not normalised.
+        The vertices of the original come first. Normals of new vertices are means of those of the ends, as linear
+        interpolation gives them, not normalised.
     sources : (n,) int32
-        An original vertex of the same part for each vertex.
+        For each vertex, an original vertex of the same component.
     levels : of Level
-        Every step, the original first.
+        Faces of every step, the original first.
     """
 
     mesh: Mesh
@@ -78,46 +78,46 @@ class Refined:
     levels: tuple[Level, ...]
 
     def locate(self, points: npt.NDArray[np.floating], faces: Ints) -> tuple[Ints, npt.NDArray[np.float32]]:
-        """Vertices (n, 3) and weights (n, 3) that interpolate at points (n, 3) which lie on original faces (n,)."""
-        at = np.asarray(faces, np.int64)
+        """Return vertices (n, 3) and weights (n, 3) that interpolate at points (n, 3) on original faces (n,)."""
+        current = np.asarray(faces, np.int64)
         # Coordinates by rows: columns of three are several times slower.
-        weights = self._of_faces(np.asarray(points), at)
+        weights = self._of_faces(np.asarray(points), current)
         for level in self.levels:
             if len(level.halved) == 0:
                 break
-            cases, at = level.halved[at], level.first[at]
+            cases, current = level.halved[current], level.first[current]
             for case in np.flatnonzero(np.bincount(cases, minlength=8)).tolist():
                 if case == 0:
                     continue
                 rows: Any = slice(None) if (of_case := cases == case).all() else np.flatnonzero(of_case)
                 face_weights = weights[:, rows]
-                pieces, of_pieces = np.zeros(face_weights.shape[1], np.int64), _INTO[case][0] @ face_weights
+                pieces, of_pieces = np.zeros(face_weights.shape[1], np.int64), _PIECE_MATRICES[case][0] @ face_weights
                 inside = of_pieces.min(axis=0)
-                for piece, into in enumerate(_INTO[case][1:], start=1):
-                    candidates = into @ face_weights
+                for piece, matrix in enumerate(_PIECE_MATRICES[case][1:], start=1):
+                    candidates = matrix @ face_weights
                     smallest = candidates.min(axis=0)
                     better = smallest > inside
                     np.copyto(pieces, piece, where=better)
                     np.copyto(of_pieces, candidates, where=better)
                     np.copyto(inside, smallest, where=better)
-                at[rows] += pieces
+                current[rows] += pieces
                 weights[:, rows] = of_pieces
         np.maximum(weights, 0.0, out=weights)
         weights /= weights.sum(axis=0)
-        return self.levels[-1].faces[at], np.ascontiguousarray(weights.T)
+        return self.levels[-1].faces[current], np.ascontiguousarray(weights.T)
 
     def _of_faces(self, points: npt.NDArray[np.floating], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
-        """Barycentric coordinates (3, n) of points in the original faces that they lie on."""
+        """Return barycentric coordinates (3, n) of points in the original faces that they lie on."""
         corners = self.levels[0].faces
         a, b, c = (self.mesh.vertices[corners[:, i]].astype(np.float64) for i in range(3))
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)[:, None]
-        to, weights = (
+        offset, weights = (
             np.asarray(points - a.astype(np.float32)[faces], np.float32),
             np.empty((3, len(faces)), np.float32),
         )
-        np.einsum("ij,ij->i", to, np.cross(c - a, normal).astype(np.float32)[faces], out=weights[1])
-        np.einsum("ij,ij->i", to, np.cross(normal, b - a).astype(np.float32)[faces], out=weights[2])
+        np.einsum("ij,ij->i", offset, np.cross(c - a, normal).astype(np.float32)[faces], out=weights[1])
+        np.einsum("ij,ij->i", offset, np.cross(normal, b - a).astype(np.float32)[faces], out=weights[2])
         weights[0] = 1.0 - weights[1] - weights[2]
         return weights
 
@@ -125,7 +125,7 @@ class Refined:
 def interpolated(
     corners: Ints, weights: npt.NDArray[np.float32], values: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
-    """Values of the vertices (m, k) at n places, (n, k), by what `Refined.locate` says of them."""
+    """Return values of vertices (m, k) interpolated at n points, (n, k), with what `Refined.locate` returns."""
     # A sparse product takes a third of the time of three lookups.
     rows = np.arange(0, corners.size + 1, 3, dtype=np.int32)
     matrix = csr_matrix((weights.ravel(), corners.ravel(), rows), shape=(len(corners), len(values)))
@@ -133,9 +133,9 @@ def interpolated(
 
 
 def refined(mesh: Mesh, longest: float) -> Refined:
-    """Halve edges until none is longer than `longest` (mm, > 0), or as near to it as MOST_FACES allow."""
+    """Return the mesh with edges halved until none is longer than `longest` (mm, > 0), as far as MAX_FACES allow."""
     # A piece of longest edge s has an area of about s^2 / 4.
-    longest = max(longest, 2.0 * float(np.sqrt(mesh.area / MOST_FACES)))
+    longest = max(longest, 2.0 * float(np.sqrt(mesh.area / MAX_FACES)))
     vertices, normals, faces = mesh.vertices, mesh.normals, mesh.faces
     sources = np.arange(len(vertices), dtype=np.int32)
     levels = []
@@ -161,23 +161,23 @@ def refined(mesh: Mesh, longest: float) -> Refined:
 
 
 def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np.int64]]:
-    """Cut faces, by corners and middles (m, 6), where edges are long (m, 3): the pieces, and each face's first."""
+    """Return the pieces of faces, given by corners and middles (m, 6), cut at long edges (m, 3), and their starts."""
     count = 1 + long.sum(axis=1)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     pieces = np.empty((first[-1], 3), np.int32)
-    for halved, parts in _PIECES.items():
+    for halved, pieces_of_case in _PIECES.items():
         rows = np.flatnonzero((long == halved).all(axis=1))
-        for i, part in enumerate(parts):
-            pieces[first[rows] + i] = six[rows][:, part]
+        for i, piece in enumerate(pieces_of_case):
+            pieces[first[rows] + i] = six[rows][:, piece]
     return pieces, first
 
 
 def barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: npt.NDArray[np.floating]) -> Array:
-    """Barycentric coordinates (n, 3) of points in the planes of faces, by their corners (n, 3)."""
+    """Return barycentric coordinates (n, 3) of points in the planes of faces, given by their corners (n, 3)."""
     a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)
     size = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
-    to = points - a
-    second = np.einsum("ij,ij->i", np.cross(to, c - a), normal) / size
-    third = np.einsum("ij,ij->i", np.cross(b - a, to), normal) / size
+    offset = points - a
+    second = np.einsum("ij,ij->i", np.cross(offset, c - a), normal) / size
+    third = np.einsum("ij,ij->i", np.cross(b - a, offset), normal) / size
     return np.stack([1.0 - second - third, second, third], axis=1)

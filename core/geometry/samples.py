@@ -1,6 +1,6 @@
 """Surface samples: points on the whole surface that carry its irradiance into the layers.
 
-Faces are halved across their longest edge until no edge is longer than the wanted spacing; a sample is the centroid
+Faces are halved across their longest edge until no edge is longer than the spacing; a sample is the centroid
 of such a piece and carries its exact area, so that flux is conserved whatever the mesh. Regular samples of this kind
 miss the deposited flux of a scan ten times less than as many random ones (0.8 % against 14 % rms over a neighbourhood
 of 128 texels across, 140k samples on the dragon), and long thin faces are covered as well as compact ones.
@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from milkglass.core.geometry.mesh import Mesh
 
-MAX_SAMPLES = 2_000_000  # beyond this the spacing is widened: memory, and no picture needs more
+MAX_SAMPLES = 2_000_000  # beyond it the spacing is widened: memory, and no picture needs more
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSamples:
-    """Points with the surface they stand for.
+    """Surface samples: points with the normals and areas of the pieces that they stand for.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class SurfaceSamples:
     areas : (n,) float32
         mm^2; they sum to the area of the mesh.
     faces : (n,) int32
-        The face of the mesh that each lies on; empty where samples were not made from faces.
+        Face of the mesh that each sample lies on; empty where samples were not made from faces.
     """
 
     points: npt.NDArray[np.float32]
@@ -42,9 +42,9 @@ class SurfaceSamples:
 
 
 def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
-    """Cover a mesh with samples whose pieces have no edge longer than `spacing` (mm, > 0).
+    """Return samples that cover a mesh, whose pieces have no edge longer than `spacing` (mm, > 0).
 
-    At most about `MAX_SAMPLES` come back unless the mesh itself has more faces: the spacing is widened to fit.
+    There are at most about `MAX_SAMPLES` unless the mesh itself has more faces: the spacing is widened to fit.
     """
     corners = mesh.vertices[mesh.faces]  # (m, 3 corners, 3)
     normals, faces = mesh.normals[mesh.faces], np.arange(len(mesh.faces), dtype=np.int32)
@@ -75,12 +75,12 @@ def surface_samples(mesh: Mesh, spacing: float) -> SurfaceSamples:
 
 
 def _sums(corners: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Sums over the three corners: (n, 3 corners, 3) -> (n, 3)."""
+    """Return sums over the three corners: (n, 3 corners, 3) -> (n, 3)."""
     return np.asarray(corners[:, 0] + corners[:, 1] + corners[:, 2])
 
 
 def _longest_edges(corners: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
-    """Which edge of each triangle is longest (edge i runs from corner i to i + 1), and its length."""
+    """Return the longest edge of each triangle (edge i runs from corner i to i + 1), and its length."""
     a, b, c = np.moveaxis(corners, 1, 0)
     squares = [np.einsum("ni,ni->n", side, side) for side in (b - a, c - b, a - c)]
     longest = np.maximum(np.maximum(squares[0], squares[1]), squares[2])
@@ -89,7 +89,7 @@ def _longest_edges(corners: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int
 
 
 def _halve(values: npt.NDArray[np.float32], edge: npt.NDArray[np.intp]) -> npt.NDArray[np.float32]:
-    """Split triangles at the middle of the given edge; `values` (n, 3 corners, 3) -> (2 n, 3 corners, 3)."""
+    """Return triangles split at the middle of the given edge: `values` (n, 3 corners, 3) -> (2 n, 3 corners, 3)."""
     rows = np.arange(len(edge))
     a, b, c = (values[rows, (edge + i) % 3] for i in range(3))
     middle = 0.5 * (a + b)

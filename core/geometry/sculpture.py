@@ -1,6 +1,6 @@
-"""The built-in sculpture: a bloom on a lantern, computed, nobody's but ours.
+"""The built-in sculpture: a bloom on a lantern, computed.
 
-It is made to show translucency: petals of 2 % of its size that glow when lit from behind, beside a seed head
+It shows translucency: petals of 2 % of its size that glow when lit from behind, beside a seed head
 and a foot that stay solid; seeds, stamens and beads for detail that light softens; a woven lantern with a
 pearl in it. About 1 wide and high, y up, front +z.
 """
@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from milkglass.core.arrays import Array
-from milkglass.core.geometry.implicit import Coordinates, Part, Values, polygonise, smooth_max, smooth_min
+from milkglass.core.geometry.implicit import Coordinates, Primitive, Values, polygonise, smooth_max, smooth_min
 from milkglass.core.geometry.mesh import Ints
 
 SPACING = 1.0 / 110.0
@@ -28,7 +28,7 @@ LANTERN_RADIUS = 0.162
 
 @dataclass(frozen=True)
 class Ring:
-    """A ring of petals; lengths in heights of the sculpture, angles in degrees.
+    """Parameters of a ring of petals; lengths in heights of the sculpture, angles in degrees.
 
     A petal's spine lies in a plane through the axis: it leaves the axis at `start`, heading `heading` above the
     horizontal, and follows two arcs, each (radius, sweep); a positive sweep turns upwards and inwards.
@@ -52,7 +52,7 @@ RINGS = (
 
 
 def sculpture() -> tuple[Array, Ints, Array]:
-    """Mesh of the sculpture, closed and 2-manifold, about 1 high.
+    """Return the mesh of the sculpture, closed and 2-manifold, about 1 high.
 
     Returns
     -------
@@ -60,23 +60,23 @@ def sculpture() -> tuple[Array, Ints, Array]:
     faces : (m, 3) int64, counter-clockwise seen from outside
     normals : (n, 3) float64, unit, outward
     """
-    return polygonise(_parts(), (-0.63, -0.55, -0.6), (0.63, 0.55, 0.6), SPACING)
+    return polygonise(_primitives(), (-0.63, -0.55, -0.6), (0.63, 0.55, 0.6), SPACING)
 
 
-def _parts() -> list[Part]:
-    parts = [
-        Part(_foot, 0.02),
-        Part(_lantern, 0.02),
-        Part(_pearl, 0.02),
-        Part(_neck, 0.02),
-        Part(_beads, 0.006),
-        Part(_leaning(_receptacle), 0.03),
-        Part(_leaning(_seed_head), 0.02),
-        Part(_leaning(_stamens), 0.008),
+def _primitives() -> list[Primitive]:
+    primitives = [
+        Primitive(_foot, 0.02),
+        Primitive(_lantern, 0.02),
+        Primitive(_pearl, 0.02),
+        Primitive(_neck, 0.02),
+        Primitive(_beads, 0.006),
+        Primitive(_leaning(_receptacle), 0.03),
+        Primitive(_leaning(_seed_head), 0.02),
+        Primitive(_leaning(_stamens), 0.008),
     ]
     for ring in RINGS:
-        parts += [Part(_leaning(partial(_petal, ring, i)), 0.02) for i in range(ring.count)]
-    return parts
+        primitives += [Primitive(_leaning(partial(_petal, ring, i)), 0.02) for i in range(ring.count)]
+    return primitives
 
 
 def _leaning(distance: Callable[[Coordinates], Values]) -> Callable[[Coordinates], Values]:

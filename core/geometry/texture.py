@@ -1,6 +1,6 @@
 """Textures of a surface on the CPU: pictures over texture coordinates, with their mip levels (Williams 1983).
 
-Samples and the reference stand for pieces of the surface, so what they need is a mean over a piece. Texture coordinates
+Samples and the reference stand for pieces of the surface, so they need means over pieces. Texture coordinates
 have their origin at the lower left, u to the right and v up, and repeat beyond [0, 1], as glTF and OBJ have them.
 """
 
@@ -12,24 +12,24 @@ from milkglass.core.arrays import Float32
 Bytes = npt.NDArray[np.uint8]
 
 COLOUR, NORMAL = "colour", "normal"
-MAX_TEXELS = 1024  # texels a side of the finest level that is kept as floats: samples are no denser
+MAX_TEXELS = 1024  # texels along a side of the finest level held as floats: samples are no denser
 
 
 def linear(srgb: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Decode sRGB in [0, 1] to linear values (IEC 61966-2-1)."""
+    """Return linear values of sRGB in [0, 1] (IEC 61966-2-1)."""
     x = np.asarray(srgb, np.float64)
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
 
 
 class Texture:
-    """An RGB picture; compared by identity, so that it can be a cache key.
+    """An RGB picture with its mip levels; compared by identity, so that it can be a cache key.
 
     Parameters
     ----------
     pixels : (h, w, 3) uint8
         Row 0 at the top. A colour is sRGB; a normal is (v - 128) / 127 along u, along v and outwards.
     kind : str
-        ``COLOUR`` or ``NORMAL``: what the bytes mean.
+        ``COLOUR`` or ``NORMAL``, the encoding of the bytes.
     """
 
     def __init__(self, pixels: Bytes, kind: str = COLOUR) -> None:
@@ -43,7 +43,7 @@ class Texture:
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def levels(self, power: float = 1.0) -> list[Float32]:
-        """Means over texels, (h, w, 3) each half the one before: of linear colours to a power, or of normals."""
+        """Return the mip levels, (h, w, 3) each half the one before: means of linear colour^power, or of normals."""
         levels = self._levels.get(power)
         if levels is None:
             levels = [self._finest(power)]
@@ -55,20 +55,20 @@ class Texture:
     def mean(
         self, coordinates: npt.NDArray[np.floating], area: npt.NDArray[np.floating], power: float = 1.0
     ) -> Float32:
-        """Means (n, 3) about texture coordinates (n, 2), over areas (n,) of the unit square; trilinear."""
+        """Return trilinear means (n, 3) about texture coordinates (n, 2) over areas (n,) of the unit square."""
         levels = self.levels(power)
         height, width = levels[0].shape[:2]
         level = 0.5 * np.log2(np.maximum(area * (width * height), 1.0))
         level = np.minimum(level, len(levels) - 1)
         lower = np.floor(level).astype(np.intp)
         found = np.empty((len(level), 3), np.float32)
-        for each in np.unique(lower):
-            here = np.flatnonzero(lower == each)
-            values = _bilinear(levels[each], coordinates[here])
-            share = (level[here] - each)[:, None].astype(np.float32)
+        for k in np.unique(lower):
+            rows = np.flatnonzero(lower == k)
+            values = _bilinear(levels[k], coordinates[rows])
+            share = (level[rows] - k)[:, None].astype(np.float32)
             if share.any():
-                values += share * (_bilinear(levels[each + 1], coordinates[here]) - values)
-            found[here] = values
+                values += share * (_bilinear(levels[k + 1], coordinates[rows]) - values)
+            found[rows] = values
         return found
 
     def _finest(self, power: float) -> Float32:
@@ -84,14 +84,14 @@ class Texture:
         finest = np.empty((rows, columns, 3), np.float32)
         for first in range(0, rows, 64):
             band = table[padded[first * factor : (first + 64) * factor]]
-            if self.kind == NORMAL:  # what rounding to bytes made of unit vectors is no roughness
+            if self.kind == NORMAL:  # a length below 1 from rounding to bytes is no roughness
                 band /= np.maximum(np.linalg.norm(band, axis=2, keepdims=True), 1e-6)
             finest[first : first + 64] = band.reshape(-1, factor, columns, factor, 3).mean(axis=(1, 3))
         return finest
 
 
 def _decoding(kind: str) -> Float32:
-    """What each byte stands for, (256,)."""
+    """Return the value of each byte, (256,)."""
     byte = np.arange(256)
     values = linear(byte / 255.0) if kind == COLOUR else np.maximum((byte - 128) / 127.0, -1.0)
     return values.astype(np.float32)
@@ -108,7 +108,7 @@ def _halved(level: Float32) -> Float32:
 
 
 def _bilinear(level: Float32, coordinates: npt.NDArray[np.floating]) -> Float32:
-    """Read a level at (n, 2) as GL does: texel centres at half integers, repeating."""
+    """Return a level's values at coordinates (n, 2) as GL filters: texel centres at half integers, repeating."""
     height, width = level.shape[:2]
     x, y = (np.mod(coordinates[:, i], 1.0) * side - 0.5 for i, side in enumerate((width, height)))
     left, low = np.floor(x), np.floor(y)

@@ -1,8 +1,8 @@
 """Convolution of every pair of layers by FFT, (6): O_l = sum_i I_i * R_d^{|i-l|}, exactly linear (zero-padded).
 
-A 2-D transform is rows, then columns. The rows of the padding are zero on the way in and unwanted on the way
-out, so only the map's own rows are transformed; then columns, mixing of the layers and columns back happen in one
-visit to a block of columns that fits the cache. The transforms are FFTW's; the order of the work is ours.
+A 2-D transform is rows, then columns. Padded rows are zero before and discarded after, so only the
+rows of the map are transformed; then columns, mixing of the layers and columns back happen in one visit to a block of
+columns that fits the cache. The transforms are those of FFTW.
 
 Layers mix in one of two ways, whichever is cheaper:
 
@@ -24,19 +24,19 @@ from milkglass.core.threads import each
 
 Complex64 = npt.NDArray[np.complex64]
 
-ROWS_BYTES = 1 << 18  # of rows that are transformed at a time
+ROWS_BYTES = 1 << 18  # of rows transformed at a time
 PAIRS_BYTES = 1 << 19  # of one column block whose layers mix pair by pair: half of a usual L2 cache
-BLOCK_BYTES = 1 << 21  # of one that is transformed across the layers too: more calls cost more than the cache gives
+BLOCK_BYTES = 1 << 21  # of one that is transformed across the layers too: more calls cost more than the cache gains
 
 
 class LayerConvolver:
-    """Convolves the layers of one channel at a time; holds plans and buffers, so build it once a shape.
+    """FFT convolution of the layers of one channel at a time; holds plans and buffers, so build one for each shape.
 
     Parameters
     ----------
     shape : ConvolutionShape
     threads : int
-        Worker threads, each with its own plans and buffers (FFTW releases the GIL). 0 takes all cores.
+        Number of worker threads, each with its plans and buffers (FFTW releases the GIL). 0 takes all cores.
     effort : str
         FFTW planner flag: ``FFTW_MEASURE`` (default) or ``FFTW_ESTIMATE``, whose bits are the same in every process.
     """
@@ -46,37 +46,39 @@ class LayerConvolver:
         self._threads = threads or os.cpu_count() or 1
         columns = shape.padded_width // 2 + 1
         self._rows = pyfftw.zeros_aligned((shape.n_layers, shape.height, columns), "complex64")
-        self._batches = _parts(shape.n_layers, ROWS_BYTES // (4 * shape.height * shape.padded_width), self._threads)
+        self._batches = _even_slices(
+            shape.n_layers, ROWS_BYTES // (4 * shape.height * shape.padded_width), self._threads
+        )
         bytes_a_column = 8 * shape.padded_layers * shape.padded_height
-        most = min(PAIRS_BYTES // bytes_a_column, 64) if shape.mixes_pairs else BLOCK_BYTES // bytes_a_column
-        self._blocks = _parts(columns, max(most, 16), self._threads)
+        largest = min(PAIRS_BYTES // bytes_a_column, 64) if shape.mixes_pairs else BLOCK_BYTES // bytes_a_column
+        self._blocks = _even_slices(columns, max(largest, 16), self._threads)
         sizes = len(self._rows[self._batches[0]]), self._blocks[0].stop
         self._workers = [_Worker(shape, *sizes, effort) for _ in range(self._threads)]
 
     def convolve(self, layers: Float32, spectra: tuple[Float32, ...]) -> Float32:
-        """Convolve the layers of one colour channel with the kernels between them, (6).
+        """Return the layers of one colour channel convolved with the kernels between them, (6).
 
         Parameters
         ----------
         layers : (n_layers, height, width) float32
             Incoming flux a texel (power, irradiance times area).
-        spectra : from `prepared`
-            Of a kernel in mm^-2.
+        spectra : tuple of float32 arrays
+            From `prepared`, of a kernel in mm^-2.
 
         Returns
         -------
         (n_layers, height, width) float32
-            Exitance at the texel centres. A new array.
+            Exitance at the texel centres; a new array.
         """
-        out = np.empty_like(layers)
+        result = np.empty_like(layers)
         rows = self._rows
-        self._each(lambda worker, batch: worker.rows_in(layers[batch], rows[batch]), self._batches)
-        self._each(lambda worker, block: worker.columns(rows, block, spectra), self._blocks)
-        self._each(lambda worker, batch: worker.rows_out(rows[batch], out[batch]), self._batches)
-        return out
+        self._run(lambda worker, batch: worker.rows_in(layers[batch], rows[batch]), self._batches)
+        self._run(lambda worker, block: worker.columns(rows, block, spectra), self._blocks)
+        self._run(lambda worker, batch: worker.rows_out(rows[batch], result[batch]), self._batches)
+        return result
 
-    def _each(self, task: Callable[["_Worker", slice], None], items: Sequence[slice]) -> None:
-        """Run task(worker, item) for all items, every worker taking each n-th one."""
+    def _run(self, task: Callable[["_Worker", slice], None], items: Sequence[slice]) -> None:
+        """Run task(worker, item) for all items; of n workers, worker w takes items w, w + n, ..."""
         n = min(self._threads, len(items))
         if n == 1:
             for item in items:
@@ -90,18 +92,18 @@ class LayerConvolver:
         each(share, range(n))
 
 
-def _parts(count: int, most: int, threads: int) -> list[slice]:
-    """Divide items into even parts of at most `most`, the first a largest one; one a thread at least."""
-    parts = min(max(-(-count // max(most, 1)), threads), count)
+def _even_slices(count: int, largest: int, threads: int) -> list[slice]:
+    """Return slices of equal size, the last may be smaller, of at most `largest` of `count` items; one a thread."""
+    parts = min(max(-(-count // max(largest, 1)), threads), count)
     size = -(-count // parts)
     return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 
 
 def prepared(shape: ConvolutionShape, spectrum: Float32) -> tuple[Float32, ...]:
-    """Bring a kernel spectrum (`ConvolutionShape.quadrant`, real) into the form that `LayerConvolver` multiplies by.
+    """Return a kernel spectrum (`ConvolutionShape.quadrant`, real) in the form that `LayerConvolver` multiplies by.
 
-    Every value stands twice, once for the real and once for the imaginary part: NumPy multiplies complex by real
-    at half the speed of real by real.
+    Every value is repeated for the real and the imaginary part: NumPy multiplies complex by real at half the speed of
+    real by real.
     """
     scale = 1.0 / (shape.padded_height * shape.padded_width)
     if not shape.mixes_pairs:
@@ -110,18 +112,18 @@ def prepared(shape: ConvolutionShape, spectrum: Float32) -> tuple[Float32, ...]:
     toeplitz = np.abs(np.subtract.outer(np.arange(half), np.arange(shape.n_layers)))
     mirrored = toeplitz[:, ::-1][:, :half]
     scaled = _doubled(spectrum * np.float32(0.5 * scale))  # y_l = (sum + difference) / 2
-    even = scaled[toeplitz[:, :half]] + scaled[mirrored]
-    odd = scaled[toeplitz[:, :half]] - scaled[mirrored]
-    if shape.n_layers % 2:  # the middle layer is its own mirror image and was counted twice
-        even[:, -1] *= np.float32(0.5)
-    return even, odd
+    symmetric = scaled[toeplitz[:, :half]] + scaled[mirrored]
+    antisymmetric = scaled[toeplitz[:, :half]] - scaled[mirrored]
+    if shape.n_layers % 2:  # the middle layer is its mirror image and was counted twice
+        symmetric[:, -1] *= np.float32(0.5)
+    return symmetric, antisymmetric
 
 
 class _Worker:
-    """One thread's plans and buffers.
+    """Plans and buffers of one thread.
 
     Transforms go from one buffer to another: in place, ``FFTW_ESTIMATE`` takes up to four times as long. Batches and
-    blocks of less than the planned size are transformed with whatever lies beside them.
+    blocks of less than the planned size are transformed with the remaining content of the buffer.
     """
 
     def __init__(self, shape: ConvolutionShape, batch: int, block: int, effort: str) -> None:
@@ -129,7 +131,7 @@ class _Worker:
         n, width = shape.n_layers, shape.padded_width
         self._line = pyfftw.zeros_aligned((batch, shape.height, width), "float32")
         self._spectrum = pyfftw.zeros_aligned((batch, shape.height, width // 2 + 1), "complex64")
-        # One row more than needed: layers a power of two apart would fall on the same lines of the cache.
+        # One row more than needed: layers a power of two apart would map to the same cache lines.
         deep = (shape.padded_layers, shape.padded_height + 1, block)
         self._tall = pyfftw.zeros_aligned((n, *deep[1:]), "complex64")[:, :-1]
         self._cube = self._deep = pyfftw.zeros_aligned(deep, "complex64")[:, :-1]
@@ -146,23 +148,23 @@ class _Worker:
         half = (n + 1) // 2 if shape.mixes_pairs else 0
         self._product = np.empty((half, shape.padded_height // 2 + 1, 2 * block), np.float32)
 
-    def rows_in(self, images: Float32, out: Complex64) -> None:
+    def rows_in(self, images: Float32, result: Complex64) -> None:
         if not images.any():  # dark layers
-            out[:] = 0.0
+            result[:] = 0.0
             return
         n, _, width = images.shape
         self._line[:n, :, :width] = images
         self._line[:, :, width:] = 0.0
         self._row_in.execute()
-        out[:] = self._spectrum[:n]
+        result[:] = self._spectrum[:n]
 
-    def rows_out(self, rows: Complex64, out: Float32) -> None:
+    def rows_out(self, rows: Complex64, result: Float32) -> None:
         self._spectrum[: len(rows)] = rows
         self._row_out.execute()
-        out[:] = self._line[: len(out), :, : out.shape[2]]
+        result[:] = self._line[: len(result), :, : result.shape[2]]
 
     def columns(self, rows: Complex64, block: slice, spectra: tuple[Float32, ...]) -> None:
-        """Transform a block of columns, mix the layers, transform back."""
+        """Transform a block of columns of `rows`, mix the layers, and transform back, in place."""
         n, height = self._shape.n_layers, self._shape.height
         used = block.stop - block.start
         self._tall[:, height:] = 0.0
@@ -174,7 +176,7 @@ class _Worker:
         values = self._cube.view(np.float32)  # (layers, rows, 2 columns): real and imaginary parts side by side
         doubled = slice(2 * block.start, 2 * block.stop)
         middle = self._shape.padded_height // 2 + 1
-        # The kernel is even: its spectrum's lower rows are the upper ones mirrored.
+        # The kernel is even: the lower rows of its spectrum mirror the upper ones.
         for part, mirror in (
             (slice(0, middle), slice(None)),
             (slice(middle, None), slice(middle - 2, 0, -1)),
@@ -190,13 +192,13 @@ class _Worker:
         self._column_out.execute()
         rows[:, :, block] = self._tall[:, :height, :used]
 
-    def _mix_pairs(self, data: Float32, even: Float32, odd: Float32) -> None:
-        half = len(even)
+    def _mix_pairs(self, data: Float32, symmetric: Float32, antisymmetric: Float32) -> None:
+        half = len(symmetric)
         lower, upper = data[:half], data[::-1][:half]  # layer i and its mirror image n-1-i
         sums, differences = lower + upper, lower - upper
         product = self._product[:, : data.shape[1], : data.shape[2]]
         mixed = []
-        for matrix, x in ((even, sums), (odd, differences)):
+        for matrix, x in ((symmetric, sums), (antisymmetric, differences)):
             y = matrix[:, 0] * x[0]
             for i in range(1, half):
                 np.multiply(matrix[:, i], x[i], out=product)

@@ -1,4 +1,4 @@
-"""Layers: parallel maps, equally spaced in view depth, on which irradiance is deposited and exitance gathered.
+"""Layers: parallel maps, equally spaced in depth, on which flux is deposited and from which exitance is gathered.
 
 The maps are orthographic: a box aligned with the camera's orientation, square texels of h mm, layers dz mm apart, so
 that distances between texels are true distances. Node (0, 0, 0) lies at the left, lower, near corner of the object's
@@ -16,18 +16,18 @@ from milkglass.core.arrays import Array, Float32
 
 AxisWeights = tuple[npt.NDArray[np.int64], Float32]
 
-BLOCK = 8192  # points whose weights are made at a time: the temporaries stay in the cache
-FLAT_EXTENT = 1e-6  # of the longest side: thinner than this is one layer, for float32 positions know no better
+BLOCK_POINTS = 8192  # points whose weights are computed at a time: the temporaries stay in the cache
+FLAT_EXTENT = 1e-6  # of the longest side: thinner objects get one layer, since float32 positions resolve no more
 
 
 @dataclass(frozen=True)
 class LayerGrid:
-    """Placement of parallel layers of texels in world space.
+    """Grid of parallel layers of texels in world space.
 
     Attributes
     ----------
     n_layers, height, width : int
-        Layers and texels; n_layers is 1 where the object is flat.
+        Numbers of layers and texels; n_layers is 1 where the object is flat.
     texel, layer_distance : float
         h and dz, mm; dz is 0 with a single layer.
     world_to_grid : 4 x 4 nested tuples
@@ -48,20 +48,20 @@ class LayerGrid:
 
     @property
     def world_to_texture(self) -> Array:
-        """(4, 4): world space to the 3-D texture's coordinates in [0, 1], row vectors."""
+        """Affine map (4, 4) for row vectors from world space to the coordinates in [0, 1] of a 3-D texture."""
         counts = np.array([self.width, self.height, self.n_layers], np.float64)
         scale = np.diag([*(1.0 / counts), 1.0])
         scale[3, :3] = 0.5 / counts
         return np.asarray(np.asarray(self.world_to_grid) @ scale)
 
     def coordinates(self, points: npt.ArrayLike) -> Array:
-        """Grid coordinates (n, 3) of world points (n, 3); the GPU does the same for the surface samples."""
+        """Return grid coordinates (n, 3) of world points (n, 3)."""
         matrix = np.asarray(self.world_to_grid)
         return np.asarray(np.asarray(points, np.float64) @ matrix[:3, :3] + matrix[3, :3])
 
 
 def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, resolution: int) -> LayerGrid:
-    """Fit layers to an object as the camera sees it, (3).
+    """Return layers that enclose an object as the camera sees it, (3).
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, 
     rotation : (3, 3) array
         World to view rotation for row vectors (the camera looks along -z of view space).
     n_layers : int
-        Wanted number of layers, >= 1.
+        Number of layers, >= 1; flat objects get one.
     resolution : int
         Texels along the longer side of a map, >= 2.
     """
@@ -96,16 +96,16 @@ def fit_layers(vertices: npt.ArrayLike, rotation: npt.ArrayLike, n_layers: int, 
 
 
 def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) -> LayerGrid:
-    """Fit layers to an object itself, whatever the view: world axes, layers across z, two nodes to spare all around.
+    """Return layers along world axes that enclose an object whatever the view, with two nodes to spare on every side.
 
     Parameters
     ----------
     bounds : (2, 3) array
         Lowest and highest corner, mm.
     spacing : float
-        Between nodes along x and y, mm, > 0.
+        Distance of nodes along x and y, mm, > 0.
     n_layers : int, optional
-        Layers over the depth; as dense as `spacing` if not given.
+        Number of layers over the depth, across z; their distance is `spacing` if not given.
     """
     low, high = np.asarray(bounds, np.float64)
     extent = high - low
@@ -114,8 +114,8 @@ def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) 
         distance = float(extent[2]) / max(n_layers - 1, 1)
     step = np.array([spacing, spacing, distance])
     width, height, depth = (int(n) for n in np.ceil(extent / step - 1e-6) + 4)
-    # A flat face errs by a cosine of its place between two nodes; a quarter node to the side or none, whichever brings
-    # both faces of the box nearer to the cosine's zeros.
+    # The error of a flat face is a cosine of its position between two nodes; a shift of a quarter node, or none, brings
+    # both faces of the box nearer to the zeros of the cosine.
     shift = np.where(np.cos(2.0 * np.pi * extent / step) > 0.0, 0.25, 0.0)
     matrix = np.diag([*(1.0 / step), 1.0])
     matrix[3, :3] = 0.5 * (np.array([width, height, depth]) - 1.0) + shift - 0.5 * (low + high) / step
@@ -123,13 +123,13 @@ def fit_box(bounds: npt.ArrayLike, spacing: float, n_layers: int | None = None) 
 
 
 def fit_nodes(bounds: npt.ArrayLike, resolution: int, n_layers: int | None = None) -> LayerGrid:
-    """`fit_box` with so many nodes along the longest side, >= 2."""
+    """Return layers as `fit_box` does, with `resolution` nodes, >= 2, along the longest side."""
     longest = float(np.ptp(np.asarray(bounds, np.float64), axis=0).max())
     return fit_box(bounds, longest / (resolution - 1), n_layers)
 
 
 def tent_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-    """Tent weights of points on the nodes, (4): a sparse matrix W, one column a point.
+    """Return the assignment matrix W of tents (order 2), (4): weights of points on the nodes, one column a point.
 
     W @ flux deposits, W.T @ volume gathers; the weights of a point, 8 or fewer, sum to 1.
 
@@ -137,57 +137,57 @@ def tent_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_a
     ----------
     grid : LayerGrid
     coordinates : (n, 3) array
-        Grid coordinates; points outside are moved to the nearest face of the box.
+        Grid coordinates; points outside are clamped to the box of the nodes.
 
     Returns
     -------
     (n_layers * height * width, n) sparse float32
     """
 
-    def tent(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
-        if count == 1:  # a single layer takes all
+    def tent_weights(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
+        if count == 1:  # a single layer takes all flux
             return np.zeros(len(u), np.int64), np.ones((1, len(u)), np.float32)
         position = np.clip(u, 0.0, count - 1.0)
         lower = np.minimum(position.astype(np.int64), count - 2)
         fraction = (position - lower).astype(np.float32)
         return lower, np.stack([1.0 - fraction, fraction])
 
-    return _product_matrix(grid, coordinates, tent)
+    return _product_matrix(grid, coordinates, tent_weights)
 
 
-def smooth_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-    """Quadratic B-spline (TSC) weights of points, 27 nodes each; otherwise as `tent_matrix`.
+def tsc_matrix(grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
+    """Return the assignment matrix of quadratic B-splines (TSC, order 3): 27 nodes a point, otherwise as `tent_matrix`.
 
     The grid must have a node to spare on every side of the points, as `fit_box` gives.
     """
-    return _product_matrix(grid, coordinates, _spline)
+    return _product_matrix(grid, coordinates, _tsc_weights)
 
 
-def smooth_slope_matrix(
+def tsc_gradient_matrix(
     grid: LayerGrid, coordinates: npt.NDArray[np.floating], vectors: npt.NDArray[np.floating], weights: csc_array
 ) -> csc_array:
-    """Slopes v . grad of the weights of `smooth_matrix`, 1/mm, along a world vector v (n, 3) of each point.
+    """Return the directional derivatives v . grad of the weights of `tsc_matrix`, 1/mm, along vectors v (n, 3), world.
 
-    For grids along world axes, as `fit_box` gives; `weights` are those of the same points, entry by entry.
+    The grid must be along world axes, as `fit_box` gives; `weights` is the matrix of the same points.
     """
-    axes = 3
+    n_axes = 3
     steps = np.array([grid.texel, grid.texel, grid.layer_distance])
-    parts = [_spline(coordinates[:, i], grid.shape[::-1][i]) for i in range(axes)]
+    axis_weights = [_tsc_weights(coordinates[:, i], grid.shape[::-1][i]) for i in range(n_axes)]
     data = np.zeros((len(coordinates), 27), np.float32)
-    for axis in range(axes):
-        factors = [w for _, w in parts]
-        f = (coordinates[:, axis] - parts[axis][0] - 1).astype(np.float32)
+    for axis in range(n_axes):
+        factors = [w for _, w in axis_weights]
+        fraction = (coordinates[:, axis] - axis_weights[axis][0] - 1).astype(np.float32)
         scale = (vectors[:, axis] / steps[axis]).astype(np.float32)
-        factors[axis] = np.stack([f - 0.5, -2.0 * f, f + 0.5]) * scale
+        factors[axis] = np.stack([fraction - 0.5, -2.0 * fraction, fraction + 0.5]) * scale
         x, y, z = factors
         data += np.einsum("kn,jn,in->nkji", z, y, x).reshape(-1, 27)
     return csc_array((data.ravel(), weights.indices, weights.indptr), shape=weights.shape)
 
 
-def _spline(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
+def _tsc_weights(u: npt.NDArray[np.floating], count: int) -> AxisWeights:
     nearest = np.clip(np.floor(u + 0.5), 1, count - 2).astype(np.int64)
-    f = (u - nearest).astype(np.float32)
-    return nearest - 1, np.stack([0.5 * (0.5 - f) ** 2, 0.75 - f**2, 0.5 * (0.5 + f) ** 2])
+    fraction = (u - nearest).astype(np.float32)
+    return nearest - 1, np.stack([0.5 * (0.5 - fraction) ** 2, 0.75 - fraction**2, 0.5 * (0.5 + fraction) ** 2])
 
 
 def _product_matrix(
@@ -195,18 +195,18 @@ def _product_matrix(
     coordinates: npt.NDArray[np.floating],
     axis_weights: Callable[[npt.NDArray[np.floating], int], AxisWeights],
 ) -> csc_array:
-    """Weights that are products over the axes; `axis_weights` gives the first node and (k, n) weights along one."""
+    """Return products over the axes; `axis_weights` returns the first nodes and the weights (k, n) along one axis."""
     n, n_nodes = len(coordinates), int(np.prod(grid.shape))
     index = np.int64 if n_nodes > np.iinfo(np.int32).max else np.int32
     blocks: list[tuple[npt.NDArray[np.signedinteger], Float32]] = []
-    for start in range(0, max(n, 1), BLOCK):
-        part = coordinates[start : start + BLOCK]
-        nodes, weights = np.zeros((1, len(part)), np.int64), np.ones((1, len(part)), np.float32)
+    for start in range(0, max(n, 1), BLOCK_POINTS):
+        block = coordinates[start : start + BLOCK_POINTS]
+        nodes, weights = np.zeros((1, len(block)), np.int64), np.ones((1, len(block)), np.float32)
         for axis, count in ((2, grid.n_layers), (1, grid.height), (0, grid.width)):
-            first, along = axis_weights(part[:, axis], count)
+            first, along = axis_weights(block[:, axis], count)
             steps = first + np.arange(len(along))[:, None]
-            nodes = (nodes[:, None] * count + steps).reshape(-1, len(part))
-            weights = (weights[:, None] * along).reshape(-1, len(part))
+            nodes = (nodes[:, None] * count + steps).reshape(-1, len(block))
+            weights = (weights[:, None] * along).reshape(-1, len(block))
         blocks.append((np.ascontiguousarray(nodes.T, index), np.ascontiguousarray(weights.T)))
     node = np.concatenate([nodes for nodes, _ in blocks])
     weight = np.concatenate([weights for _, weights in blocks])
@@ -215,23 +215,24 @@ def _product_matrix(
 
 
 def deposit(grid: LayerGrid, weights: csc_array, flux: Float32) -> Float32:
-    """Spread flux over the layers, (4).
+    """Return flux spread over the layers, (4).
 
     Parameters
     ----------
     grid : LayerGrid
-    weights : from `tent_matrix`
+    weights : sparse matrix
+        From `tent_matrix` or `tsc_matrix`.
     flux : (n, 3) float32
-        E dA per sample and channel (the paper's sum has no dA; without it the result grows with the samples).
+        E dA of each sample and channel (the paper's sum has no dA, so its result grows with the number of samples).
 
     Returns
     -------
     (3, n_layers, height, width) float32
-        Flux per texel; every channel sums to the sum of its flux.
+        Flux a texel; every channel sums to the sum of its flux.
     """
     return np.ascontiguousarray((weights @ flux).T).reshape(3, *grid.shape)
 
 
 def gather(weights: csc_array, volume: Float32) -> Float32:
-    """Trilinear gather (7), as the GPU's linear filter does it: (3, *grid.shape) -> (n, 3) float32."""
+    """Return a volume (3, *grid.shape) gathered at points, (n, 3) float32, (7); tents are the GPU's linear filter."""
     return np.asarray(weights.T @ volume.reshape(3, -1).T)

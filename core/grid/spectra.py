@@ -2,9 +2,9 @@
 
 R_d^e(x, y) = R_d(sqrt(x^2 + y^2 + e^2)), e = |i - l| dz. (The paper prints (e dz)^2 with e a distance already; dz
 enters once.) The kernel is sampled in space on the zero-padded grid, which makes the convolution exactly linear;
-sampling the closed-form spectrum instead would wrap around. Where the mean free path is below a texel a sample says
-nothing about the texel's mean, so near the centre, and only where the kernel is narrow, exact means over texels stand
-in for samples.
+sampling the closed-form spectrum instead would wrap around. Where the mean free path is below a texel a sample is
+no estimate of the texel's mean, so near the centre, and only where the kernel is narrow, exact means over texels
+replace samples.
 """
 
 import os
@@ -21,13 +21,13 @@ EXACT_TEXELS = 8  # texels from the centre within which texel means are exact; b
 
 
 def layer_kernels(profile: Profile, grid: LayerGrid) -> Array:
-    """Kernel means over texels, one quadrant: (n_layers distances, height, width) float64, mm^-2."""
+    """Return a quadrant of the kernels between layers: means over texels, (n_layers, height, width) float64, mm^-2."""
     x = grid.texel * np.arange(grid.width)
     y = grid.texel * np.arange(grid.height)
     distances = grid.layer_distance * np.arange(grid.n_layers)
     in_plane = np.square(y)[:, None] + np.square(x)
     kernels = np.empty(grid.shape)
-    for kernel, e in zip(kernels, distances, strict=True):  # one at a time: what R_d allocates stays in the cache
+    for kernel, e in zip(kernels, distances, strict=True):  # one at a time: the temporaries of R_d stay in the cache
         kernel[:] = profile.radial(np.sqrt(in_plane + e * e))
         if e < EXACT_TEXELS * grid.texel:
             means = texel_means(profile, float(e), grid.texel, EXACT_TEXELS)
@@ -36,7 +36,7 @@ def layer_kernels(profile: Profile, grid: LayerGrid) -> Array:
 
 
 def texel_means(profile: Profile, e: float, texel: float, n: int) -> Array:
-    """Exact means of R_d^e over the n x n texels of a quadrant, the first centred on the origin: (n, n), mm^-2.
+    """Return exact means of R_d^e over the n x n texels of a quadrant, the first centred on the origin: (n, n), mm^-2.
 
     Mixed differences of C(a, b) = int_0^a int_0^b R_d^e dx dy, which in polar coordinates needs the closed-form
     disc integral alone: C = int_0^phi D(a / cos t) dt + int_0^(pi/2 - phi) D(b / cos t) dt, tan phi = b / a,
@@ -61,7 +61,7 @@ def texel_means(profile: Profile, e: float, texel: float, n: int) -> Array:
 
 
 def kernel_spectrum(kernels: Array, shape: ConvolutionShape) -> Float32:
-    """Spectrum of kernels (n_layers, height, width): `shape.quadrant` float32, what `LayerConvolver.prepare` takes.
+    """Return the spectrum of kernels (n_layers, height, width), `shape.quadrant` float32, as `prepared` takes it.
 
     The padded kernel is real and even in every axis, so a DCT-I of one octant is its whole Fourier transform.
     Layers that mix pair by pair keep their distance axis.

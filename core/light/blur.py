@@ -1,4 +1,4 @@
-"""Blur of a light probe over the sphere, for what stands behind an object."""
+"""Gaussian blur of a lat-long map over the sphere, for backgrounds."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -7,10 +7,10 @@ from milkglass.core.arrays import Float32
 
 
 def blurred(latlong: Float32, sigma_deg: float) -> Float32:
-    """Blur a lat-long map by a Gaussian of `sigma_deg` degrees.
+    """Return a lat-long map blurred by a Gaussian of `sigma_deg` degrees.
 
-    Columns are blurred along their meridian, over the poles; rows along their parallel, the wider in columns the nearer
-    to a pole. Separable, hence exact only where the blur is small against the distance to the poles: a backdrop.
+    Columns are blurred along their meridian, over the poles; rows along their parallel, over more columns nearer to a
+    pole. Separable, hence exact only where the blur is small against the distance to the poles.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def blurred(latlong: Float32, sigma_deg: float) -> Float32:
     if sigma_deg <= 0.0:
         return latlong
     height, width, _ = latlong.shape
-    # Beyond a pole the meridian goes on half a turn away.
+    # Beyond a pole the meridian continues half a turn away.
     turned = np.roll(latlong, width // 2, axis=1)[::-1]
     doubled = np.concatenate([latlong, turned], axis=0)
     columns = gaussian_filter1d(doubled, sigma_deg / 180.0 * height, axis=0, mode="wrap")[:height]

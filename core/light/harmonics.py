@@ -18,17 +18,17 @@ _BLOCK_TEXELS = 1 << 18  # 6 MB of float64 RGB at a time, whatever the size of t
 
 
 def order_of(sh: Array) -> int:
-    """The order L of a coefficient vector whose first axis has (L + 1)^2 entries."""
+    """Return the order L of a coefficient vector whose first axis has (L + 1)^2 entries."""
     return order_of_length(len(sh))
 
 
 def order_of_length(length: int) -> int:
-    """The order L of (L + 1)^2 coefficients."""
+    """Return the order L of (L + 1)^2 coefficients."""
     return round(float(np.sqrt(length))) - 1
 
 
 def project_latlong(radiance: npt.NDArray[np.floating], order: int) -> Array:
-    """Coefficients of a lat-long map whose texels are constant: integral of L(w) Y_lm(w) dw.
+    """Return the coefficients of a lat-long map whose texels are constant: integral of L(w) Y_lm(w) dw.
 
     The integral over each texel is exact in phi and Gauss-Legendre in theta, so that a constant map has no
     coefficient but the first, however few texels it has.
@@ -73,7 +73,7 @@ def project_latlong(radiance: npt.NDArray[np.floating], order: int) -> Array:
 
 
 def evaluate_grid(sh: Array, theta: Array, phi: Array) -> Array:
-    """The expansion on every pair of theta (h,) and phi (w,): (h, w, 3) float64."""
+    """Return the expansion at every pair of theta (h,) and phi (w,): (h, w, 3) float64."""
     order = order_of(sh)
     rows = np.empty((len(theta), 2 * order + 1, 3))
     for degree, legendre in enumerate(legendre_by_m(theta, order)):
@@ -84,7 +84,7 @@ def evaluate_grid(sh: Array, theta: Array, phi: Array) -> Array:
 
 
 def basis(directions: npt.ArrayLike, order: int) -> Array:
-    """Y_lm of unit directions (n, 3): (n, (order + 1)^2) float64."""
+    """Return Y_lm of unit directions (n, 3): (n, (order + 1)^2) float64."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     values = np.empty((len(x), (order + 1) ** 2))
     azimuthal = _azimuthal(np.arctan2(x, -z), order)
@@ -96,17 +96,17 @@ def basis(directions: npt.ArrayLike, order: int) -> Array:
 
 
 def rotated(sh: Array, rotation_deg: float) -> Array:
-    """Coefficients ((L + 1)^2, 3) of a probe that is turned by rotation_deg about +y, see `core.light.maps`."""
+    """Return coefficients ((L + 1)^2, 3) of a probe rotated by rotation_deg about +y, see `core.light.maps`."""
     ell = np.repeat(np.arange(order_of(sh) + 1), 2 * np.arange(order_of(sh) + 1) + 1)
     centre = ell * (ell + 1)
     m = np.arange(len(sh)) - centre
-    # It is looked up at phi + a: each pair of sine and cosine turns by m a, whichever sign m has.
+    # The rotated probe is looked up at phi + a: each pair of sine and cosine turns by m a, for either sign of m.
     angle = m[:, None] * np.radians(rotation_deg)
     return np.asarray(np.cos(angle) * sh + np.sin(angle) * sh[centre - m])
 
 
 def convolve_zonal(sh: Array, zonal: Array) -> Array:
-    """Multiply band l by zonal[l] (Funk-Hecke theorem), dropping bands beyond the shorter of the two.
+    """Return coefficients with band l times zonal[l] (Funk-Hecke theorem), without bands beyond the shorter of the two.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def convolve_zonal(sh: Array, zonal: Array) -> Array:
 
 
 def zonal_coefficients(mu: Array, weighted_kernel: Array, order: int) -> Array:
-    """2 pi int k(mu) P_l(mu) dmu for l = 0..order, from quadrature nodes and weight times kernel at them."""
+    """Return 2 pi int k(mu) P_l(mu) dmu, l = 0..order, from quadrature nodes mu and weight times kernel at these."""
     coefficients = np.empty(order + 1)
     previous, current = np.zeros_like(mu), np.ones_like(mu)
     for ell in range(order + 1):
@@ -134,14 +134,14 @@ def zonal_coefficients(mu: Array, weighted_kernel: Array, order: int) -> Array:
 
 
 def _azimuthal(phi: Array, order: int) -> Array:
-    """B_m(phi), m = -L..L: (len(phi), 2L + 1)."""
+    """Return B_m(phi), m = -L..L: (len(phi), 2L + 1)."""
     m_phi = np.outer(phi, np.arange(1, order + 1))
     sines, cosines = np.sqrt(2.0) * np.sin(m_phi), np.sqrt(2.0) * np.cos(m_phi)
     return np.concatenate([sines[:, ::-1], np.ones((len(phi), 1)), cosines], axis=1)
 
 
 def legendre_by_m(theta: Array, order: int) -> Iterator[Array]:
-    """N_lm P_lm(cos theta) for m = 0..L in turn, each (L - m + 1, n) with l = m..L along axis 0.
+    """Yield N_lm P_lm(cos theta) for m = 0..L, each (L - m + 1, n) with l = m..L along axis 0.
 
     The recurrence in l of the normalised functions is stable upwards (Holmes and Featherstone 2002); one m at
     a time keeps the memory at L n numbers.

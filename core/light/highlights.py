@@ -1,8 +1,8 @@
 """Highlights of a light probe: its radiance prefiltered with the lobe of Phong 1975, cos^n about the mirrored eye ray.
 
-A wide lobe is a convolution in spherical harmonics, exact for as many bands as it has; one too narrow for MAX_ORDER of
-them is so small that a Gaussian of the same width on the lat-long map does (Kautz et al. 2000 prefilter alike).
-This module DOES NOT know the surface: its horizon, Fresnel's reflectance and occlusion are the shader's.
+A wide lobe is a convolution in spherical harmonics, exact up to its highest band; a lobe too narrow for MAX_ORDER bands
+is so small that a Gaussian of the same width on the lat-long map is as good (Kautz et al. 2000 prefilter in this
+manner). This module DOES NOT know the surface: its horizon, Fresnel reflectance and occlusion are left to the shader.
 """
 
 from functools import lru_cache
@@ -17,34 +17,34 @@ from milkglass.core.light.maps import Radiance, resample_latlong
 from milkglass.core.light.probe import Probe
 
 MAX_ORDER = 192  # lobes up to n = 3000
-_BANDS = 3.5  # times sqrt(n): beyond, a lobe's coefficients are below 2.2e-3 of the first
-_ORDERS = (16, 32, 64, 128, MAX_ORDER)  # tables of few sizes are kept, not one for each shininess
-_ROWS = 3  # of the table, over the highest band, so that a linear filter does
+_BANDS_FACTOR = 3.5  # times sqrt(n): the coefficients of bands beyond are below 2.2e-3 of the first
+_ORDERS = (16, 32, 64, 128, MAX_ORDER)  # tables of few sizes are cached, not one for each shininess
+_ROWS = 3  # of the table, over the highest band, so that a linear filter suffices
 _MAX_ROWS = 2 * MAX_ORDER
 _HEIGHT = 512  # of the map that is projected: texels of a third of the narrowest of these lobes
 _TEXELS = 2.5  # of the map, over a Gaussian's standard deviation
 
 
 class LobeFilter:
-    """Prefilters one probe, for one shininess after another.
+    """Prefilter of one probe with lobes of any shininess.
 
     Parameters
     ----------
     probe : Probe
-        Of which `latlong` counts.
+        Only its `latlong` is used.
     """
 
     def __init__(self, probe: Probe) -> None:
         self._latlong = probe.latlong
-        self._sh = probe.latlong[:0, 0].astype(np.float64)  # of as many bands as were needed
+        self._sh = probe.latlong[:0, 0].astype(np.float64)  # of as many bands as were needed so far
 
     def prepare(self, shininess: float) -> None:
-        """Do what takes long, once: 0.02 s for a shininess of 80, 0.4 s for one of 2000."""
+        """Compute and cache the harmonics for a shininess: 0.02 s for 80, 0.4 s for 2000."""
         if (order := _order(shininess)) is not None:
             self._harmonics(order)
 
     def filtered(self, shininess: float) -> Radiance:
-        """Mean radiance in the lobe about each direction r: (n + 1) / 2 pi int L(w) max(0, r.w)^n dw.
+        """Return mean radiance in the lobe about each direction r: (n + 1) / 2 pi int L(w) max(0, r.w)^n dw.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class LobeFilter:
         return np.maximum(_synthesis(sh), 0.0)
 
     def _harmonics(self, order: int) -> Array:
-        """Coefficients of the probe, ((order + 1)^2, 3)."""
+        """Return coefficients of the probe, ((order + 1)^2, 3)."""
         count = (order + 1) ** 2
         if len(self._sh) < count:
             latlong = self._latlong
@@ -74,13 +74,13 @@ class LobeFilter:
 
 
 def _order(shininess: float) -> int | None:
-    """Highest band for a lobe, None where it is too narrow for harmonics."""
-    bands = _BANDS * np.sqrt(shininess)
+    """Return the highest band for a lobe, or None where it is too narrow for harmonics."""
+    bands = _BANDS_FACTOR * np.sqrt(shininess)
     return min((order for order in _ORDERS if order >= bands), default=None)
 
 
 def lobe_zonal(shininess: float, order: int) -> Array:
-    """Zonal coefficients of the normalised lobe, (n + 1) int_0^1 mu^n P_l(mu) dmu, l = 0..order: (order + 1,)."""
+    """Return zonal coefficients of the normalised lobe, (n + 1) int_0^1 mu^n P_l(mu) dmu, l = 0..order."""
     coefficients = np.ones(order + 1)
     coefficients[1:2] = (shininess + 1.0) / (shininess + 2.0)
     for ell in range(2, order + 1):  # from Legendre's equation, integrated by parts
@@ -89,7 +89,7 @@ def lobe_zonal(shininess: float, order: int) -> Array:
 
 
 def _synthesis(sh: Array) -> Radiance:
-    """The expansion on a grid fine enough for it, rows from pole to pole: (h, 2 h, 3)."""
+    """Return the expansion on a grid that resolves it, rows from pole to pole: (h, 2 h, 3)."""
     order = order_of(sh)
     height = min(_ROWS * order, _MAX_ROWS)
     width = 2 * height
@@ -106,20 +106,20 @@ def _synthesis(sh: Array) -> Radiance:
 
 @lru_cache(maxsize=len(_ORDERS))
 def _legendre_tables(order: int) -> tuple[npt.NDArray[np.float32], ...]:
-    """N_lm P_lm on the rows of `_synthesis`: for m = 0..L (L - m + 1, h); 28 MB for MAX_ORDER."""
+    """Return N_lm P_lm on the rows of `_synthesis`: for m = 0..L (L - m + 1, h); 28 MB for MAX_ORDER."""
     height = min(_ROWS * order, _MAX_ROWS)
     theta = np.pi * np.arange(height) / (height - 1)
     return tuple(table.astype(np.float32) for table in legendre_by_m(theta, order))
 
 
 def _narrow(latlong: Radiance, shininess: float) -> Radiance:
-    """The map blurred by the Gaussian with the lobe's integral, sigma^2 = 1 / (n + 1), rows from pole to pole."""
+    """Return the map blurred by a Gaussian of the lobe's integral, sigma^2 = 1 / (n + 1), rows from pole to pole."""
     sigma = 1.0 / np.sqrt(shininess + 1.0)
     height = min(len(latlong), round(_TEXELS * np.pi / sigma))
     texel = np.pi / height
-    # Averages of old texels, then of two rows each: both have blurred already.
-    left = max(sigma**2 - texel**2 * (1.0 / 12.0 + 0.25), 0.0)
-    rows = blurred(resample_latlong(latlong, height), float(np.degrees(np.sqrt(left))))
+    # The averages over old texels, and over two rows, contribute to the blur.
+    remaining = max(sigma**2 - texel**2 * (1.0 / 12.0 + 0.25), 0.0)
+    rows = blurred(resample_latlong(latlong, height), float(np.degrees(np.sqrt(remaining))))
     result = np.empty((height + 1, *rows.shape[1:]), np.float32)
     result[1:-1] = 0.5 * (rows[1:] + rows[:-1])
     result[0], result[-1] = rows[0].mean(axis=0), rows[-1].mean(axis=0)

@@ -1,4 +1,4 @@
-"""Light-probe maps: direction conventions, the two projections, and resampling between them.
+"""Maps of light probes: conventions of directions, the two projections, and resampling between them.
 
 World +y is up. Lat-long: u = phi / 2 pi + 1/2 and v = theta / pi in [0, 1], d = (sin theta sin phi, cos
 theta, -sin theta cos phi), so the centre is -z, the right half +x, the top +y. Angular map (Debevec): centre
@@ -23,7 +23,7 @@ _BLOCK = 1 << 20  # samples handled at a time
 
 
 def direction_to_latlong(directions: npt.ArrayLike) -> Array:
-    """Unit directions (..., 3) to (u, v) in [0, 1], (..., 2); u = 1/2 at the poles' undefined azimuth."""
+    """Return (u, v) in [0, 1], (..., 2), of unit directions (..., 3); u = 1/2 at the poles, without an azimuth."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     # hypot keeps accuracy near the poles, where acos(y) has none; + 0.0 turns -0.0 into 0.0: phi = 0 at +-y.
     phi = np.arctan2(x, -z + 0.0)
@@ -31,7 +31,7 @@ def direction_to_latlong(directions: npt.ArrayLike) -> Array:
 
 
 def latlong_to_direction(uv: npt.ArrayLike) -> Array:
-    """(u, v) (..., 2) to unit directions (..., 3); inverse of `direction_to_latlong`."""
+    """Return unit directions (..., 3) of (u, v), (..., 2); the inverse of `direction_to_latlong`."""
     u, v = np.moveaxis(np.asarray(uv, np.float64), -1, 0)
     theta, phi = np.pi * v, 2.0 * np.pi * (u - 0.5)
     sine = np.sin(theta)
@@ -39,7 +39,7 @@ def latlong_to_direction(uv: npt.ArrayLike) -> Array:
 
 
 def direction_to_angular(directions: npt.ArrayLike) -> Array:
-    """Unit directions (..., 3) to the angular map's (u, v), (..., 2), in the unit disc; +z gives (1, 0)."""
+    """Return (u, v) of the angular map, (..., 2) in the unit disc, of unit directions (..., 3); +z gives (1, 0)."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     sine = np.hypot(x, y)
     radius = np.arctan2(sine, -z) / np.pi
@@ -49,7 +49,7 @@ def direction_to_angular(directions: npt.ArrayLike) -> Array:
 
 
 def angular_to_direction(uv: npt.ArrayLike) -> Array:
-    """(u, v) of the angular map (..., 2), inside the unit disc, to unit directions (..., 3)."""
+    """Return unit directions (..., 3) of (u, v) of the angular map, (..., 2) in the unit disc."""
     u, v = np.moveaxis(np.asarray(uv, np.float64), -1, 0)
     radius = np.hypot(u, v)
     scale = np.pi * np.sinc(radius)  # sin(pi r) / r
@@ -57,7 +57,7 @@ def angular_to_direction(uv: npt.ArrayLike) -> Array:
 
 
 def to_probe_frame(directions: npt.ArrayLike, rotation_deg: float) -> Array:
-    """Where a probe that is turned by rotation_deg about +y is looked up: R_y(-a) d, (..., 3).
+    """Return world directions (..., 3) in the frame of a probe rotated by rotation_deg about +y: R_y(-a) d.
 
     A positive rotation carries the probe's +z towards world +x.
     """
@@ -67,7 +67,7 @@ def to_probe_frame(directions: npt.ArrayLike, rotation_deg: float) -> Array:
 
 
 def detect_projection(pixels: Pixels) -> Projection:
-    """Tell a lat-long map (2:1) from an angular map (square) by the shape of pixels (h, w, 3).
+    """Return the projection of pixels (h, w, 3) by their aspect: lat-long (2:1) or angular (square).
 
     Raises
     ------
@@ -88,9 +88,9 @@ def detect_projection(pixels: Pixels) -> Projection:
 
 
 def resample_latlong(pixels: Pixels, height: int) -> Radiance:
-    """Area-average a lat-long map to (height, 2 height, 3) float32, conserving flux over every new texel.
+    """Return a lat-long map averaged to (height, 2 height, 3) float32, which conserves the flux of every new texel.
 
-    Old texels count by the solid angle that they share with the new one, so any ratio of sizes is exact.
+    Old texels are weighted by the solid angle that they share with the new one, so any ratio of sizes is exact.
     """
     old_height, old_width = pixels.shape[:2]
     if (old_height, old_width) == (height, 2 * height):
@@ -113,11 +113,11 @@ def resample_latlong(pixels: Pixels, height: int) -> Radiance:
 
 
 def angular_to_latlong(pixels: Pixels, height: int) -> Radiance:
-    """Resample Debevec's angular map (n, n, 3) to a lat-long map (height, 2 height, 3) float32.
+    """Return Debevec's angular map (n, n, 3) resampled to a lat-long map (height, 2 height, 3) float32.
 
-    Each texel averages the map's pixels at a regular grid of directions, at least nine a texel (they
-    keep the flux of Galileo's Tomb, whose windows are small, to 0.02 %; four to 0.1 %). Directions beyond
-    DISC_RADIUS read the pixel at that radius, so the text outside the disc never enters.
+    Each texel averages the map's pixels at a regular grid of directions, at least nine a texel (which conserve
+    the flux of Galileo's Tomb, whose windows are small, to 0.02 %; four to 0.1 %). Directions beyond
+    DISC_RADIUS read the pixel at that radius, so that text outside the disc is not read.
     """
     per_side = max(3, -(-pixels.shape[0] // height))
     u = (np.arange(2 * height * per_side) + 0.5) / (2 * height * per_side)
@@ -135,7 +135,7 @@ def angular_to_latlong(pixels: Pixels, height: int) -> Radiance:
 
 
 def _angular_nearest(pixels: Pixels, directions: Array) -> Array:
-    """The angular map's pixel in each direction (..., 3), at most DISC_RADIUS from the centre."""
+    """Return the angular map's pixel in each direction (..., 3), at most DISC_RADIUS from the centre."""
     rows, columns = pixels.shape[:2]
     uv = direction_to_angular(directions)
     radius = np.hypot(uv[..., 0], uv[..., 1])
@@ -148,13 +148,13 @@ def _angular_nearest(pixels: Pixels, directions: Array) -> Array:
 
 
 def texel_solid_angles(latlong: Pixels) -> Array:
-    """Solid angle of a texel of each row of a lat-long map, sr: (h,)."""
+    """Return the solid angle of a texel of each row of a lat-long map, sr, (h,)."""
     height, width = latlong.shape[:2]
     return np.asarray(-np.diff(np.cos(np.pi * np.arange(height + 1) / height)) * (2.0 * np.pi / width))
 
 
 def solid_angles(pixels: Pixels) -> tuple[Array, Array]:
-    """Directions (k, 3) and solid angles (k,), sr, of all pixels row by row; 0 outside an angular disc."""
+    """Return directions (k, 3) and solid angles (k,), sr, of all pixels row by row; 0 outside an angular disc."""
     rows, columns = pixels.shape[:2]
     i, j = np.arange(rows) + 0.5, np.arange(columns) + 0.5
     if detect_projection(pixels) == "latlong":

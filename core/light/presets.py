@@ -1,8 +1,8 @@
-"""Light that needs no file: four light probes, computed.
+"""Built-in light probes, computed: a studio, a backlight, a window and an overcast sky.
 
 Azimuths are about +y as seen by the default camera, which stands at 30 degrees: 0 is behind the camera, 90 on its
-right, 180 behind the object. Radiance is such that white surfaces that face the main light reach about 1. What is
-small and strong in them becomes a lamp with a shadow by `core.light.sources`, as in any probe.
+right, 180 behind the object. Radiance is such that white surfaces that face the main light reach about 1. Small
+strong regions become lamps with shadows by `core.light.sources`, as in any probe.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from milkglass.core.light.maps import Radiance, latlong_to_direction, solid_angl
 
 CAMERA_AZIMUTH_DEG = 30.0
 HEIGHT = 256
-_EDGE_DEG = 0.8  # over which an edge fades: about a texel, so that it does not alias
+_EDGE_DEG = 0.8  # width over which an edge fades: about a texel, against aliasing
 
-_BAR_DEG = 0.8  # of a window
+_BAR_DEG = 0.8  # width of a bar of a window
 
 Colour = tuple[float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0)
@@ -98,9 +98,9 @@ def _panel(
     fade_deg: float = _EDGE_DEG,
     panes: tuple[int, int] = (1, 1),
 ) -> Array:
-    """A rectangle of light of a width and height, with the irradiance that it casts on what faces it: (h, w, 3).
+    """Return the radiance (h, w, 3) of a rectangle of given angles and of the irradiance on a surface that faces it.
 
-    Bars part it into columns and rows of panes.
+    Bars divide it into columns and rows of panes.
     """
     azimuth, elevation = np.radians(azimuth_deg + CAMERA_AZIMUTH_DEG), np.radians(elevation_deg)
     across = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
@@ -119,12 +119,12 @@ def _panel(
 
 
 def _gradient(directions: Array, bottom: Colour, top: Colour) -> Array:
-    """A room, darker below: (h, w, 3)."""
+    """Return the radiance (h, w, 3) of a room that is darker below."""
     share = (0.5 + 0.5 * directions[..., 1:2]) ** 2
     return np.asarray((1.0 - share) * np.array(bottom) + share * np.array(top))
 
 
 def _smoothstep(inside_deg: Array, fade_deg: float) -> Array:
-    """0 to 1 across an edge of a width that `inside_deg`, the distance from it, runs through from -1/2 to 1/2."""
+    """Return a smooth step from 0 to 1 over the width `fade_deg` of an edge, at distances `inside_deg` from it."""
     t = np.clip(inside_deg / fade_deg + 0.5, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)

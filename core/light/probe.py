@@ -61,14 +61,14 @@ _BLOCK = 1 << 20  # pairs (normal, texel) handled at a time
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A light probe ready for use; made by `from_pixels`.
+    """A light probe as a lat-long map and as spherical harmonics; `from_pixels` makes both.
 
     Attributes
     ----------
     latlong : (h, 2h, 3) float32
         Radiance, linear RGB, h <= MAX_HEIGHT, row 0 at +y.
     sh : ((SH_ORDER + 1)^2, 3) float64
-        Its real spherical-harmonic coefficients, radiance x sr (see `core.light.harmonics`).
+        Real spherical-harmonic coefficients, radiance x sr (see `core.light.harmonics`).
     """
 
     latlong: Radiance
@@ -76,7 +76,7 @@ class Probe:
 
     @classmethod
     def from_pixels(cls, pixels: Pixels) -> "Probe":
-        """Make a probe of a lat-long map or an angular map, told apart by its aspect.
+        """Return the probe of a lat-long map or an angular map, distinguished by aspect.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Probe:
 
 
 def irradiance_zonal(eta: float, order: int = SH_ORDER) -> Array:
-    """Zonal coefficients 2 pi int_0^1 F_t(eta, mu) mu P_l(mu) dmu, l = 0..order: (order + 1,) float64."""
+    """Return zonal coefficients 2 pi int_0^1 F_t(eta, mu) mu P_l(mu) dmu, l = 0..order, (order + 1,) float64."""
     # For eta < 1 nothing enters beyond the critical angle, where F_t starts like a square root of mu - mu_c;
     # for eta > 1 it rises steeply from grazing: nodes in t = sqrt(mu - mu_c) resolve both.
     critical = np.sqrt(max(0.0, 1.0 - eta**2))
@@ -118,7 +118,7 @@ def irradiance_zonal(eta: float, order: int = SH_ORDER) -> Array:
 
 
 def irradiance_table(probe_sh: Array, eta: float, height: int = TABLE_HEIGHT) -> Radiance:
-    """E(n) = int F_t(eta, w.n) L(w) max(w.n, 0) dw over a grid of normals, at least 0.
+    """Return E(n) = int F_t(eta, w.n) L(w) max(w.n, 0) dw over a grid of normals, at least 0.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def irradiance_table(probe_sh: Array, eta: float, height: int = TABLE_HEIGHT) ->
 
 
 def lookup(table: npt.NDArray[np.floating], normals: npt.ArrayLike) -> Array:
-    """Read an irradiance table as GL does: linear filter, repeat in s, clamp to edge in t.
+    """Return values of an irradiance table as GL filters it: linearly, repeated in s, clamped to the edge in t.
 
     s = u and t = (v (h - 1) + 1/2) / h for a texture whose first uploaded row is row 0.
 
@@ -171,12 +171,12 @@ def lookup(table: npt.NDArray[np.floating], normals: npt.ArrayLike) -> Array:
 
 
 def irradiance_direct(pixels: Pixels, normals: npt.ArrayLike, eta: float) -> Array:
-    """The same E by direct summation over the pixels of either projection, in float64: slow, the oracle.
+    """Return E of `irradiance_table` by direct summation over pixels in float64, slowly, as the oracle of tests.
 
     Parameters
     ----------
     pixels : (h, w, 3) float array
-        Radiance; lat-long or angular map, with its own solid angles.
+        Radiance of a lat-long or angular map, summed with the solid angles of its projection.
     normals : (n, 3) array
         Unit vectors.
     eta : float

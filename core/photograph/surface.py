@@ -1,8 +1,8 @@
-"""A closed surface from the height of a photographed object: front, mirrored back, one rim.
+"""A closed mesh from the height field of a photographed object: front and back, joined along the rim.
 
-Vertices stand at the nodes of a grid over the photograph; those of the rim are moved onto the outline, so that it
-has no steps. The back is the inflated outline without relief, mirrored: how thick a thing is, its outline tells as
-well as anything, and what is behind it, nobody saw. As smooth as that is, it has a fifth of the front's triangles.
+Vertices are nodes of a grid over the photograph; those of the rim are moved onto the outline, so that it has no steps.
+The back is the inflated outline without relief, mirrored, since the photograph shows nothing of it but the outline.
+Being smooth, it has a fifth of the front's triangles.
 """
 
 import itertools
@@ -19,23 +19,24 @@ from milkglass.core.photograph.depth import harmonic
 
 Bools = npt.NDArray[np.bool_]
 
-BLOCK = 4  # nodes between two of the back where it is away from the rim and the front not hollow; even
-LEVEL = 0.25  # of coverage, smoothed over a node, where the rim stands: 0.7 nodes beyond the outline, which cuts it
+BLOCK_SQUARES = 4  # squares along a side of a block that the back triangulates coarsely; even
+RIM_COVERAGE = 0.25  # smoothed coverage at the rim, 0.7 nodes beyond the outline, which cuts it
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Nodes of a grid that an object's surface has.
+    """Nodes and squares of a grid that the surface of an object occupies.
 
     Attributes
     ----------
     soft : (h, w) float64
         Coverage smoothed over a node.
     quads : (h - 1, w - 1) bool
-        Squares of four nodes that are its surface.
+        Squares of four nodes that belong to the surface.
     inner : (h, w) bool
-        Nodes all of whose squares are: the rest of the used ones is the rim.
+        Nodes all of whose squares belong to it; the other used nodes are the rim.
     used : (h, w) bool
+        Nodes of any such square.
     """
 
     soft: Array
@@ -45,12 +46,12 @@ class Outline:
 
 
 def find_outline(coverage: npt.ArrayLike) -> Outline:
-    """Find the surface's nodes, from the share (h, w) in [0, 1] of each node's square that the object covers.
+    """Return the outline of an object from the share (h, w) in [0, 1] of each node's square that it covers.
 
-    The border of the grid stays outside, and so does what is too thin to have an inner node.
+    The border of the grid is outside, and so are parts too thin to have an inner node.
     """
     soft = gaussian_filter(np.asarray(coverage, np.float64), 1.0, mode="constant")
-    quads = 0.25 * (soft[:-1, :-1] + soft[1:, :-1] + soft[:-1, 1:] + soft[1:, 1:]) > LEVEL
+    quads = 0.25 * (soft[:-1, :-1] + soft[1:, :-1] + soft[:-1, 1:] + soft[1:, 1:]) > RIM_COVERAGE
     quads[[0, -1]] = False
     quads[:, [0, -1]] = False
     while True:
@@ -64,15 +65,15 @@ def find_outline(coverage: npt.ArrayLike) -> Outline:
 
 
 def _narrow(quads: Bools, inner: Bools) -> Bools:
-    """Squares whose front and back would share an edge that is not at the rim, (h - 1, w - 1)."""
-    none = ~(inner[:-1, :-1] | inner[1:, :-1] | inner[:-1, 1:] | inner[1:, 1:])
+    """Return a mask (h - 1, w - 1) of squares whose front and back would share an edge that is not at the rim."""
+    without_inner = ~(inner[:-1, :-1] | inner[1:, :-1] | inner[:-1, 1:] | inner[1:, 1:])
     outer = quads[:, :-1] & quads[:, 1:] & ~(inner[:-1, 1:-1] | inner[1:, 1:-1])
     above = quads[:-1] & quads[1:] & ~(inner[1:-1, :-1] | inner[1:-1, 1:])
-    none[:, :-1] |= outer
-    none[:, 1:] |= outer
-    none[:-1] |= above
-    none[1:] |= above
-    return none
+    without_inner[:, :-1] |= outer
+    without_inner[:, 1:] |= outer
+    without_inner[:-1] |= above
+    without_inner[1:] |= above
+    return without_inner
 
 
 def height_surface(outline: Outline, height: Array, base: Array, spacing: float) -> Mesh:
@@ -82,11 +83,11 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
     ----------
     outline : Outline
     height : (h, w) float64
-        Towards the camera, in nodes; finite where a node is used.
+        Height towards the camera, in nodes; finite where a node is used.
     base : (h, w) float64
-        The outline's inner nodes inflated, which the back is.
+        The inflated inner nodes: the thickness behind the rim.
     spacing : float
-        mm between two nodes, > 0.
+        Distance of two nodes, mm, > 0.
 
     Returns
     -------
@@ -96,7 +97,7 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
     h, w = outline.used.shape
     y, x = _rows_and_columns(outline)
     rim = outline.used & ~outline.inner
-    # From rim to rim behind the object; where the front is hollow, behind that.
+    # From rim to rim behind the object; behind the front where that is hollow.
     bridging = harmonic(height, rim | ~outline.used)
     back = np.minimum(bridging, height) - base
     number = np.arange(h * w).reshape(h, w)
@@ -104,8 +105,8 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
     behind = np.where(outline.inner, number + h * w, number)  # the rim belongs to both
     blocks = _blocks(outline.inner & (height >= bridging))
     covered = np.zeros_like(outline.quads)
-    rows, columns = (BLOCK * n for n in blocks.shape)
-    covered[:rows, :columns] = blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
+    rows, columns = (BLOCK_SQUARES * n for n in blocks.shape)
+    covered[:rows, :columns] = blocks.repeat(BLOCK_SQUARES, axis=0).repeat(BLOCK_SQUARES, axis=1)
     fine = _faces(behind, outline.quads & ~covered, outline.inner)
     back_faces = np.concatenate([fine, _fans(behind, blocks)])[:, ::-1]
     place = np.stack([x - 0.5 * (w - 1), 0.5 * (h - 1) - y, height], axis=-1).reshape(-1, 3)
@@ -117,24 +118,24 @@ def height_surface(outline: Outline, height: Array, base: Array, spacing: float)
 
 
 def _rows_and_columns(outline: Outline) -> tuple[Array, Array]:
-    """Row and column of each node, those of the rim moved to the outline along the gradient of its coverage."""
+    """Return the row and column of each node, with those of the rim moved onto the outline along its gradient."""
     y, x = np.mgrid[: outline.used.shape[0], : outline.used.shape[1]].astype(np.float64)
     rim = outline.used & ~outline.inner
     slopes = np.gradient(outline.soft)
-    at = np.stack([y[rim], x[rim]])
-    start = at.copy()
+    positions = np.stack([y[rim], x[rim]])
+    start = positions.copy()
     for _ in range(3):
-        value, *slope = (map_coordinates(field, at, order=1) for field in (outline.soft, *slopes))
+        value, *slope = (map_coordinates(field, positions, order=1) for field in (outline.soft, *slopes))
         steepness = np.maximum(slope[0] ** 2 + slope[1] ** 2, 1e-4)
-        at += np.clip((LEVEL - value) * np.stack(slope) / steepness, -0.3, 0.3)
-        # Farther, and faces of the rim would fold over.
-        at = start + np.clip(at - start, -0.45, 0.45)
-    y[rim], x[rim] = at
+        positions += np.clip((RIM_COVERAGE - value) * np.stack(slope) / steepness, -0.3, 0.3)
+        # A larger shift would fold faces of the rim over.
+        positions = start + np.clip(positions - start, -0.45, 0.45)
+    y[rim], x[rim] = positions
     return y, x
 
 
 def _faces(number: npt.NDArray[np.integer], quads: Bools, inner: Bools) -> Ints:
-    """Two triangles for each square, counter-clockwise as the camera sees them."""
+    """Return two triangles for each square, counter-clockwise as the camera sees them."""
     corners = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     a, b, c, d = (corner[quads] for corner in corners)
     # Cut along a diagonal that has an inner node: front and back would share one from rim to rim.
@@ -148,19 +149,22 @@ def _faces(number: npt.NDArray[np.integer], quads: Bools, inner: Bools) -> Ints:
 
 
 def _blocks(smooth: Bools) -> Bools:
-    """Which squares of `BLOCK` by `BLOCK` squares, from the first node on, have none but smooth nodes."""
-    rows, columns = ((n - 1) // BLOCK for n in smooth.shape)
+    """Return a mask of the blocks, from the first node on, all of whose nodes are smooth."""
+    rows, columns = ((n - 1) // BLOCK_SQUARES for n in smooth.shape)
     all_smooth = np.ones((rows, columns), bool)
-    for down in range(BLOCK + 1):
-        for right in range(BLOCK + 1):
-            nodes = smooth[down : down + BLOCK * rows : BLOCK, right : right + BLOCK * columns : BLOCK]
+    for down in range(BLOCK_SQUARES + 1):
+        for right in range(BLOCK_SQUARES + 1):
+            nodes = smooth[
+                down : down + BLOCK_SQUARES * rows : BLOCK_SQUARES,
+                right : right + BLOCK_SQUARES * columns : BLOCK_SQUARES,
+            ]
             all_smooth &= nodes
     return all_smooth
 
 
 def _fans(number: npt.NDArray[np.integer], blocks: Bools) -> Ints:
-    """Triangles of the blocks, round their middle nodes; a side that meets single squares has all of its nodes."""
-    last, framed = BLOCK, np.pad(blocks, 1)
+    """Return triangle fans of the blocks about their middle nodes; sides next to single squares have all nodes."""
+    last, framed = BLOCK_SQUARES, np.pad(blocks, 1)
     sides = {
         (0, -1): [(k, 0) for k in range(last + 1)],
         (1, 0): [(last, k) for k in range(last + 1)],
@@ -170,9 +174,9 @@ def _fans(number: npt.NDArray[np.integer], blocks: Bools) -> Ints:
     faces = [np.empty((0, 3), np.int64)]
     for (down, right), side in sides.items():
         neighbours = framed[1 + down :, 1 + right :][: blocks.shape[0], : blocks.shape[1]]
-        for met, nodes in ((blocks & neighbours, [side[0], side[last]]), (blocks & ~neighbours, side)):
-            rows, columns = (BLOCK * at for at in np.nonzero(met))
+        for joined, nodes in ((blocks & neighbours, [side[0], side[last]]), (blocks & ~neighbours, side)):
+            rows, columns = (BLOCK_SQUARES * positions for positions in np.nonzero(joined))
             middle = number[rows + last // 2, columns + last // 2]
-            rim = [number[rows + at[0], columns + at[1]] for at in nodes]
+            rim = [number[rows + positions[0], columns + positions[1]] for positions in nodes]
             faces += [np.stack([middle, *pair], axis=-1) for pair in itertools.pairwise(rim)]
     return np.concatenate(faces).astype(np.int64)

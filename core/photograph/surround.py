@@ -1,7 +1,7 @@
-"""What surrounds a photographed object: its background filled in behind it, and taken for the light all around.
+"""Surround of a photographed object: its background, filled in behind it and mapped to the sphere of directions.
 
-As Khan et al. 2006 do: the photograph without the object is laid over the half of the sphere behind it, and
-mirrored for the half that nobody saw.
+As in Khan et al. 2006, the photograph without the object covers the half of the sphere behind it, and its mirror
+image the half that the photograph does not show.
 """
 
 import numpy as np
@@ -12,17 +12,17 @@ from milkglass.core.arrays import Float32
 from milkglass.core.display import luminance
 from milkglass.core.light.maps import latlong_to_direction
 
-MAP_HEIGHT = 128  # rows of the light probe: a photograph of the surroundings tells no more
+MAP_HEIGHT = 128  # rows of the light probe: a photograph resolves no more of the surroundings
 
 
 def filled(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -> Float32:
-    """Fill where there is no weight from around it, smoothly, by a pyramid of weighted means ("push-pull").
+    """Return values with gaps filled smoothly from their surroundings by a pyramid of weighted means ("push-pull").
 
     Parameters
     ----------
     values : (h, w, c)
     weight : (h, w)
-        In [0, 1]: 1 keeps the value, 0 replaces it, between is mixed.
+        In [0, 1]: 1 keeps the value, 0 replaces it, shares between mix both.
 
     Returns
     -------
@@ -34,23 +34,23 @@ def filled(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -
 
 
 def filled_halves(values: npt.NDArray[np.floating], weight: npt.NDArray[np.floating]) -> Float32:
-    """Return what `filled` doubles to fill gaps: (h, w, c) of half the size, rounded up, known pixels averaged."""
+    """Return the level of half the size, rounded up, from which `filled` interpolates gaps: (h / 2, w / 2, c)."""
     weight = weight.astype(np.float32)[..., None]
     return _pulled(*_saturated(_halved(values.astype(np.float32) * weight), _halved(weight)))
 
 
 def surround_map(radiance: npt.NDArray[np.floating], centre: tuple[float, float]) -> Float32:
-    """Lay a background over the sphere.
+    """Return a background mapped to the sphere, as a lat-long map.
 
-    A direction (x, y, z) is where the photograph, centred at the object and stretched to its four sides, lies
-    under (x, y): straight behind the object and straight before it is its own place, sideways the photograph's edge.
+    A direction (x, y, z) reads the photograph, centred at the object and stretched to its four sides, at (x, y): the
+    object's centre straight behind and before it, the edges of the photograph sideways.
 
     Parameters
     ----------
     radiance : (h, w, 3)
-        Of the background, the object filled in.
+        Radiance of the background, the object filled in.
     centre : (row, column)
-        Of the object, as shares of height and width, in (0, 1).
+        Centre of the object, as shares of height and width, in (0, 1).
 
     Returns
     -------
@@ -62,20 +62,20 @@ def surround_map(radiance: npt.NDArray[np.floating], centre: tuple[float, float]
     direction = latlong_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
     x, y = direction[..., 0], -direction[..., 1]
     row, column = centre
-    at = row + y * np.where(y > 0.0, 1.0 - row, row), column + x * np.where(x > 0.0, 1.0 - column, column)
-    places = np.stack([at[0] * rows - 0.5, at[1] * columns - 0.5])
-    planes = [map_coordinates(radiance[..., i], places, order=1, mode="nearest") for i in range(3)]
+    position = row + y * np.where(y > 0.0, 1.0 - row, row), column + x * np.where(x > 0.0, 1.0 - column, column)
+    coordinates = np.stack([position[0] * rows - 0.5, position[1] * columns - 0.5])
+    planes = [map_coordinates(radiance[..., i], coordinates, order=1, mode="nearest") for i in range(3)]
     return np.stack(planes, axis=-1).astype(np.float32)
 
 
 def scene_radiance(display: npt.NDArray[np.floating], white: float) -> Float32:
-    """Undo the photographic tone map of `core.display.tone_map` at exposure 1: radiance, of linear RGB in [0, 1].
+    """Return radiance of linear RGB in [0, 1] by the inverse of `core.display.tone_map` at exposure 1.
 
-    A photograph is a picture that some such curve has made; white stands for the luminance `white`, so that lamps
-    and windows shine brighter than paper. Results go back through the same curve, so that they match what is around.
+    A photograph is assumed to be tone-mapped so; white stands for the luminance `white`, so that lamps and windows are
+    brighter than paper. Results are tone-mapped by the same curve, so that they match their surroundings.
     """
-    shown = luminance(display)
-    ratio = np.where(shown > 1e-6, scene_luminance(shown, white) / np.maximum(shown, 1e-6), 1.0)
+    displayed = luminance(display)
+    ratio = np.where(displayed > 1e-6, scene_luminance(displayed, white) / np.maximum(displayed, 1e-6), 1.0)
     return np.asarray(display * ratio[..., None], np.float32)
 
 
@@ -91,11 +91,11 @@ def _pulled(flux: Float32, weight: Float32) -> Float32:
     if max(h, w) == 1:
         return np.asarray(flux / np.maximum(weight, 1e-12), np.float32)
     coarse_flux, coarse_weight = _halved(flux), _halved(weight)
-    # Weights saturate: one known pixel among four is known.
+    # Weights saturate: a block with one known pixel among four is known.
     coarser = _pulled(*_saturated(coarse_flux, coarse_weight))
-    between = (1.0 - weight) * _doubled(coarser, (h, w))
-    between += flux
-    return np.asarray(between, np.float32)
+    result = (1.0 - weight) * _doubled(coarser, (h, w))
+    result += flux
+    return np.asarray(result, np.float32)
 
 
 def _saturated(flux: Float32, weight: Float32) -> tuple[Float32, Float32]:
@@ -113,15 +113,15 @@ def _halved(values: Float32) -> Float32:
 
 
 def _doubled(values: Float32, size: tuple[int, int]) -> Float32:
-    """Interpolate to twice the size, linearly, and cut to `size`."""
-    for axis in (1, 0):  # of the larger part along memory
+    """Return values interpolated linearly to twice the size and cropped to `size`."""
+    for axis in (1, 0):  # contiguous rows first
         n, shape = values.shape[axis], list(values.shape)
         shape[axis] = 2 * n
         doubled = np.empty(shape, np.float32)
-        from_, to = np.moveaxis(values, axis, 0), np.moveaxis(doubled, axis, 0)
-        near_share, far_share = np.float32(0.75) * from_, np.float32(0.25) * from_
-        to[0], to[-1] = from_[0], from_[-1]
-        np.add(near_share[1:], far_share[:-1], out=to[2::2])
-        np.add(near_share[:-1], far_share[1:], out=to[1:-1:2])
+        source, target = np.moveaxis(values, axis, 0), np.moveaxis(doubled, axis, 0)
+        near_share, far_share = np.float32(0.75) * source, np.float32(0.25) * source
+        target[0], target[-1] = source[0], source[-1]
+        np.add(near_share[1:], far_share[:-1], out=target[2::2])
+        np.add(near_share[:-1], far_share[1:], out=target[1:-1:2])
         values = doubled[tuple(slice(size[i]) if i == axis else slice(None) for i in range(3))]
     return values

@@ -1,4 +1,4 @@
-"""How far exitance is from a reference: what the benchmark and `milkglass render --report` tell."""
+"""Deviation of exitance from a reference, as the benchmark and `milkglass render --report` print it."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ from milkglass.core.arrays import Array
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far exitance is from the reference, per channel, as shares of the reference's rms over the points.
+    """Deviation of exitance M from a reference, for each channel, over the rms of the reference over the points.
 
     Attributes
     ----------
     rms, p99 : (3,) tuples
         Root mean square and 99th percentile of |M - M_ref|.
     ratio : (3,) tuple
-        Mean of M over mean of M_ref: below 1 where light is lost.
+        Mean of M over mean of M_ref, below 1 where light is lost.
     rms_together : float
-        Root mean square over all channels, as a share of the reference's over all.
+        Root mean square over all channels, over that of the reference.
     """
 
     rms: tuple[float, ...]
@@ -29,7 +29,7 @@ class Deviation:
 
     @classmethod
     def of(cls, exitance: npt.ArrayLike, reference: Array) -> "Deviation":
-        """Compare (n, 3) arrays; a channel that is black in both has no error."""
+        """Return the deviation of exitance (n, 3) from a reference (n, 3); a channel that is black in both has none."""
         M, M_ref = np.asarray(exitance, np.float64), reference
         size = np.sqrt(np.mean(M_ref**2, axis=0))
         size = np.where(size > 0.0, size, 1.0)

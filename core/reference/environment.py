@@ -1,6 +1,6 @@
-"""Irradiance of an environment that the object is in the way of, by rays in float64: the judge of `light.visibility`.
+"""Irradiance of an environment that the object occludes, by rays in float64: the reference of `light.visibility`.
 
-It shares nothing with the bake: not its directions, nor harmonics, nor the places that rays start from.
+It is independent of the bake: other directions, other origins of rays, no spherical harmonics.
 """
 
 import numpy as np
@@ -14,34 +14,37 @@ from milkglass.core.material import fresnel
 
 Floats = npt.NDArray[np.floating]
 
-HEIGHT = 60  # rows that a probe is averaged to: 3,600 rays above each horizon
-LIFT = 1e-4  # radii that rays start above their face
-_POINTS = 16  # at a time
+HEIGHT = 60  # rows to which a probe is averaged: 3,600 rays above each horizon
+LIFT = 1e-4  # height of the origins of rays above their face, in radii of the object
+_POINTS = 16  # handled at a time
 
 
 def occluded_irradiance(
     mesh: Mesh, points: Floats, normals: Floats, face_normals: Floats, probe: Floats, eta: float,
     rotations: npt.ArrayLike = (0.0,), height: int = HEIGHT, seed: int = 11,
 ) -> Array:  # fmt: skip
-    """E = int F_t(eta, w.n) max(w.n, 0) V(w) L(w) dw, a jittered ray for each texel of the probe.
+    """Return E = int F_t(eta, w.n) max(w.n, 0) V(w) L(w) dw, by a jittered ray for each texel of the probe.
 
-    A ray that a shading normal sends below its face goes along the face instead.
+    A ray above the horizon of the shading normal but below the face is mirrored at the face.
 
     Parameters
     ----------
     mesh : Mesh
     points, normals, face_normals : (n, 3) arrays
-        On the mesh; of the shading, and of the faces; unit.
+        Points on the mesh, mm; unit shading normals; unit normals of the faces.
     probe : (h, w, 3) array
         Lat-long radiance.
     eta : float
-    rotations : degrees, taken to whole texels of 180 / height
+        Relative index of refraction.
+    rotations : (k,) array
+        Rotations of the probe about +y in degrees, rounded to whole texels of 180 / height.
     height : int
+        Rows to which the probe is averaged.
     seed : int
 
     Returns
     -------
-    (rotations, n, 3) float64
+    (k, n, 3) float64
     """
     rng, width = np.random.default_rng(seed), 2 * height
     averaged = resample_latlong(np.asarray(probe, np.float32), height).astype(np.float64)
@@ -59,13 +62,13 @@ def occluded_irradiance(
         phi = 2.0 * np.pi * ((column + rng.random(shape)) / width - 0.5)
         towards = np.stack([np.sqrt(1.0 - y * y) * np.sin(phi), y, -np.sqrt(1.0 - y * y) * np.cos(phi)], axis=-1)
         cosine = np.einsum("nkc,nc->nk", towards, normal[:, 0])
-        at, above = np.nonzero(cosine > 0.0)
-        cosine, towards = cosine[at, above], towards[at, above]
-        below = np.minimum(np.einsum("kc,kc->k", towards, plane[at, 0]), 0.0)
-        towards -= 2.0 * below[:, None] * plane[at, 0]
+        point, above = np.nonzero(cosine > 0.0)
+        cosine, towards = cosine[point, above], towards[point, above]
+        below = np.minimum(np.einsum("kc,kc->k", towards, plane[point, 0]), 0.0)
+        towards -= 2.0 * below[:, None] * plane[point, 0]
         origins = np.asarray(points[subset], np.float64) + LIFT * mesh.radius * plane[:, 0]
         weight = np.zeros(shape)
-        visible = ~rays.occluded(origins[at], towards)
-        weight[at, above] = cosine * fresnel.transmittance(eta, cosine) * d_omega[above] * visible
+        visible = ~rays.occluded(origins[point], towards)
+        weight[point, above] = cosine * fresnel.transmittance(eta, cosine) * d_omega[above] * visible
         result[:, subset] = np.einsum("nk,rkc->rnc", weight, light, optimize=True)
     return result

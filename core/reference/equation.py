@@ -1,6 +1,6 @@
-"""The float64 reference: equation (1) summed directly over the surface, visibility by casting rays.
+"""Float64 reference: equation (1) summed directly over the surface, with visibility by rays.
 
-Independent of the fast path: it shares the profile's radial function and nothing else.
+Independent of the fast path, except for the radial function of the profile.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material import fresnel
 from milkglass.core.profiles.base import Profile
 
-RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit where they start
+RAY_OFFSET = 1e-5  # of the bounding sphere's radius, along the normal: float32 rays must not hit their origin
 NEAREST_LIGHT = 1e-6  # mm; a light on the surface itself would be infinitely bright
 _BLOCK = 1 << 15  # pairs (point, source) at a time: the arrays of a block stay in the cache
 
@@ -28,22 +28,23 @@ def direct_exitance(
     progress: Callable[[float], None] | None = None,
     areas: npt.ArrayLike | None = None,
 ) -> Array:
-    """Equation (1): M(x) = sum over the sources of R_d(|x - y|) Phi(y).
+    """Return exitance by equation (1): M(x) = sum over the sources of R_d(|x - y|) Phi(y).
 
     Parameters
     ----------
     points : (n, 3) array
-        Where exitance is wanted, mm.
+        Points x, mm.
     sources : (m, 3) array
-        Points that cover the whole surface densely against the mean free path, mm.
+        Points y that cover the whole surface densely against the mean free path, mm.
     flux : (m, 3) array
-        E dA of each source and channel.
-    profiles : R, G and B
+        Phi = E dA of each source and channel.
+    profiles : sequence of Profile
+        R, G and B.
     progress : callable, optional
         Called with the finished share, in [0, 1]; what it raises ends the work.
     areas : (m,) array, optional
-        dA, mm^2. A point that lies in a piece is then as far from it as the mean of 1 / rho over a disc of that area
-        says, which profiles that diverge at 0 need and others do not notice.
+        dA, mm^2. The distance of a point from a piece is then at least that of the mean of 1 / rho over a disc of its
+        area, which profiles that diverge at 0 need and others do not depend on.
 
     Returns
     -------
@@ -55,25 +56,27 @@ def direct_exitance(
     nearest = np.zeros(len(flux)) if areas is None else 0.5 * np.sqrt(np.asarray(areas, np.float64) / np.pi)
     nearest = nearest[lit]
     sources, flux = (np.ascontiguousarray(a[lit].T) for a in (np.asarray(sources, np.float64), flux))  # (3, m)
-    out = np.zeros((len(points), 3))
+    exitance = np.zeros((len(points), 3))
     step = max(1, _BLOCK // max(1, sources.shape[1]))
     for start in range(0, len(points), step):
         block = points[start : start + step]
         for first in range(0, sources.shape[1], _BLOCK):
-            part = slice(first, first + _BLOCK)
-            rho = np.sqrt(sum((block[:, [axis]] - sources[axis, part]) ** 2 for axis in range(3)))
+            chunk = slice(first, first + _BLOCK)
+            rho = np.sqrt(sum((block[:, [axis]] - sources[axis, chunk]) ** 2 for axis in range(3)))
             if areas is not None:
-                np.maximum(rho, nearest[part], out=rho)
+                np.maximum(rho, nearest[chunk], out=rho)
             for channel, profile in enumerate(profiles):
                 if not profile.is_black:  # not a product of BLAS: its threads cost more than such a sum
-                    out[start : start + step, channel] += np.einsum("ij,j->i", profile.radial(rho), flux[channel, part])
+                    exitance[start : start + step, channel] += np.einsum(
+                        "ij,j->i", profile.radial(rho), flux[channel, chunk]
+                    )
         if progress is not None:
             progress(min(1.0, (start + step) / len(points)))
-    return out
+    return exitance
 
 
 class Occluder:
-    """A mesh that rays are cast against."""
+    """Visibility of lights from points of a mesh, by rays."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._scene = EmbreeScene()
@@ -83,7 +86,7 @@ class Occluder:
     def visible(
         self, points: npt.ArrayLike, normals: npt.ArrayLike, directions: npt.ArrayLike
     ) -> npt.NDArray[np.bool_]:
-        """Whether rays from points (n, 3) just off the surface leave the mesh; directions (n, 3) or (3,)."""
+        """Return whether rays from points (n, 3) of the surface leave the mesh, (n,); directions (n, 3) or (3,)."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         directions = np.broadcast_to(np.asarray(directions, np.float64), points.shape)
         origins = (points + self._offset * normals).astype(np.float32)
@@ -91,12 +94,12 @@ class Occluder:
         return np.asarray(hits < 0)
 
     def reached(self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Whether nothing lies between points (n, 3) just off the surface and a position (3,)."""
+        """Return whether a position (3,) is visible from points (n, 3) of the surface, (n,)."""
         origins = np.asarray(points, np.float64) + self._offset * np.asarray(normals, np.float64)
         to_light = np.asarray(position, np.float64) - origins
         distance = np.maximum(np.linalg.norm(to_light, axis=1), np.finfo(np.float64).tiny)
         directions = (to_light / distance[:, None]).astype(np.float32)
-        # An occlusion query knows of the whole ray only; the nearest hit may lie beyond the position.
+        # An occlusion query tests the whole ray; the nearest hit may lie beyond the position.
         hits = self._scene.run(origins.astype(np.float32), directions, output=True)
         return np.asarray((hits["primID"] < 0) | (hits["tfar"] > distance))
 
@@ -109,7 +112,7 @@ class Occluder:
         intensity: npt.ArrayLike,
         eta: float,
     ) -> Array:
-        """E of a point light at `position` (3,), mm, of radiant `intensity` (3,): (n, 3), otherwise as `irradiance`."""
+        """Return E of a point light at `position` (3,), mm, of radiant `intensity` (3,); otherwise as `irradiance`."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         to_light = np.asarray(position, np.float64) - points
         distance2 = np.maximum(np.einsum("ij,ij->i", to_light, to_light), NEAREST_LIGHT**2)
@@ -128,19 +131,20 @@ class Occluder:
         irradiance: npt.ArrayLike,
         eta: float,
     ) -> Array:
-        """E of a directional light, (2): (n, 3) float64.
+        """Return E of a directional light, (2), F_t included: (n, 3) float64.
 
         Parameters
         ----------
         points, normals : (n, 3) arrays
-            Surface points and shading normals.
+            Surface points, mm, and unit shading normals.
         face_normals : (n, 3) array
-            Of the faces they lie on: rays start on their outer side.
+            Unit normals of the faces: rays start on their outer side.
         direction : (3,) array
             Towards the light, any length.
         irradiance : (3,) array
-            At normal incidence.
+            Irradiance at normal incidence.
         eta : float
+            Relative index of refraction.
         """
         towards = np.asarray(direction, np.float64) / np.linalg.norm(direction)
         cosine = np.maximum(0.0, np.asarray(normals, np.float64) @ towards)

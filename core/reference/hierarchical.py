@@ -1,12 +1,11 @@
 """Hierarchical sum of equation (1): clusters of distant sources stand for their members (Jensen and Buhler 2002).
 
 The sources go into an octree. A node keeps the summed flux of each channel, the summed area and the flux-weighted
-centroid; a point takes a node for all of its sources where they subtend a small enough solid angle, area / distance^2
-<= tolerance, and opens it otherwise. Points go through the tree together, level by level, so that every step is a few
+centroid; a node stands for all of its sources where they subtend a small enough solid angle, area / distance^2
+<= tolerance, and is opened otherwise. Points traverse the tree together, level by level, so that every step is a few
 array operations over (point, node) pairs.
 
-This is the method that translucent renderers use in place of the direct sum: the benchmark's rival, not part of the
-renderer.
+This method, common in renderers, takes the place of the direct sum; here it is measured in the benchmark only.
 """
 
 from collections.abc import Sequence
@@ -20,9 +19,9 @@ from milkglass.core.profiles.base import Profile
 
 Ints = npt.NDArray[np.int64]
 
-LEVELS = 20  # at most: cells of a millionth of the side
-LEAF = 8  # sources below which a node is not divided
-_BLOCK = 1 << 20  # pairs (point, node) kept at a time
+MAX_LEVELS = 20  # cells of a millionth of the side
+MAX_LEAF_SOURCES = 8  # nodes with no more sources are not divided
+_BLOCK = 1 << 20  # pairs (point, node) held at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +31,19 @@ class SourceTree:
     Attributes
     ----------
     centroids : (k, 3) float64
-        Mean position weighted by flux over the channels, mm.
+        Mean position weighted by the flux of all channels, mm.
     flux : (k, 3) float64
-        Sum of each channel.
+        Sum of the flux of each channel.
     areas : (k,) float64
-        mm^2.
+        Sum of the areas, mm^2.
     first_child, n_children : (k,) int64
         n_children is 0 for leaves.
     first_source, n_sources : (k,) int64
         Range in `sources`.
     sources, source_flux : (m, 3) float64
-        Sorted, so that each node's lie together.
+        Sorted, so that the sources of a node are contiguous.
     low, high : (k, 3) float64
-        Bounding box of the sources, mm: a point inside opens the node, whatever its area.
+        Bounding box of the sources, mm: a point inside it opens the node.
     """
 
     centroids: Array
@@ -61,7 +60,7 @@ class SourceTree:
 
 
 def build_tree(sources: npt.ArrayLike, flux: npt.ArrayLike, areas: npt.ArrayLike) -> SourceTree:
-    """Build the octree of sources (m, 3), mm, with flux (m, 3) and areas (m,), mm^2; dark sources are left out."""
+    """Return the octree of sources (m, 3), mm, with flux (m, 3) and areas (m,), mm^2; without dark sources."""
     sources, flux, areas = (np.asarray(a, np.float64) for a in (sources, flux, areas))
     lit = flux.any(axis=1)
     sources, flux, areas = sources[lit], flux[lit], areas[lit]
@@ -72,11 +71,11 @@ def build_tree(sources: npt.ArrayLike, flux: npt.ArrayLike, areas: npt.ArrayLike
     first_child: list[Ints] = []
     n_children: list[Ints] = []
     total = 1
-    for level in range(1, LEVELS + 1):
+    for level in range(1, MAX_LEVELS + 1):
         start, count = starts[-1], counts[-1]
-        divided = count > LEAF
+        divided = count > MAX_LEAF_SOURCES
         # Where the next three bits of the code change, inside the nodes that are divided, a child begins.
-        cell = code >> 3 * (LEVELS - level)
+        cell = code >> 3 * (MAX_LEVELS - level)
         member = _members(start[divided], count[divided])
         parent = np.repeat(np.flatnonzero(divided), count[divided])
         new = np.ones(len(member), bool)
@@ -121,15 +120,15 @@ def hierarchical_exitance(
     profiles: Sequence[Profile],
     tolerance: float,
 ) -> Array:
-    """Equation (1) over clusters of sources; arguments as of `core.reference.equation.direct_exitance`.
+    """Return exitance by (1) over clusters of sources; arguments as of `core.reference.equation.direct_exitance`.
 
     Parameters
     ----------
     areas : (m,) array
-        Of the sources, mm^2.
+        Areas of the sources, mm^2.
     tolerance : float
         Largest solid angle of a cluster, area / distance^2, that stands for its members, >= 0; at 0 every source is
-        summed on its own.
+        summed separately.
 
     Returns
     -------
@@ -139,21 +138,21 @@ def hierarchical_exitance(
 
 
 def tree_exitance(points: npt.ArrayLike, tree: SourceTree, profiles: Sequence[Profile], tolerance: float) -> Array:
-    """`hierarchical_exitance` with a tree that is there already."""
+    """Return exitance (n, 3) as `hierarchical_exitance` does, with a tree from `build_tree`."""
     points = np.asarray(points, np.float64)
-    out = np.zeros((len(points), 3))
+    exitance = np.zeros((len(points), 3))
     if len(tree.sources) == 0 or len(points) == 0:
-        return out
-    # A point meets thousands of nodes: so many at a time that pairs stay in the cache.
+        return exitance
+    # A point visits thousands of nodes: few points at a time, so that pairs stay in the cache.
     step = 64
     for start in range(0, len(points), step):
         block = points[start : start + step]
-        out[start : start + step] = _block_exitance(block, tree, profiles, tolerance)
-    return out
+        exitance[start : start + step] = _block_exitance(block, tree, profiles, tolerance)
+    return exitance
 
 
 def _block_exitance(points: Array, tree: SourceTree, profiles: Sequence[Profile], tolerance: float) -> Array:
-    out = np.zeros((len(points), 3))
+    exitance = np.zeros((len(points), 3))
     point = np.arange(len(points))
     node = np.zeros(len(points), np.int64)
     while len(node):
@@ -161,70 +160,70 @@ def _block_exitance(points: Array, tree: SourceTree, profiles: Sequence[Profile]
         distance2 = np.einsum("ij,ij->i", offset, offset)
         inside = np.all((points[point] >= tree.low[node]) & (points[point] <= tree.high[node]), axis=1)
         far = (tree.areas[node] <= tolerance * distance2) & ~inside if tolerance > 0.0 else np.zeros(len(node), bool)
-        _add(out, point[far], np.sqrt(distance2[far]), tree.flux[node[far]], profiles)
+        _add(exitance, point[far], np.sqrt(distance2[far]), tree.flux[node[far]], profiles)
         leaf = ~far & (tree.n_children[node] == 0)
-        _add_sources(out, points, point[leaf], node[leaf], tree, profiles)
+        _add_sources(exitance, points, point[leaf], node[leaf], tree, profiles)
         opened = ~far & ~leaf
         children = tree.n_children[node[opened]]
         node, point = _members(tree.first_child[node[opened]], children), np.repeat(point[opened], children)
-    return out
+    return exitance
 
 
 def _add_sources(
-    out: Array, points: Array, point: Ints, node: Ints, tree: SourceTree, profiles: Sequence[Profile]
+    exitance: Array, points: Array, point: Ints, node: Ints, tree: SourceTree, profiles: Sequence[Profile]
 ) -> None:
-    """Sum the sources of leaves one by one."""
+    """Add the sources of leaves one by one to `exitance`."""
     counts = tree.n_sources[node]
     ends = np.cumsum(counts)
     start = 0
     while start < len(node):
-        done = ends[start - 1] if start else 0
-        stop = max(start + 1, int(np.searchsorted(ends, done + _BLOCK, side="right")))
-        part = slice(start, stop)
-        source = _members(tree.first_source[node[part]], counts[part])
-        owner = np.repeat(point[part], counts[part])
+        n_added = ends[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, n_added + _BLOCK, side="right")))
+        block = slice(start, stop)
+        source = _members(tree.first_source[node[block]], counts[block])
+        owner = np.repeat(point[block], counts[block])
         rho = np.linalg.norm(points[owner] - tree.sources[source], axis=1)
-        _add(out, owner, rho, tree.source_flux[source], profiles)
+        _add(exitance, owner, rho, tree.source_flux[source], profiles)
         start = stop
 
 
-def _add(out: Array, point: Ints, rho: Array, flux: Array, profiles: Sequence[Profile]) -> None:
-    """out[point] += R_d(rho) flux, channel by channel; a point may come several times."""
+def _add(exitance: Array, point: Ints, rho: Array, flux: Array, profiles: Sequence[Profile]) -> None:
+    """Add R_d(rho) flux to exitance[point], channel by channel; points may be repeated."""
     for channel, profile in enumerate(profiles):
         if not profile.is_black and len(point):
             value = profile.radial(rho) * flux[:, channel]
-            out[:, channel] += np.bincount(point, value, minlength=len(out))
+            exitance[:, channel] += np.bincount(point, value, minlength=len(exitance))
 
 
 def _morton(points: Array) -> Ints:
-    """Interleave the bits of the positions in their cube: neighbours in the octree are neighbours in this order."""
+    """Return Morton codes (n,): the interleaved bits of positions in their cube, in the order of the octree."""
     if len(points) == 0:
         return np.zeros(0, np.int64)
     low = points.min(axis=0)
     side = max(float(np.ptp(points, axis=0).max()), 1e-300)
-    cell = np.minimum(((points - low) / side * 2**LEVELS).astype(np.int64), 2**LEVELS - 1)
+    cell = np.minimum(((points - low) / side * 2**MAX_LEVELS).astype(np.int64), 2**MAX_LEVELS - 1)
     code = np.zeros(len(points), np.int64)
-    for bit in range(LEVELS):
+    for bit in range(MAX_LEVELS):
         for axis in range(3):
             code |= (cell[:, axis] >> bit & 1) << 3 * bit + axis
     return code
 
 
 def _members(first: Ints, count: Ints) -> Ints:
-    """Concatenate the ranges first[i] ... first[i] + count[i] - 1."""
+    """Return the concatenated ranges first[i] ... first[i] + count[i] - 1."""
     total = int(count.sum())
     begins = np.cumsum(count) - count
     return np.asarray(np.arange(total, dtype=np.int64) + np.repeat(first - begins, count), np.int64)
 
 
 def _range_sums(values: Array, first: Ints, count: Ints) -> Array:
-    """Sums of values (m, c) over ranges that each lie inside the one before or beside it: (k, c)."""
+    """Return sums of values (m, c) over k ranges, (k, c)."""
     running = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     return np.asarray(running[first + count] - running[first])
 
 
 def _range_extremes(values: Array, first: Ints, count: Ints, ufunc: np.ufunc) -> Array:
-    """Minimum or maximum of values (m, c) over ranges: (k, c)."""
+    """Return the minimum or maximum of values (m, c) over k ranges, (k, c)."""
     if len(values) == 0:
         return np.zeros((len(first), values.shape[1]))
     bounds = np.stack([first, first + count], axis=1).ravel()

@@ -1,18 +1,18 @@
-"""Monte Carlo transport: photons walk through a shape, scatter, and leave it through a smooth dielectric boundary.
+"""Monte Carlo transport: photons scatter in a shape and leave it through a smooth dielectric boundary.
 
-The truth that a transport is judged by. It knows no diffusion and shares nothing with the fast path but the Fresnel
-equations: a photon flies a distance with density sigma_t' exp(-sigma_t' s), scatters into every direction alike (the
-reduced coefficients leave no other phase function), keeps the share a' = sigma_s' / sigma_t' of its weight, and where
-it meets the boundary it leaves with F_t and is reflected with F_r, unpolarised.
+The reference of transports. It makes no diffusion approximation and shares nothing with the fast path but the Fresnel
+equations: a photon flies a distance with density sigma_t' exp(-sigma_t' s), scatters isotropically (the phase function
+of reduced coefficients), keeps the share a' = sigma_s' / sigma_t' of its weight, and where it meets the boundary it
+leaves with F_t and is reflected with F_r, unpolarised.
 
-* Absorption never ends a walk, it lessens the weight. So several albedos share one walk: a photon that has scattered
-  n times has a weight of a'^n for each.
-* At the boundary F_t of the weight is tallied and F_r walks on: no photon leaves unless the boundary lets all out.
-* Russian roulette ends walks below a weight, unbiased: of those, a share survives with the weight of all.
+* Absorption does not end a walk but reduces the weight. So several albedos share one walk: a photon that has scattered
+  n times has the weight a'^n for each.
+* At the boundary F_t of the weight is tallied and F_r continues: no photon leaves unless F_r is 0.
+* Russian roulette ends walks below a weight without bias: a share of them survives with a larger weight.
 
-As in the diffusion equation with a boundary, light that has left is gone: it does not enter a concave shape again
-elsewhere, after reflection outside, or another body. Light that never scattered is tallied apart, as ballistic:
-it leaves in a beam, which exitance does not describe.
+As in the diffusion equation with a boundary, light that leaves does not enter again, neither elsewhere in a concave
+shape, nor after reflection outside, nor in another body. Light that never scattered is tallied separately, as
+ballistic: it leaves in a beam, which exitance does not describe.
 """
 
 from collections.abc import Callable
@@ -29,32 +29,33 @@ from milkglass.core.reference.photon_shapes import Arrivals, Hits, Shape, isotro
 
 Ints = npt.NDArray[np.int64]
 
-BATCHES = 32  # independent shares of the photons, for the standard error
-POOL = 1 << 14  # photons that walk at a time: what the caches hold
-ROULETTE, SURVIVOR = 0.1, 0.5  # weight below which a photon must be lucky, and the weight it then has
-MOST_LOST = 1e-3  # of the entered flux: more than rounding loses at edges is a hole
-COARSEST = 1e-2  # mean free paths that a photon may be off the boundary of a mesh
-THINNEST = 1e-2  # mean free paths in the mean chord: in clear glass light may be trapped, and never scatters
+BATCHES = 32  # independent batches of the photons, for the standard error
+POOL_SIZE = 1 << 14  # photons in flight at a time, which the caches hold
+ROULETTE_WEIGHT, SURVIVOR_WEIGHT = 0.1, 0.5  # weight below which roulette is played, and the weight of survivors
+MAX_LOST_SHARE = 1e-3  # of the entered flux: rounding loses less at edges, so more means a hole
+MAX_OFFSET = 1e-2  # mean free paths by which a photon may be off the boundary of a mesh
+MIN_CHORD = 1e-2  # mean free paths in the mean chord: in clear glass light may be trapped without scattering
 
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """Flux through the boundary of a shape under an irradiance of 1, in bins, each batch an estimate of its own.
+    """Flux through the boundary of a shape under an irradiance of 1, in bins, as an estimate of each batch.
 
-    Flux is in units of area: that of a bin of area 1 where exitance is 1.
+    Flux is in units of area: 1 for a bin of area 1 where exitance is 1.
 
     Attributes
     ----------
     areas : (n_bins,)
     entered : (n_bins,)
-        Flux that went in, F_t included.
+        Flux that entered, F_t included.
     scattered : (BATCHES, n_bins, n_albedos)
         Flux that left after at least one scattering.
     ballistic : (BATCHES, n_bins)
-        Flux that left without.
+        Flux that left without scattering.
     lost : float
-        Share of the entered flux that slipped out at the edges of a mesh, in [0, MOST_LOST]; 0 for other shapes.
+        Share of the entered flux lost at the edges of a mesh, in [0, MAX_LOST_SHARE]; 0 for other shapes.
     photons : int
+        Number of photons.
     """
 
     areas: Array
@@ -66,12 +67,12 @@ class Tally:
 
     @property
     def exitance(self) -> Array:
-        """M of scattered light, (n_bins, n_albedos)."""
+        """Exitance M of scattered light, (n_bins, n_albedos)."""
         return np.asarray(self.scattered.mean(axis=0) / self.areas[:, None])
 
     @property
     def standard_error(self) -> Array:
-        """Standard deviation of `exitance`, from that of the batches; itself to 13 %."""
+        """Standard error of `exitance`, from the spread of the batches, itself accurate to 13 %."""
         deviation = self.scattered.std(axis=0, ddof=1) / np.sqrt(len(self.scattered))
         return np.asarray(deviation / self.areas[:, None])
 
@@ -86,23 +87,23 @@ def walk(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Tally:
-    """Light a shape and let photons walk.
+    """Return the flux that enters and leaves an illuminated shape, from a random walk of photons.
 
     Parameters
     ----------
     shape : Shape
-        `core.reference.photon_shapes` has slab, sphere and mesh.
+        A slab, sphere or mesh of `core.reference.photon_shapes`.
     sigma_t_prime : float
         Reduced extinction, the inverse of the unit of length of the shape: 1/mm for a mesh.
     albedos : (n_albedos,) array
-        a' = sigma_s' / sigma_t', in [0, 1]; those far below the largest get few photons.
+        a' = sigma_s' / sigma_t', in [0, 1]; albedos far below the largest have larger errors.
     eta : float
         Relative index of refraction, in [1, 3].
     direction : (3,) array or None
         Towards a directional light of irradiance 1 at normal incidence, any length. None: radiance 1 / pi from
-        every direction, where nothing of the shape is in the way.
+        every direction that the shape does not occlude.
     n_photons : int
-        Rounded up so that all batches have as many.
+        Number of photons, rounded up so that all batches have equally many.
     seed : int
         The same seed gives the same bits.
     progress : callable, optional
@@ -111,28 +112,28 @@ def walk(
     Raises
     ------
     InputError
-        If a number is out of its range, the shape is thinner than `THINNEST` mean free paths or too large for rays
-        to tell them apart, or more than `MOST_LOST` of the light slips through holes of a mesh.
+        If a number is out of its range, the shape is thinner than `MIN_CHORD` mean free paths or too large for rays
+        to resolve them, or more than `MAX_LOST_SHARE` of the light is lost through holes of a mesh.
     """
     towards, albedo = _checked(shape, sigma_t_prime, albedos, eta, direction, n_photons)
     per_batch = -(-n_photons // BATCHES)
-    parts = -(-per_batch // POOL)
-    size = -(-per_batch // parts)
-    rng, crew, score = np.random.default_rng(seed), _Photons.none(), _Score(shape, albedo, eta)
-    started, total = 0, parts * BATCHES
-    while started < total or len(crew.weight):
-        while started < total and len(crew.weight) < POOL:
-            crew = crew.joined(score.enter(shape.arrivals(rng, size, towards), started % BATCHES))
-            started += 1
-        crew = _advanced(crew, shape, sigma_t_prime, score, rng)
+    n_groups = -(-per_batch // POOL_SIZE)
+    group_size = -(-per_batch // n_groups)
+    rng, photons, score = np.random.default_rng(seed), _Photons.none(), _Score(shape, albedo, eta)
+    n_groups_started, n_groups_total = 0, n_groups * BATCHES
+    while n_groups_started < n_groups_total or len(photons.weight):
+        while n_groups_started < n_groups_total and len(photons.weight) < POOL_SIZE:
+            photons = photons.joined(score.enter(shape.arrivals(rng, group_size, towards), n_groups_started % BATCHES))
+            n_groups_started += 1
+        photons = _advanced(photons, shape, sigma_t_prime, score, rng)
         if progress is not None:
-            progress(1.0 - (len(crew.weight) / size + total - started) / total)
-    return score.tally(size * total)
+            progress(1.0 - (len(photons.weight) / group_size + n_groups_total - n_groups_started) / n_groups_total)
+    return score.tally(group_size * n_groups_total)
 
 
 @dataclass(eq=False)
 class _Photons:
-    """Photons inside; position and direction (3, n), the rest (n,); the weight is that of the largest albedo."""
+    """Photons in flight: position and direction (3, n), others (n,); the weight is that of the largest albedo."""
 
     position: Array
     direction: Array
@@ -142,12 +143,12 @@ class _Photons:
 
     @classmethod
     def none(cls) -> "_Photons":
-        nobody = np.empty(0, np.int64)
-        return cls(np.empty((3, 0)), np.empty((3, 0)), np.empty(0), nobody, nobody)
+        empty = np.empty(0, np.int64)
+        return cls(np.empty((3, 0)), np.empty((3, 0)), np.empty(0), empty, empty)
 
-    def joined(self, other: "_Photons") -> "_Photons":
+    def joined(self, further: "_Photons") -> "_Photons":
         names = self.__dataclass_fields__
-        return _Photons(*(np.concatenate([getattr(self, n), getattr(other, n)], axis=-1) for n in names))
+        return _Photons(*(np.concatenate([getattr(self, n), getattr(further, n)], axis=-1) for n in names))
 
     def alive(self) -> "_Photons":
         index = np.flatnonzero(self.weight > 0.0)
@@ -155,7 +156,7 @@ class _Photons:
 
 
 class _Score:
-    """Sums of what enters and leaves; the flux of one photon is the unit until `tally`."""
+    """Sums of entering and leaving weight; `tally` converts them to flux."""
 
     def __init__(self, shape: Shape, albedo: Array, eta: float) -> None:
         self._areas, self._eta = shape.areas, eta
@@ -167,7 +168,7 @@ class _Score:
         self._scattered, self._ballistic = np.zeros((len(albedo), BATCHES * n)), np.zeros(BATCHES * n)
 
     def enter(self, light: Arrivals, batch: int) -> _Photons:
-        """Refract light that arrives (Snell's law), and tally it."""
+        """Return the photons of refracted light that arrives (Snell's law), and tally it."""
         cosine = np.maximum(0.0, (light.normals * light.towards).sum(axis=0))
         weight = np.where(light.visible, fresnel.transmittance(self._eta, cosine), 0.0)
         self._flux = light.flux
@@ -179,28 +180,29 @@ class _Score:
         return photons.alive()
 
     def leave(self, photons: _Photons, hits: Hits) -> tuple[Array, Array]:
-        """Tally what leaves; returns the weight and the direction (3, k) of what is reflected."""
-        onwards, weight = photons.direction[:, hits.index], photons.weight[hits.index]
+        """Tally the weight that leaves; return the weight (k,) and direction (3, k) of reflected photons."""
+        directions, weight = photons.direction[:, hits.index], photons.weight[hits.index]
         order = photons.order[hits.index]
-        cosine = (onwards * hits.normals).sum(axis=0)
-        kept = weight * fresnel.reflectance(1.0 / self._eta, cosine)
-        out, place = weight - kept, photons.batch[hits.index] * len(self._areas) + hits.bins
-        straight = order == 0
-        np.add.at(self._ballistic, place[straight], out[straight])
-        out, place, order = out[~straight], place[~straight], order[~straight]
+        cosine = (directions * hits.normals).sum(axis=0)
+        reflected_weight = weight * fresnel.reflectance(1.0 / self._eta, cosine)
+        leaving_weight = weight - reflected_weight
+        bin_of_batch = photons.batch[hits.index] * len(self._areas) + hits.bins
+        ballistic = order == 0
+        np.add.at(self._ballistic, bin_of_batch[ballistic], leaving_weight[ballistic])
+        leaving_weight, bin_of_batch, order = leaving_weight[~ballistic], bin_of_batch[~ballistic], order[~ballistic]
         for relative, sums in zip(self._relative, self._scattered, strict=True):
-            np.add.at(sums, place, out if relative == 1.0 else out * relative**order)
-        return kept, onwards - 2.0 * cosine * hits.normals
+            np.add.at(sums, bin_of_batch, leaving_weight if relative == 1.0 else leaving_weight * relative**order)
+        return reflected_weight, directions - 2.0 * cosine * hits.normals
 
     def lose(self, weight: Array) -> None:
-        """Count photons that the numerics have lost."""
+        """Add the weight of photons lost by rounding."""
         self._lost += float(weight.sum())
 
     def tally(self, photons: int) -> Tally:
-        """Return the sums as flux."""
+        """Return the sums as flux of `photons` photons."""
         n, unit = len(self._areas), self._flux / photons
         lost = self._lost / max(float(self._entered.sum()), np.finfo(np.float64).tiny)
-        if lost > MOST_LOST:
+        if lost > MAX_LOST_SHARE:
             raise InputError(
                 f"{lost:.1%} of the light slipped through holes of the mesh: close it and orient its faces."
             )
@@ -218,22 +220,22 @@ class _Score:
 def _advanced(
     photons: _Photons, shape: Shape, sigma_t_prime: float, score: _Score, rng: np.random.Generator
 ) -> _Photons:
-    """Fly once: to the next scattering, or to the boundary and back inside."""
+    """Return photons after a flight: to the next scattering, or to the boundary and reflected inside."""
     n = len(photons.weight)
     flight = rng.standard_exponential(n) / sigma_t_prime
     hits = shape.hits(photons.position, photons.direction, flight)
-    kept, reflected = score.leave(photons, hits)
+    reflected_weight, reflected = score.leave(photons, hits)
     score.lose(photons.weight[hits.lost])
     position = photons.position + flight * photons.direction
     position[:, hits.index] = hits.points
     direction = isotropic(rng, n)
     direction[:, hits.index] = reflected
     weight, order = photons.weight * score.largest, photons.order + 1
-    weight[hits.index] = kept
+    weight[hits.index] = reflected_weight
     order[hits.index] -= 1
     weight[hits.lost] = 0.0
-    low = np.flatnonzero(weight < ROULETTE)
-    weight[low] = np.where(rng.random(len(low)) * SURVIVOR < weight[low], SURVIVOR, 0.0)
+    low = np.flatnonzero(weight < ROULETTE_WEIGHT)
+    weight[low] = np.where(rng.random(len(low)) * SURVIVOR_WEIGHT < weight[low], SURVIVOR_WEIGHT, 0.0)
     return _Photons(position, direction, weight, order, photons.batch).alive()
 
 
@@ -248,9 +250,9 @@ def _checked(
         raise InputError(f"eta must be a number from {MIN_ETA:g} to {MAX_ETA:g}, not {eta!r}.")
     if n < 1:
         raise InputError(f"the number of photons must be above 0, not {n!r}.")
-    if not np.isfinite(sigma_t_prime) or sigma_t_prime * shape.mean_chord < THINNEST:
+    if not np.isfinite(sigma_t_prime) or sigma_t_prime * shape.mean_chord < MIN_CHORD:
         raise InputError(f"sigma_t' = {sigma_t_prime:g} leaves the shape nearly clear: photons would hardly scatter.")
-    if sigma_t_prime * shape.offset > COARSEST:
+    if sigma_t_prime * shape.offset > MAX_OFFSET:
         raise InputError(f"sigma_t' = {sigma_t_prime:g} is too dense for a mesh of this size: light stays at its skin.")
     if direction is None:
         return None, albedo

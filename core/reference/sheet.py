@@ -1,4 +1,4 @@
-"""The sheet term of shaders/sheet.glsl, by rays: what lies on the other side where light enters a thin sheet."""
+"""Thin slabs by rays: the far side, where light enters, of the term in shaders/light/sheet.glsl."""
 
 from dataclasses import dataclass
 
@@ -10,27 +10,27 @@ from embreex.rtcore_scene import EmbreeScene
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 
-# The shader has the same: each pair is where a smooth step from no sheet to a sheet, or back, begins and ends.
-PARALLEL = (0.6, 0.95)  # cosine between the two sides
-NEAR_DISTANCE = (0.5, 1.0)  # distance along the ray, of the reach
-OFF_PLANE = (0.25, 1.0)  # how far places beside an entry are off its plane, of their distance
-PROBE = 0.25  # that distance, of the reach
+# Injected into the shader: each pair is the range of a smooth step between a thin slab and none.
+PARALLEL_COSINE = (0.6, 0.95)  # cosine between the two sides
+NEAR_DISTANCE = (0.5, 1.0)  # distance along the ray, over the reach
+OFF_PLANE = (0.25, 1.0)  # distance of neighbouring entries from the plane of an entry, over their distance
+PROBE_DISTANCE = 0.25  # of these neighbours, over the reach
 
 
 @dataclass(frozen=True, eq=False)
-class OtherSide:
-    """Where light enters that shines through points from behind.
+class FarSide:
+    """Far side of a thin slab, where light enters that leaves at given points.
 
     Attributes
     ----------
     thickness : (n,) float64
-        Of the sheet, mm; 0 where there is none.
+        Thickness of the slab, mm; 0 where there is none.
     cosine : (n,) float64
-        Of the light over there.
+        Cosine of the light on the far side.
     share : (n,) float64
-        How much of a sheet the surroundings are, [0, 1].
+        Weight of the term, in [0, 1]: how much the surroundings are a thin slab.
     face : (n,) int64
-        Where it enters.
+        Face where the light enters.
     """
 
     thickness: Array
@@ -40,37 +40,37 @@ class OtherSide:
 
 
 class SheetRays:
-    """Casts rays from a light at a mesh, as its shadow map does."""
+    """Rays from a distant light against a mesh, as in its shadow map."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._scene = EmbreeScene()
         TriangleMesh(scene=self._scene, vertices=mesh.vertices, indices=mesh.faces)
         self._far = 2.0 * mesh.radius + 1.0
 
-    def other_side(self, points: npt.ArrayLike, normals: npt.ArrayLike, towards: Array, reach: float) -> OtherSide:
-        """Look from points (n, 3) with unit normals along the direction `towards` a light; `reach` as of LocalTerm."""
+    def far_side(self, points: npt.ArrayLike, normals: npt.ArrayLike, towards: Array, reach: float) -> FarSide:
+        """Return the far side of points (n, 3) with unit normals, along `towards` a light; `reach` as of LocalTerm."""
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         entry, far_side, face = self._entries(points, towards)
         distance = (entry - points) @ towards
         facing = np.maximum(0.0, -(normals @ towards))
-        parallel = _smoothstep(*PARALLEL, -np.einsum("ij,ij->i", normals, far_side))
+        parallel = _smoothstep(*PARALLEL_COSINE, -np.einsum("ij,ij->i", normals, far_side))
         near = 1.0 - _smoothstep(*NEAR_DISTANCE, distance / reach)
         flat = np.zeros(len(points))
-        across = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
-        across /= np.linalg.norm(across)
-        for side in (across, np.cross(towards, across)):
+        lateral = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
+        lateral /= np.linalg.norm(lateral)
+        for side in (lateral, np.cross(towards, lateral)):
             for sign in (-1.0, 1.0):
-                neighbour, *_ = self._entries(points + sign * PROBE * reach * side, towards)
+                neighbour, *_ = self._entries(points + sign * PROBE_DISTANCE * reach * side, towards)
                 off = np.abs(np.einsum("ij,ij->i", neighbour - entry, far_side))
-                flat += 0.25 * (1.0 - _smoothstep(*OFF_PLANE, off / (PROBE * reach)))
+                flat += 0.25 * (1.0 - _smoothstep(*OFF_PLANE, off / (PROBE_DISTANCE * reach)))
         sheet = (facing > 0.0) & (distance > 0.0) & (distance < reach)
         cosine = np.clip(far_side @ towards, 0.0, facing)
-        return OtherSide(
+        return FarSide(
             np.where(sheet, distance * facing, 0.0), cosine, np.where(sheet, parallel * near * flat, 0.0), face
         )
 
     def _entries(self, points: Array, towards: Array) -> tuple[Array, Array, npt.NDArray[np.int64]]:
-        """Where light on its way to points enters the mesh, the normals there, towards the light, and the faces."""
+        """Return where light towards points enters the mesh, the normals there, facing the light, and the faces."""
         origins = points + self._far * towards
         down = np.tile(-towards.astype(np.float32), (len(points), 1))
         hits = self._scene.run(origins.astype(np.float32), down, output=True)

@@ -21,7 +21,7 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh, longest_side
 from milkglass.core.grid.assignment import SHEET_REACH, TENT, TSC, undo_assignment
 from milkglass.core.grid.kernels import Kernels
-from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix, tent_matrix
+from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 from milkglass.core.profiles.base import Profile, Profiles
@@ -76,7 +76,7 @@ class EwaldTransport(FftTransport):
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
         """Return the B-spline weights of points, of the assignment's order."""
-        return smooth_matrix(grid, coordinates) if self.smooth else tent_matrix(grid, coordinates)
+        return tsc_matrix(grid, coordinates) if self.smooth else tent_matrix(grid, coordinates)
 
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
         """Return rho_s of every channel, see `local_table`."""
@@ -279,4 +279,4 @@ def _most_nodes(asked: Asked, profiles: Profiles, mesh: Mesh, tail: float, budge
 def padded_nodes(transport: EwaldTransport, profiles: Profiles, mesh: Mesh) -> int:
     """Return how many nodes the transforms have at least, over the channels."""
     grid = transport.grid(mesh, np.eye(3))
-    return sum(transport.shape(grid, p, mesh.area).least_nodes for p in profiles if not p.is_black)
+    return sum(transport.shape(grid, p, mesh.area).required_nodes for p in profiles if not p.is_black)

@@ -100,7 +100,7 @@ class FftTransport(ABC):
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
         """Tabulate the local term, which is the same for all bodies."""
-        return PixelTables(self.local(atlas.whole, lit.profiles))
+        return PixelTables(self.local(atlas.grid, lit.profiles))
 
     def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "FftTransport":
         """Return itself: it keeps nothing of a body, and its grid is handed to it."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from milkglass.core.geometry.mesh import Mesh, longest_side
 from milkglass.core.grid.assignment import TENT
-from milkglass.core.grid.kernels import CONVOLVERS, Kernels
+from milkglass.core.grid.kernels import MAX_CONVOLVERS, Kernels
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness
 from milkglass.core.transport.base import SeparableTransport
@@ -173,7 +173,7 @@ def choose_quality(
     return quality
 
 
-def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = CONVOLVERS) -> SeparableTransport:
+def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = MAX_CONVOLVERS) -> SeparableTransport:
     """Make the transport of a quality; `effort` and `keep` as of `core.grid.kernels.Kernels`."""
     kernels = Kernels(effort=effort, keep=keep)
     transport: SeparableTransport = _home(quality.method).make_transport(quality, kernels)

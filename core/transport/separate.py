@@ -131,7 +131,7 @@ class ScatteredInBodies:
     @property
     def grid(self) -> LayerGrid:
         """Return the nodes of the whole object."""
-        return self.atlas.whole
+        return self.atlas.grid
 
     @property
     def world_to_texture(self) -> Array:
@@ -164,12 +164,12 @@ class ScatteredInBodies:
 
     def on_layers(self) -> Float32:
         """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""
-        return self.atlas.unfolded(self.filled([None if part is None else part.on_layers() for part in self.parts]))
+        return self.atlas.summed(self.filled([None if part is None else part.on_layers() for part in self.parts]))
 
     def filled(self, parts: Sequence[Float32 | None]) -> Float32:
         """Put one volume of each body, or None where it is dark, into an atlas."""
         channels = next((len(part) for part in parts if part is not None), 3)
-        return self.atlas.filled(parts, channels)
+        return self.atlas.assembled(parts, channels)
 
 
 class OfBodies:

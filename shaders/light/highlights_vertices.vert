@@ -44,7 +44,7 @@ vec3 shares(vec3 x, vec3 y, vec3 z, vec3 sine) {
         older = legendre;
         legendre = next;
     }
-    return clamp(1.0 - blocked / max(above, LEAST_LOBE), 0.0, 1.0);
+    return clamp(1.0 - blocked / max(above, MIN_LOBE), 0.0, 1.0);
 }
 
 void main() {

@@ -20,7 +20,7 @@ vec4 relief(vec3 normal, vec3 along, vec3 bytes) {
     vec3 across = v_tangent.w < 0.0 ? -cross(normal, along) : cross(normal, along);
     vec3 slope = u_strength * (mean.x * along + mean.y * across);
     float shortened = 1.0 - min(length(mean), 1.0);
-    return vec4(normalize(slope + max(mean.z, STEEPEST) * normal), max(1.0 - u_strength * u_strength * shortened, 0.0));
+    return vec4(normalize(slope + max(mean.z, MIN_NORMAL_HEIGHT) * normal), max(1.0 - u_strength * u_strength * shortened, 0.0));
 }
 
 void main() {

@@ -14,13 +14,13 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.bodies import Bodies, find_bodies
-from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
-from milkglass.core.light.sources import ProbeSource, extract
+from milkglass.core.light.sources import ProbeSource, extract_sources
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness, roughness
 from milkglass.core.transport.diffusion.boundary import row_sums
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from milkglass.viewer.assets.keeper import Assets
 
 T_co = TypeVar("T_co", covariant=True)
-LoadedDetail = tuple[Detail | None, tuple[str, ...]]
+LoadedDetail = tuple[MeshDetail | None, tuple[str, ...]]
 PartedProbe = tuple[tuple[ProbeSource, ...], Probe]
 
 
@@ -184,13 +184,13 @@ class DetailOf:
 
 @dataclass(frozen=True)
 class PartsOf:
-    """A probe's strong small sources and the rest of its light, see `core.light.sources.extract`."""
+    """A probe's strong small sources and the rest of its light, see `core.light.sources.extract_sources`."""
 
     probe: Probe
 
     def load(self, assets: "Assets") -> PartedProbe:
         """Take the sources out of the probe."""
-        return extract(self.probe)
+        return extract_sources(self.probe)
 
 
 @dataclass(frozen=True)

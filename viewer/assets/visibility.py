@@ -15,7 +15,7 @@ import platformdirs
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined, refined
-from milkglass.core.light.bake import Cancelled, bake, directions_for, opposite_places, unit_normals
+from milkglass.core.light.bake import BakeCancelled, bake, directions_for, opposite_points, unit_normals
 from milkglass.core.light.visibility import Sight, Visibility, transfer
 from milkglass.core.threads import computed_once
 from milkglass.viewer.scene.settings import EnvironmentSettings
@@ -98,7 +98,7 @@ class BakedVisibility:
 
         Where it leaves it nowhere, the vertex itself.
         """
-        return opposite_places(self.refined.mesh)
+        return opposite_points(self.refined.mesh)
 
 
 def bake_visibility(
@@ -113,19 +113,19 @@ def bake_visibility(
     """
     stop = cancelled or threading.Event()
 
-    def go_on() -> None:
+    def check() -> None:
         if stop.is_set():
-            raise Cancelled
+            raise BakeCancelled
 
     fine = refined(mesh, LONGEST_EDGE * float(np.ptp(mesh.bounds, axis=0).max()))
-    go_on()
+    check()
     sight = cached_sight(fine.mesh)
     if sight is None:
         sight = bake(fine.mesh, progress, stop)
         keep_sight(fine.mesh, sight)
-    baked = BakedVisibility(fine, transfer(sight, go_on=go_on))
+    baked = BakedVisibility(fine, transfer(sight, check=check))
     if ahead:
-        baked.visibility.blocked(go_on)
+        baked.visibility.blocked(check)
         baked.opposite  # noqa: B018  (it is kept)
     return baked
 

@@ -76,7 +76,7 @@ class Directional:
         As in sheet.glsl, for places that face away from the light; 0 where there is no thin slab.
         """
         towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
-        other = rays.other_side(places.points, places.normals, towards, reach)
+        other = rays.far_side(places.points, places.normals, towards, reach)
         entering = transmittance(eta, other.cosine) * other.cosine * other.share * self._slats(places.points)
         return other.thickness, np.tile(entering[:, None], 3)
 

@@ -18,7 +18,7 @@ from milkglass.core.material.library import Material
 from milkglass.core.profiles.base import Profile
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import Occluder, direct_exitance
-from milkglass.core.reference.sources import Sources, graded_sources
+from milkglass.core.reference.sources import SourcePieces, graded_sources
 from milkglass.viewer.bench.lights import BenchLight
 
 BATCH = 100  # points that share sources
@@ -48,7 +48,9 @@ def graded_exitance(
     return out
 
 
-def _summed(points: Array, sources: Sources, flux: Sequence[Array], profiles: Sequence[Sequence[Profile]]) -> Array:
+def _summed(
+    points: Array, sources: SourcePieces, flux: Sequence[Array], profiles: Sequence[Sequence[Profile]]
+) -> Array:
     """Sum flux (3, n_lights, m) of each material at points (n, 3): (n_materials, n_lights, n, 3)."""
 
     def at(point: Array) -> Array:

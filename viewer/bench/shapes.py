@@ -10,7 +10,7 @@ import numpy.typing as npt
 import trimesh
 
 from milkglass.core.arrays import Array
-from milkglass.core.geometry.implicit import Coordinates, Part, Values, polygonise, smooth_max
+from milkglass.core.geometry.implicit import Coordinates, Primitive, Values, polygonise, smooth_max
 from milkglass.core.geometry.mesh import Mesh
 
 Faces = npt.NDArray[np.int64]
@@ -170,7 +170,7 @@ def gyroid(diameter: float = 20.0, period: float = 16.0, thickness: float = 3.0,
         return smooth_max(wall, np.linalg.norm(points, axis=0) - np.float32(0.5 * diameter), 0.4)
 
     size = 0.5 * diameter + 2.0 * spacing
-    vertices, faces, normals = polygonise([Part(distance, spacing)], [-size] * 3, [size] * 3, spacing)
+    vertices, faces, normals = polygonise([Primitive(distance, spacing)], [-size] * 3, [size] * 3, spacing)
     return Mesh.of(vertices, normals, faces)
 
 

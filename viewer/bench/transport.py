@@ -22,7 +22,7 @@ from milkglass.core.material.library import Material
 from milkglass.core.material.medium import media
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.provenance import shapes_in_sample
-from milkglass.core.reference.transport_error import Beam, TransportError, find_truth, transport_error
+from milkglass.core.reference.transport_error import Beam, TransportError, photon_reference, transport_error
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, Scattered, Transport, WholeObject
 from milkglass.core.transport.diffusion.constants import CONSTANTS
@@ -210,7 +210,7 @@ def transport_rows(
             material = material_of(name)
             for light in list(LIGHTS)[:: -1 if i % 2 else 1]:
                 beam = Beam(LIGHTS[light])
-                truth = find_truth(mesh, material, [beam], REGIONS, photons)
+                truth = photon_reference(mesh, material, [beam], REGIONS, photons)
                 for run in runs:
                     evaluate = run.exitance(light, material)
                     ms = sum(run.stages.timings.values())

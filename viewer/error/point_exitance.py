@@ -13,7 +13,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
-from milkglass.core.reference.sheet import OtherSide, SheetRays
+from milkglass.core.reference.sheet import FarSide, SheetRays
 from milkglass.core.transport.base import LightAtPoints, Scattered
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
@@ -80,12 +80,12 @@ class RayLights:
                 lights.append(LightAtPoints(irradiance, cosine, nothing, ones, zeros))
         return lights
 
-    def _others(self, points: Array, normals: Array, reach: float) -> list[tuple[OtherSide, Array]]:
+    def _others(self, points: Array, normals: Array, reach: float) -> list[tuple[FarSide, Array]]:
         """Return other sides of sheets thinner than `reach` mm, and E of each directional light there, (n, 3)."""
         found = []
         for lamp in self._lamps:
             towards = np.asarray(lamp.vector, np.float64) / np.linalg.norm(lamp.vector)
-            other = self._rays.other_side(points, normals, towards, reach)
+            other = self._rays.far_side(points, normals, towards, reach)
             entering = transmittance(self.eta, other.cosine) * other.cosine * other.share * (other.thickness > 0.0)
             if self._body is not None:
                 entering = entering * self._body[other.face]

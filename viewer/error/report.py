@@ -21,7 +21,7 @@ from milkglass.core.geometry.refine import interpolated
 from milkglass.core.light.probe import irradiance_table, lookup
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
-from milkglass.core.reference.transport_error import Beam, find_truth, transport_error
+from milkglass.core.reference.transport_error import Beam, photon_reference, transport_error
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.base import Scattered
@@ -66,7 +66,7 @@ def transport_content(
     if reason is None:
         beams = [Beam(light.vector, light.brightness) for light in illumination.lights if light.DISTANT]
         try:
-            truth = find_truth(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
+            truth = photon_reference(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
         except InputError as problem:
             reason = str(problem).rstrip(".")
     if reason is not None:

@@ -23,7 +23,7 @@ from milkglass.core.profiles.base import Profiles
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
-from milkglass.core.reference.sources import Sources, graded_sources, resolved_length
+from milkglass.core.reference.sources import SourcePieces, graded_sources, resolved_length
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 
@@ -79,7 +79,7 @@ class Illumination:
     to_probe: Array
     intensity: float
     visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
-    detail: Callable[[Sources], tuple[Sources, Array]] | None = None
+    detail: Callable[[SourcePieces], tuple[SourcePieces, Array]] | None = None
 
     @classmethod
     def of(
@@ -95,7 +95,7 @@ class Illumination:
         table = None if probe is None else irradiance_table(probe.sh, eta)
         return cls(lights, table, np.asarray(to_probe, np.float64), intensity, visible)
 
-    def irradiance(self, occluder: Occluder, sources: Sources, eta: float) -> Array:
+    def irradiance(self, occluder: Occluder, sources: SourcePieces, eta: float) -> Array:
         """E that enters at sources, (n, 3): shadows cast by rays, the environment occluded as in pictures."""
         entering, factors = np.zeros((len(sources), 3)), np.float64(1.0)
         if self.detail is not None:
@@ -121,7 +121,7 @@ class Illumination:
         return np.asarray(entering)
 
 
-def _soft_irradiance(occluder: Occluder, sources: Sources, light: Light, eta: float) -> Array:
+def _soft_irradiance(occluder: Occluder, sources: SourcePieces, light: Light, eta: float) -> Array:
     """E of a light with a size, or a spot light, at sources (n, 3): a ray to each of many sub-lights."""
     where = sources.points, sources.normals, sources.face_normals
     wanted = SUB_LIGHTS_A_DEGREE * light.apparent_deg(0.0) if light.DISTANT else np.inf
@@ -265,12 +265,12 @@ def _own_surfaces(mesh: Mesh, points: Array, bodies: Bodies | None) -> Iterator[
         return
     body = bodies_at(mesh, bodies, points)
     for each in np.unique(body):
-        yield bodies.part(mesh, int(each)), np.flatnonzero(body == each)
+        yield bodies.submesh(mesh, int(each)), np.flatnonzero(body == each)
 
 
 def _exitance(
     points: Array,
-    sources: Sources,
+    sources: SourcePieces,
     flux: Array,
     profiles: Profiles,
     threads: int,

@@ -17,7 +17,7 @@ import trimesh
 
 from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
-from milkglass.core.geometry.detail import Detail, Skin
+from milkglass.core.geometry.detail import MeshDetail, TextureSet
 from milkglass.core.geometry.mesh import Ints, Mesh
 from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
 from milkglass.core.threads import computed_once
@@ -142,7 +142,7 @@ class LookParts:
 
 def detail_of(
     look: Look | None, mesh: Mesh, name: str, texture: Path | None, normal_map: Path | None, colours: bool, relief: bool
-) -> tuple[Detail | None, tuple[str, ...]]:
+) -> tuple[MeshDetail | None, tuple[str, ...]]:
     """Return the decoded detail of a look, given pictures in place of the file's, and a sentence on each that failed.
 
     Raises
@@ -166,14 +166,14 @@ def detail_of(
             decoded[key] = _decoded(image, kind, troubles)
         return None if image is None else decoded[key]
 
-    skins = []
+    texture_sets = []
     for material in look.materials:
         tinted = colours and texture is None
         colour = given if texture is not None else decode(material.colour, COLOUR) if tinted else None
         normal = bumps if normal_map is not None else decode(material.normal, NORMAL) if relief else None
-        skins.append(Skin(material.factor if tinted else (1.0, 1.0, 1.0), colour, normal))
+        texture_sets.append(TextureSet(material.factor if tinted else (1.0, 1.0, 1.0), colour, normal))
     tints = look.colours if colours and texture is None else np.ones_like(look.colours)
-    detail = Detail(mesh, look.rows, look.coordinates, tints, look.material, tuple(skins))
+    detail = MeshDetail(mesh, look.rows, look.coordinates, tints, look.material, tuple(texture_sets))
     warnings = tuple(f"{name}: {trouble}" for trouble in troubles)
     return (detail if detail.has_colours or detail.has_normals else None), warnings
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from milkglass.core.display import LUMINANCE
-from milkglass.core.geometry.detail import STEEPEST
-from milkglass.core.light.visibility import LEAST_LOBE, LOBE_ORDER
+from milkglass.core.geometry.detail import MIN_NORMAL_HEIGHT
+from milkglass.core.light.visibility import LOBE_ORDER, MIN_LOBE
 from milkglass.core.reference import sheet
 from milkglass.core.reference.equation import NEAREST_LIGHT
 from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
@@ -41,15 +41,15 @@ CONSTANTS: Mapping[str, str] = MappingProxyType(
             "SHAPE_BALL": sub_lights.SHAPE_BALL,
             "NEAREST_LIGHT": NEAREST_LIGHT,
             "CUBE_VIEWS": CUBE_VIEWS,
-            "SHEET_PARALLEL": sheet.PARALLEL,
+            "SHEET_PARALLEL": sheet.PARALLEL_COSINE,
             "SHEET_NEAR": sheet.NEAR_DISTANCE,
             "SHEET_FLAT": sheet.OFF_PLANE,
-            "SHEET_PROBE": sheet.PROBE,
+            "SHEET_PROBE": sheet.PROBE_DISTANCE,
             "WEAK_EIGENVALUE": WEAK_EIGENVALUE,
             "LEAST_SQUARED_SPLIT": LEAST_SPLIT**2,
             "LOBE_ORDER": LOBE_ORDER,
-            "LEAST_LOBE": LEAST_LOBE,
-            "STEEPEST": STEEPEST,
+            "MIN_LOBE": MIN_LOBE,
+            "MIN_NORMAL_HEIGHT": MIN_NORMAL_HEIGHT,
             "BACKGROUND_COLOUR": BACKGROUND_COLOUR,
             "BACKGROUND_TRANSPARENT": BACKGROUND_TRANSPARENT,
             "BACKGROUND_ENVIRONMENT": BACKGROUND_ENVIRONMENT,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.light.bake import Cancelled
+from milkglass.core.light.bake import BakeCancelled
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import VisibilityOf, model_source
 from milkglass.viewer.assets.visibility import needs_visibility
@@ -88,7 +88,7 @@ class VisibilityJob:
 
         try:
             self._assets.get(VisibilityOf(mesh, report, cancelled))
-        except Cancelled:
+        except BakeCancelled:
             return
         except Exception:  # the window goes on without
             LOG.exception("visibility of the environment could not be baked")

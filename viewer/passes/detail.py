@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.texture import COLOUR, Texture
 from milkglass.viewer.gl.context import checked, driver_name, float_targets
 from milkglass.viewer.gl.program import Program
@@ -26,9 +26,9 @@ class DetailBuffer:
 
 @dataclass(frozen=True)
 class Group:
-    """Range of the index buffer that holds the faces of one skin."""
+    """Range of the index buffer that holds the faces of one texture set."""
 
-    skin: int
+    texture_set: int
     first: int
     count: int
 
@@ -36,10 +36,10 @@ class Group:
 class DetailBuffers:
     """A mesh with its colours and textures on the GPU."""
 
-    def __init__(self, context: moderngl.Context, detail: Detail) -> None:
+    def __init__(self, context: moderngl.Context, detail: MeshDetail) -> None:
         self.detail, vertices = detail, detail.vertices
-        order = np.argsort(detail.skin, kind="stable")
-        counts = np.bincount(detail.skin, minlength=len(detail.skins))
+        order = np.argsort(detail.texture_set, kind="stable")
+        counts = np.bincount(detail.texture_set, minlength=len(detail.texture_sets))
         starts = np.cumsum(counts) - counts
         self.groups = [
             Group(i, int(first), int(n)) for i, (first, n) in enumerate(zip(starts, counts, strict=True)) if n
@@ -49,8 +49,8 @@ class DetailBuffers:
         self.faces = context.buffer(np.ascontiguousarray(vertices.faces[order]))
         self._textures: dict[Texture, moderngl.Texture] = {}
         self._white = context.texture((1, 1), 3, b"\xff\xff\xff", alignment=1)
-        for skin in detail.skins:
-            for texture in (skin.colour, skin.normal):
+        for textures in detail.texture_sets:
+            for texture in (textures.colour, textures.normal):
                 if texture is not None and texture not in self._textures:
                     self._textures[texture] = _upload(context, texture)
 
@@ -83,15 +83,15 @@ class DetailPass:
         content = [(buffers.vertices, "3f 3f 2f 3f 4f", *attributes)]
         vertices = self._context.vertex_array(self._program.program, content, buffers.faces)
         for group in buffers.groups:
-            skin = buffers.detail.skins[group.skin]
+            texture_set = buffers.detail.texture_sets[group.texture_set]
             self._program.set(
                 {
                     "u_world_to_clip": world_to_clip,
-                    "u_factor": skin.factor,
-                    "u_has_colours": skin.colour is not None,
-                    "t_colours": buffers.texture(skin.colour),
-                    "u_has_relief": skin.normal is not None and strength > 0.0,
-                    "t_relief": buffers.texture(skin.normal),
+                    "u_factor": texture_set.factor,
+                    "u_has_colours": texture_set.colour is not None,
+                    "t_colours": buffers.texture(texture_set.colour),
+                    "u_has_relief": texture_set.normal is not None and strength > 0.0,
+                    "t_relief": buffers.texture(texture_set.normal),
                     "u_strength": strength,
                 }
             )

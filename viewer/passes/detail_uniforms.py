@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import LayerGrid
-from milkglass.core.reference.sources import Sources
+from milkglass.core.reference.sources import SourcePieces
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.passes.detail import DetailBuffer, DetailBuffers
 
@@ -34,7 +34,7 @@ class SurfaceDetail:
 
     Attributes
     ----------
-    detail : Detail
+    detail : MeshDetail
     buffers : DetailBuffers
     before, after : float
         Powers of the colour on irradiance and on exitance.
@@ -44,7 +44,7 @@ class SurfaceDetail:
         Colour^before of the surface near each node of `grid`.
     """
 
-    detail: Detail
+    detail: MeshDetail
     buffers: DetailBuffers
     before: float
     after: float
@@ -52,14 +52,14 @@ class SurfaceDetail:
     near: moderngl.Texture3D
     grid: LayerGrid
 
-    def on_sources(self, sources: Sources) -> tuple[Sources, npt.NDArray[np.float64]]:
+    def on_sources(self, sources: SourcePieces) -> tuple[SourcePieces, npt.NDArray[np.float64]]:
         """Return sources of the reference with normals turned by the relief, and factors (n, 3) on their irradiance."""
-        places = self.detail.at(sources.points, sources.face_normals, sources.areas)
+        pieces = self.detail.pieces_at(sources.points, sources.face_normals, sources.areas)
         normals, weights = sources.normals, np.ones((len(sources), 3))
         if self.before > 0.0:
-            weights = self.detail.colour(places, self.before).astype(np.float64)
+            weights = self.detail.colour(pieces, self.before).astype(np.float64)
         if self.detail.has_normals and self.strength > 0.0:
-            turned, factors = self.detail.relief(places, sources.normals, self.strength)
+            turned, factors = self.detail.relief(pieces, sources.normals, self.strength)
             normals, weights = turned.astype(np.float64), weights * factors[:, None]
         return replace(sources, normals=normals), weights
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from milkglass.core.arrays import Float32
 from milkglass.core.display import luminance
 from milkglass.core.light.probe import Probe, irradiance_table, lookup
-from milkglass.core.photograph.light import Shading, light_around
+from milkglass.core.photograph.light import ShadingFit, fit_surround
 from milkglass.core.photograph.surround import MAP_HEIGHT, filled, filled_halves, scene_radiance, surround_map
 from milkglass.core.stages import Stage, Timings
 from milkglass.core.threads import one_blas_thread, thread_pool
@@ -183,7 +183,7 @@ def placed_scene(scene: Scene, geometry: Geometry, light: Probe) -> Scene:
     )
 
 
-def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
+def photo_light(photo: Photo, shading: ShadingFit, white: float) -> Probe:
     """Return the light probe around the object, in the photograph's radiance, see `core.photograph.light`."""
     h, w = photo.size
     block = max(1, max(h, w) // SURROUND_SIDE)
@@ -194,7 +194,7 @@ def photo_light(photo: Photo, shading: Shading, white: float) -> Probe:
         outline = photo.outline
         centre = (outline.top + 0.5 * outline.height) / h, (outline.left + 0.5 * outline.width) / w
         around = surround_map(filled(scene_radiance(colour, white), weight.astype(np.float32)), centre)
-    return Probe.from_pixels(light_around(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
+    return Probe.from_pixels(fit_surround(around, shading, (MAP_HEIGHT, 2 * MAP_HEIGHT)))
 
 
 def background(geometry: Geometry) -> Float32:

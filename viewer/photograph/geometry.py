@@ -12,7 +12,7 @@ from milkglass.core.display import LUMINANCE
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.photograph.depth import estimate_height, inflated, inscribed_radius
-from milkglass.core.photograph.light import Shading, measure_shading, unexplained, without_lamp
+from milkglass.core.photograph.light import ShadingFit, fit_shading, shading_residual, without_lamp
 from milkglass.core.photograph.surface import Outline, find_outline, height_surface
 from milkglass.core.photograph.surround import filled, scene_luminance
 from milkglass.viewer.files.depth import depth_format_of
@@ -37,7 +37,7 @@ class Geometry:
         Coverage of the nodes' squares.
     base : (n, m) float64
         The outline inflated, in nodes.
-    shading : Shading
+    shading : ShadingFit
         How the object is lit in the photograph.
     height : (n, m) float64
         Of the nodes towards the camera, in nodes; 0 beside the object.
@@ -51,7 +51,7 @@ class Geometry:
     coverage: Float32
     share: Array
     base: Array
-    shading: Shading
+    shading: ShadingFit
     height: Array
     mesh: Mesh
     camera: CameraSettings
@@ -82,7 +82,7 @@ def make_geometry(
     strength: float,
     smoothing: float,
     depth: Path | None = None,
-    on_shading: Callable[[Shading], object] = lambda _: None,
+    on_shading: Callable[[ShadingFit], object] = lambda _: None,
 ) -> Geometry:
     """Return the surface of a photograph's object, its depth estimated or read from a map.
 
@@ -122,13 +122,13 @@ def make_geometry(
     if mapped is None:
         light = over_nodes(shown, coverage, framing.step)
         # Of a lamp shading ends at the terminator, where light comes through the object: no slope is read from that.
-        more = None if shading.lamp is not None else unexplained(light, base, outline.inner, shading)
+        more = None if shading.lamp is not None else shading_residual(light, base, outline.inner, shading)
         light = without_lamp(light, base, outline.inner, shading)
         height = estimate_height(
             light,
             outline.inner,
             base,
-            unexplained=more,
+            residual=more,
             gradient=shading.gradient,
             smoothing=smoothing,
             strength=strength,
@@ -142,11 +142,11 @@ def make_geometry(
     return Geometry(framing, colour, coverage, share, base, shading, height, mesh, camera)
 
 
-def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> Shading:
+def _shading(shown: Float32, coverage: Float32, share: Array, height: Array, step: int, white: float) -> ShadingFit:
     """Return how the object is lit, measured on nodes that it covers wholly, if there are any."""
     seen = over_nodes(scene_luminance(shown, white), coverage, step)
     inside = share > 0.999
-    return measure_shading(seen, height, inside if inside.any() else share > 0.5)
+    return fit_shading(seen, height, inside if inside.any() else share > 0.5)
 
 
 def read_depth(path: Path, photo: Photo) -> Float32:

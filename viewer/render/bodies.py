@@ -6,7 +6,7 @@ import numpy as np
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.grid.kernels import CONVOLVERS
+from milkglass.core.grid.kernels import MAX_CONVOLVERS
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import SeparableTransport
@@ -87,17 +87,17 @@ def separate_by_default(bodies: Bodies, method: Method) -> Bodies | None:
 
 def convolvers(made_for: Quality, count: int) -> int:
     """Return how many convolvers are to be kept for so many bodies, each of which may have shapes of its own."""
-    return CONVOLVERS + made_for.facts.shapes_a_body * (count - 1)
+    return MAX_CONVOLVERS + made_for.facts.shapes_a_body * (count - 1)
 
 
 def bodies_warnings(bodies: Bodies | None) -> tuple[str, ...]:
     """Return a sentence on what keeps bodies from being separate; None for `bodies`: they were not asked to be."""
     if bodies is None:
         return ()
-    if bodies.open_parts:
+    if bodies.open_components:
         return (
-            f"{bodies.open_parts} parts of the model are not closed, so they have no inside and scatter light together"
-            " as one body",
+            f"{bodies.open_components} parts of the model are not closed, so they have no inside and scatter light"
+            " together as one body",
         )
     if bodies.count == 1:
         return ("the model is one body, so model.bodies = separate has nothing to separate",)

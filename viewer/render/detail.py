@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.detail import Detail, Places
+from milkglass.core.geometry.detail import FacePieces, MeshDetail
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
 from milkglass.core.stages import Stage, Stages
@@ -35,13 +35,13 @@ class DetailStages:
         run, (before, after) = self._run, scene.detail.powers
         strength = scene.detail.normal_strength
         buffers = run(Stage.DETAIL, [detail], lambda: DetailBuffers(self._context, detail))
-        places = run(
-            Stage.SAMPLE_DETAIL, [detail, samples], lambda: detail.places(samples.points, samples.faces, samples.areas)
+        pieces = run(
+            Stage.SAMPLE_DETAIL, [detail, samples], lambda: detail.pieces(samples.points, samples.faces, samples.areas)
         )
         turned, factors = run(
-            Stage.SAMPLE_RELIEF, [places, strength], lambda: _relief(detail, samples, places, strength)
+            Stage.SAMPLE_RELIEF, [pieces, strength], lambda: _relief(detail, samples, pieces, strength)
         )
-        tints = run(Stage.SAMPLE_TINTS, [places, before], lambda: _tints(detail, places, before))
+        tints = run(Stage.SAMPLE_TINTS, [pieces, before], lambda: _tints(detail, pieces, before))
         weights = run(Stage.SAMPLE_WEIGHTS, [tints, factors], lambda: tints * factors[:, None])
         made = run(
             Stage.NODE_TINTS,
@@ -91,16 +91,18 @@ class DrawnDetail:
         return detail, out
 
 
-def _tints(detail: Detail, places: Places, power: float) -> Float32:
+def _tints(detail: MeshDetail, pieces: FacePieces, power: float) -> Float32:
     """Colours to a power, (n, 3)."""
-    return detail.colour(places, power) if power > 0.0 else np.ones((len(places.faces), 3), np.float32)
+    return detail.colour(pieces, power) if power > 0.0 else np.ones((len(pieces.faces), 3), np.float32)
 
 
-def _relief(detail: Detail, samples: SurfaceSamples, places: Places, strength: float) -> tuple[SurfaceSamples, Float32]:
+def _relief(
+    detail: MeshDetail, samples: SurfaceSamples, pieces: FacePieces, strength: float
+) -> tuple[SurfaceSamples, Float32]:
     """Samples with the normals that light meets, and factors (n,) on irradiance there."""
     if not detail.has_normals or strength == 0.0:
         return samples, np.ones(len(samples), np.float32)
-    normals, factors = detail.relief(places, samples.normals, strength)
+    normals, factors = detail.relief(pieces, samples.normals, strength)
     return replace(samples, normals=normals), factors
 
 

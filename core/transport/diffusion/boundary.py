@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.grid.layers import LayerGrid, smooth_matrix, smooth_slope_matrix
+from milkglass.core.grid.layers import LayerGrid, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.constants import CONSTANTS
@@ -174,8 +174,8 @@ def place(grid: LayerGrid, patches: Patches) -> tuple[csc_array, Float32]:
     """Return W of patches, (nodes, n), and the slopes of its entries along their mean normals, (27 n,)."""
     coordinates = grid.coordinates(patches.points)
     mean_normals = patches.vector_areas / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]
-    weights = smooth_matrix(grid, coordinates)
-    return weights, smooth_slope_matrix(grid, coordinates, mean_normals, weights).data
+    weights = tsc_matrix(grid, coordinates)
+    return weights, tsc_gradient_matrix(grid, coordinates, mean_normals, weights).data
 
 
 class Depths:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32
-from milkglass.core.grid.layers import smooth_matrix
+from milkglass.core.grid.layers import tsc_matrix
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine, refract
@@ -180,5 +180,5 @@ def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, flux: A
 
 def _at_nodes(boundary: Boundary, points: Array, flux: Array) -> Float32:
     """Return the particle-mesh assignment of flux (k,) at points (k, 3), mm: (nodes,)."""
-    weights = smooth_matrix(boundary.grid, boundary.grid.coordinates(points))
+    weights = tsc_matrix(boundary.grid, boundary.grid.coordinates(points))
     return np.asarray(weights @ flux.astype(np.float32))

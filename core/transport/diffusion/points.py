@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32
-from milkglass.core.grid.layers import LayerGrid, smooth_matrix, tent_matrix
+from milkglass.core.grid.layers import LayerGrid, tent_matrix, tsc_matrix
 from milkglass.core.transport.base import LightAtPoints
 from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
 from milkglass.core.transport.pixels import PixelEquation
@@ -146,4 +146,4 @@ def _gather4(grid: LayerGrid, volume: Float32, points: Array) -> Array:
     coordinates = np.clip(grid.coordinates(points), -1.0, np.array(grid.shape[::-1])) + BORDER
     wider = replace(grid, n_layers=wide[0], height=wide[1], width=wide[2])
     bordered = np.pad(volume, border, mode="edge").reshape(len(volume), -1)
-    return np.asarray(smooth_matrix(wider, coordinates).T @ bordered.T, np.float64)
+    return np.asarray(tsc_matrix(wider, coordinates).T @ bordered.T, np.float64)

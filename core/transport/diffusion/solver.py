@@ -25,7 +25,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.assignment import SHEET_REACH
 from milkglass.core.grid.atlas import Atlas
 from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
-from milkglass.core.grid.layers import LayerGrid, fit_nodes, smooth_matrix
+from milkglass.core.grid.layers import LayerGrid, fit_nodes, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
@@ -100,8 +100,8 @@ class DiffusionTransport:
         return True
 
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """Return the quadratic B-splines of points, see `core.grid.layers.smooth_matrix`."""
-        return smooth_matrix(grid, coordinates)
+        """Return the quadratic B-splines of points, see `core.grid.layers.tsc_matrix`."""
+        return tsc_matrix(grid, coordinates)
 
     def window_width(self, grid: LayerGrid) -> float:
         """Return the width s of the window of the smooth part, mm."""
@@ -134,10 +134,10 @@ class DiffusionTransport:
         boundaries = [part.boundary if isinstance(part, Solution) else None for part in parts]
 
         def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
-            return atlas.filled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
+            return atlas.assembled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
 
         known = [boundary for boundary in boundaries if boundary is not None]
-        return pixel_tables(known, lit.media, self.window_width(atlas.whole), on_nodes)
+        return pixel_tables(known, lit.media, self.window_width(atlas.grid), on_nodes)
 
     def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
         """See `core.transport.base.Transport.in_body`."""

@@ -59,17 +59,17 @@ def test_the_answer_does_not_depend_on_size_place_or_turn():
         np.testing.assert_array_equal(find_bodies(turned).of_face, find_bodies(mesh).of_face)
 
 
-def test_open_parts_are_counted():
+def test_open_components_are_counted():
     bodies = find_bodies(mesh_of(ball(at=(0, 0, 9)), sheet(0.0), sheet(1.0)))
-    assert (bodies.count, bodies.open_parts) == (2, 2)
-    assert find_bodies(mesh_of(ball())).open_parts == 0
+    assert (bodies.count, bodies.open_components) == (2, 2)
+    assert find_bodies(mesh_of(ball())).open_components == 0
 
 
 def test_vertices_and_parts_of_a_body():
     mesh = mesh_of(*rings())
     bodies = find_bodies(mesh)
     np.testing.assert_array_equal(bodies.of_vertex(mesh)[mesh.faces], np.tile(bodies.of_face[:, None], 3))
-    parts = [bodies.part(mesh, body) for body in range(2)]
+    parts = [bodies.submesh(mesh, body) for body in range(2)]
     assert sum(part.area for part in parts) == pytest.approx(mesh.area)
     np.testing.assert_array_equal(parts[0].bounds, mesh.bounds)
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from milkglass.core.geometry.implicit import Part, polygonise, smooth_max, smooth_min
+from milkglass.core.geometry.implicit import Primitive, polygonise, smooth_max, smooth_min
 from milkglass.core.geometry.mesh import face_cross, find_flaws, half_edges, signed_volume
 
 BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 
 
-def ball(centre: tuple[float, float, float], radius: float) -> Part:
+def ball(centre: tuple[float, float, float], radius: float) -> Primitive:
     middle = np.array(centre, np.float32)[:, None]
-    return Part(lambda p: np.sqrt(((p - middle) ** 2).sum(axis=0)) - np.float32(radius), 1e-6)
+    return Primitive(lambda p: np.sqrt(((p - middle) ** 2).sum(axis=0)) - np.float32(radius), 1e-6)
 
 
 def euler(vertices: np.ndarray, faces: np.ndarray) -> int:
@@ -29,7 +29,7 @@ def test_a_ball_has_its_volume_and_radial_normals() -> None:
 
 
 def test_a_torus_has_one_handle() -> None:
-    torus = Part(lambda p: np.hypot(np.hypot(p[0], p[2]) - np.float32(0.6), p[1]) - np.float32(0.2), 0.01)
+    torus = Primitive(lambda p: np.hypot(np.hypot(p[0], p[2]) - np.float32(0.6), p[1]) - np.float32(0.2), 0.01)
     vertices, faces, _ = polygonise([torus], *BOX, 0.04)
     assert find_flaws(vertices, faces).solid
     assert euler(vertices, faces) == 0
@@ -53,7 +53,7 @@ def test_the_union_of_distant_parts_is_their_sum() -> None:
 
 
 def test_bubbles_are_filled() -> None:
-    hollow = Part(lambda p: np.abs(np.sqrt((p * p).sum(axis=0)) - np.float32(0.5)) - np.float32(0.1), 0.01)
+    hollow = Primitive(lambda p: np.abs(np.sqrt((p * p).sum(axis=0)) - np.float32(0.5)) - np.float32(0.1), 0.01)
     vertices, faces, _ = polygonise([hollow], *BOX, 0.04)
     assert euler(vertices, faces) == 2
     np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 0.6, atol=1e-4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.refine import MOST_FACES, refined
+from milkglass.core.geometry.refine import MAX_FACES, refined
 from milkglass.core.geometry.samples import surface_samples
 from tests.support.shapes import ball, cube
 from tests.support.solids import block, mesh_of
@@ -62,7 +62,7 @@ def test_new_vertices_know_their_part():
 
 def test_a_wanted_edge_that_no_memory_holds_is_widened():
     fine = refined(cube(), 1e-3)
-    assert len(fine.mesh.faces) < 4 * MOST_FACES
+    assert len(fine.mesh.faces) < 4 * MAX_FACES
 
 
 def test_a_face_without_area_is_no_trouble():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.grid.convolution import LayerConvolver, prepared
-from milkglass.core.grid.shape import PAIRS_UP_TO, ConvolutionShape
+from milkglass.core.grid.shape import MAX_PAIRED_LAYERS, ConvolutionShape
 from milkglass.core.grid.spectra import kernel_spectrum
 
 
@@ -31,8 +31,8 @@ def test_equals_the_direct_sum(n_layers: int, threads: int) -> None:
 
 
 def test_both_ways_of_mixing_are_covered() -> None:
-    assert ConvolutionShape(PAIRS_UP_TO, 7, 11).mixes_pairs
-    assert not ConvolutionShape(PAIRS_UP_TO + 1, 7, 11).mixes_pairs
+    assert ConvolutionShape(MAX_PAIRED_LAYERS, 7, 11).mixes_pairs
+    assert not ConvolutionShape(MAX_PAIRED_LAYERS + 1, 7, 11).mixes_pairs
 
 
 @pytest.mark.parametrize("own", [(1, 1, 1), (9, 7, 11), (33, 49, 67), (8, 128, 129), (20, 29, 39)])

@@ -5,7 +5,7 @@ import pytest
 
 from milkglass.core.light.presets import CAMERA_AZIMUTH_DEG, PRESETS, preset
 from milkglass.core.light.probe import Probe, irradiance_table
-from milkglass.core.light.sources import extract
+from milkglass.core.light.sources import extract_sources
 from milkglass.viewer.scene.settings import BUILTIN_PROBES, CameraSettings
 from tests.support.counting import calls, peak_bytes
 
@@ -24,7 +24,7 @@ def test_the_strong_parts_of_a_preset_are_lamps(name):
     assert latlong.shape == (256, 512, 3)
     assert np.isfinite(latlong).all()
     assert latlong.min() >= 0.0
-    sources, rest = extract(Probe.from_pixels(latlong))
+    sources, rest = extract_sources(Probe.from_pixels(latlong))
     assert len(sources) == LAMPS[name]
     assert rest.latlong.max() < 16.0
 
@@ -44,7 +44,7 @@ def test_a_preset_is_the_same_light_at_any_resolution(name):
 
 
 def test_the_backlight_comes_from_behind():
-    sources, _ = extract(Probe.from_pixels(preset("backlight")))
+    sources, _ = extract_sources(Probe.from_pixels(preset("backlight")))
     azimuth = np.radians(CAMERA_AZIMUTH_DEG)
     camera = np.array([np.sin(azimuth), 0.0, np.cos(azimuth)])
     assert all(np.array(source.direction) @ camera < -0.4 for source in sources)

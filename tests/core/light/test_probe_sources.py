@@ -6,7 +6,7 @@ import pytest
 from milkglass.core.light import probe as env
 from milkglass.core.light.harmonics import project_latlong
 from milkglass.core.light.probe import Probe
-from milkglass.core.light.sources import LEAST_SHARE, MAX_SOURCES, ProbeSource, disc_sh, extract
+from milkglass.core.light.sources import MAX_SOURCES, MIN_SHARE, ProbeSource, disc_sh, extract_sources
 from milkglass.core.material import fresnel
 from milkglass.viewer.files.images import read_radiance
 from tests.support.skies import HEIGHT, SPOTS, directions, sky, unit
@@ -29,7 +29,7 @@ def disc_irradiance(source, normals, eta, rings=24, around=48):
 
 def assert_conserves(pixels, eta, at_least=0):
     probe = Probe.from_pixels(pixels)
-    sources, rest = extract(probe)
+    sources, rest = extract_sources(probe)
     assert len(sources) >= at_least
     normals = directions(1000)
     if len(pixels) > HEIGHT:
@@ -63,7 +63,7 @@ def test_a_measured_probe_keeps_its_light(data_dir, name, at_least, eta):
 
 
 def test_the_sun_is_found_where_it_is_as_large_and_as_bright():
-    (source,), rest = extract(Probe.from_pixels(sky(SPOTS[0], height=512)))
+    (source,), rest = extract_sources(Probe.from_pixels(sky(SPOTS[0], height=512)))
     towards, angle, radiance = SPOTS[0]
     assert source.direction @ unit(*towards) > np.cos(np.radians(0.1))
     assert source.angle_deg == pytest.approx(angle, rel=0.05)
@@ -84,7 +84,7 @@ def test_the_sun_is_found_where_it_is_as_large_and_as_bright():
 )
 def test_nothing_is_extracted_where_nothing_strong_is_small(pixels):
     probe = Probe.from_pixels(pixels)
-    assert extract(probe) == ((), probe)
+    assert extract_sources(probe) == ((), probe)
 
 
 PLACES = {"up": (0.0, 1.0, 0.0), "down": (0.0, -1.0, 0.0), "seam": (0.0, 0.1, 1.0), "pole": (0.02, 1.0, 0.01)}
@@ -92,28 +92,30 @@ PLACES = {"up": (0.0, 1.0, 0.0), "down": (0.0, -1.0, 0.0), "seam": (0.0, 0.1, 1.
 
 @pytest.mark.parametrize("towards", PLACES.values(), ids=PLACES)
 def test_a_source_at_a_pole_or_across_the_seam_is_one(towards):
-    (source,), _ = extract(Probe.from_pixels(sky((towards, 6.0, (500.0,) * 3))))
+    (source,), _ = extract_sources(Probe.from_pixels(sky((towards, 6.0, (500.0,) * 3))))
     assert source.direction @ unit(*towards) > np.cos(np.radians(0.1))
     assert source.angle_deg == pytest.approx(6.0, rel=0.1)  # of texels of 0.7
 
 
 def test_panes_of_a_window_are_one_source():
     panes = [((1.0, 0.026 * row, 0.026 * column), 2.4, (800.0,) * 3) for row in (-1, 1) for column in (-1, 1)]
-    sources, _ = extract(Probe.from_pixels(sky(*panes)))
+    sources, _ = extract_sources(Probe.from_pixels(sky(*panes)))
     assert len(sources) == 1
 
 
 def test_no_more_than_a_handful():
     spots = [(tuple(d), 2.0, (900.0,) * 3) for d in directions(30, seed=4)]
-    sources, _ = extract(Probe.from_pixels(sky(*spots)))
+    sources, _ = extract_sources(Probe.from_pixels(sky(*spots)))
     assert len(sources) == MAX_SOURCES
-    assert LEAST_SHARE * MAX_SOURCES < 1.0
+    assert MIN_SHARE * MAX_SOURCES < 1.0
 
 
 def test_extraction_turns_with_the_probe_and_scales_with_it():
     pixels = sky(*SPOTS)
-    one, _ = extract(Probe.from_pixels(pixels))
-    other, _ = extract(Probe.from_pixels(3.0 * np.roll(pixels, HEIGHT // 2, axis=1)))  # a quarter about the up axis
+    one, _ = extract_sources(Probe.from_pixels(pixels))
+    other, _ = extract_sources(
+        Probe.from_pixels(3.0 * np.roll(pixels, HEIGHT // 2, axis=1))
+    )  # a quarter about the up axis
     for a, b in zip(one, other, strict=True):
         assert np.array(b.irradiance) == pytest.approx(3.0 * np.array(a.irradiance), rel=1e-4)
         x, y, z = a.direction

@@ -7,10 +7,10 @@ import pytest
 
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import refined
-from milkglass.core.light.bake import LIFTS, RAYS_AT_A_TIME, THREADS, Cancelled, bake, directions_for, flat_normals
+from milkglass.core.light.bake import LIFTS, RAYS_AT_A_TIME, THREADS, BakeCancelled, bake, directions_for, plane_normals
 from milkglass.core.light.harmonics import basis, rotated
 from milkglass.core.light.probe import Probe, irradiance_table, irradiance_zonal, lookup, to_probe_frame
-from milkglass.core.light.visibility import DARK, ROWS, Sight, blocks, phong_zonal, transfer
+from milkglass.core.light.visibility import BLOCK_POINTS, MIN_UNOCCLUDED, Sight, blocks, phong_zonal, transfer
 from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import load_model
@@ -52,7 +52,7 @@ def test_a_convex_object_in_a_white_furnace_loses_nothing(shape):
 def test_the_faces_of_a_coarse_round_object_are_not_in_their_own_way():
     """Shading normals there look below the faces' planes, by up to 20 degrees."""
     fine = refined(ball(subdivisions=1), 2.0).mesh
-    assert (flat_normals(fine) != 0.0).any(axis=1).mean() > 0.3
+    assert (plane_normals(fine) != 0.0).any(axis=1).mean() > 0.3
     shares = transfer(bake(fine)).shares(Probe.from_pixels(sky_pixels()).sh)
     assert shares.min() > 0.97
     assert shares.mean() > 0.998
@@ -105,7 +105,7 @@ def test_what_is_not_there_is_not_shared():
     below[40:] = 1.0
     shares = visibility.shares(Probe.from_pixels(below).sh)
     assert ((shares >= 0.0) & (shares <= 1.0)).all()
-    assert DARK < 1e-3
+    assert MIN_UNOCCLUDED < 1e-3
 
 
 def test_a_lobe_sees_what_is_free():
@@ -146,7 +146,7 @@ def test_the_same_mesh_gives_the_same_bits():
 def test_small_meshes_get_more_rays_and_large_ones_fewer():
     assert [directions_for(n) for n in (100, 12_000, 50_000, 200_000, 10**6)] == [4096, 2048, 1024, 512, 256]
     sight = Sight(np.tile(np.float32([0, 1, 0]), (3, 1)), np.zeros((3, 32), np.uint8))
-    assert transfer(sight, 4).whole.shape == (3, 25)
+    assert transfer(sight, 4).unoccluded.shape == (3, 25)
 
 
 def test_few_rays_are_cast_between_two_looks_at_whether_to_go_on(monkeypatch):
@@ -159,7 +159,7 @@ def test_few_rays_are_cast_between_two_looks_at_whether_to_go_on(monkeypatch):
         return cast(self, origins, directions)
 
     monkeypatch.setattr(RayMesh, "occluded", count)
-    with pytest.raises(Cancelled):
+    with pytest.raises(BakeCancelled):
         bake(ball(subdivisions=6), lambda share: cancelled.set() if share > 0.05 else None, cancelled)
     # One start at each lift; the one that each thread was at when it was given up, and the next that had passed.
     assert max(rays) <= 1.02 * RAYS_AT_A_TIME  # half of all directions are above a horizon, nearly
@@ -170,18 +170,18 @@ def test_few_rays_are_cast_between_two_looks_at_whether_to_go_on(monkeypatch):
 def test_harmonics_are_given_up_between_few_points():
     sight, asked = Sight(ball(subdivisions=4).normals, np.zeros((2562, 32), np.uint8)), []
 
-    def go_on():
+    def check():
         asked.append(1)
         if len(asked) == 3:
-            raise Cancelled
+            raise BakeCancelled
 
     visibility = transfer(sight, 4)
-    for made in (lambda: transfer(sight, go_on=go_on), lambda: visibility.blocked(go_on)):
+    for made in (lambda: transfer(sight, check=check), lambda: visibility.blocked(check)):
         asked.clear()
-        with pytest.raises(Cancelled):
+        with pytest.raises(BakeCancelled):
             made()
         assert len(asked) == 3
-    assert max(len(points) for _, points in blocks(10**5)) <= ROWS
+    assert max(len(points) for _, points in blocks(10**5)) <= BLOCK_POINTS
 
 
 def test_progress_ends_at_one():

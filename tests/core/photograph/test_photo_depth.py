@@ -17,7 +17,7 @@ from milkglass.core.photograph.depth import (
     inflated,
     inscribed_radius,
 )
-from milkglass.core.photograph.light import Shading, _normals, unexplained
+from milkglass.core.photograph.light import ShadingFit, _normals, shading_residual
 from milkglass.core.photograph.surface import find_outline, height_surface
 from milkglass.viewer.files.photograph import load_photo
 from milkglass.viewer.photograph.framing import frame_object
@@ -66,15 +66,15 @@ def test_in_light_from_a_side_bumps_are_bumps_though_dark_would_be_deep(tilt: tu
     paint = np.where(bumps > 0.5, 0.9, 1.0)  # what sticks out is worn
     lit = 1.0 + np.einsum("ijk,k->ij", normal - normal[inside].mean(axis=0), gradient)
     light = paint * np.maximum(lit, 0.0)
-    shading = Shading(float(light[inside].mean()), gradient, normal[inside][::50])
-    more = unexplained(light, base, inside, shading)
-    fine = estimate_height(light, inside, base, unexplained=more, gradient=gradient)
+    shading = ShadingFit(float(light[inside].mean()), gradient, normal[inside][::50])
+    more = shading_residual(light, base, inside, shading)
+    fine = estimate_height(light, inside, base, residual=more, gradient=gradient)
     dark = estimate_height(light, inside, base)
     there = r < 42.0
     told, deep = (np.corrcoef((h - gaussian_filter(h, 5.0))[there], bumps[there])[0, 1] for h in (fine, dark))
     assert told > 0.6
     assert deep < 0.2
-    assert not unexplained(light, base, inside, shading)[~inside].any()
+    assert not shading_residual(light, base, inside, shading)[~inside].any()
 
 
 def test_the_bilateral_filter_keeps_edges_and_drops_noise() -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from milkglass.core.display import linear, luminance, srgb, tone_map
 from milkglass.core.light.probe import Probe, irradiance_table, lookup
-from milkglass.core.light.sources import extract
-from milkglass.core.photograph.light import MOST_ALBEDO, Shading, light_around, measure_shading, without_lamp
+from milkglass.core.light.sources import extract_sources
+from milkglass.core.photograph.light import MAX_ALBEDO, ShadingFit, fit_shading, fit_surround, without_lamp
 from milkglass.core.photograph.surround import MAP_HEIGHT, filled, scene_radiance, surround_map
 from tests.support.photographing import ball_photo
 
@@ -43,15 +43,15 @@ def test_a_photograph_lies_over_the_sphere_behind_and_is_mirrored_before() -> No
 
 def shading_of(
     towards: tuple[float, float, float], ambient: float
-) -> tuple[Shading, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[ShadingFit, np.ndarray, np.ndarray, np.ndarray]:
     _, mask, normals = ball_photo(120, towards)
     inside = (mask > 0.0) & (normals[..., 2] > 0.2)
     height = normals[..., 2] * 0.3 * 120
     true = ambient + np.maximum(normals @ (np.array(towards) / np.linalg.norm(towards)), 0.0)
-    return measure_shading(true, height, inside), true, height, inside
+    return fit_shading(true, height, inside), true, height, inside
 
 
-def irradiance_on(light: np.ndarray, shading: Shading) -> np.ndarray:
+def irradiance_on(light: np.ndarray, shading: ShadingFit) -> np.ndarray:
     """Luminance of the irradiance at the normals that were fitted, without Fresnel."""
     return luminance(lookup(irradiance_table(Probe.from_pixels(light).sh, 1.0), shading.normals))
 
@@ -62,7 +62,7 @@ def test_a_lamp_is_found() -> None:
     assert shading.lamp is not None
     assert shading.lamp.direction @ towards / np.linalg.norm(towards) > np.cos(np.radians(4.0))
     assert without_lamp(true, height, inside, shading)[inside].std() < 0.25 * true[inside].std()
-    (source, *_), rest = extract(Probe.from_pixels(light_around(None, shading, SIZE)))
+    (source, *_), rest = extract_sources(Probe.from_pixels(fit_surround(None, shading, SIZE)))
     assert np.array(source.direction) @ shading.lamp.direction > np.cos(np.radians(2.0))
     assert rest.mean_radiance.max() < 0.2 * np.max(source.irradiance)
 
@@ -74,17 +74,17 @@ def test_a_few_highlights_make_no_lamp() -> None:
     for seed in range(12):
         shiny = np.random.default_rng(seed).random(mask.shape) < 0.01
         light = (0.4 + 0.2 * normals[..., 1]) * np.where(shiny, 6.0, 1.0)
-        assert measure_shading(light, normals[..., 2] * 60.0, inside).lamp is None
+        assert fit_shading(light, normals[..., 2] * 60.0, inside).lamp is None
 
 
 def test_a_soft_light_is_a_gradient_and_no_lamp() -> None:
     _, mask, normals = ball_photo(120)
     inside = (mask > 0.0) & (normals[..., 2] > 0.2)
-    shading = measure_shading(0.4 * (1.0 + 0.5 * normals[..., 1]), normals[..., 2] * 36.0, inside)
+    shading = fit_shading(0.4 * (1.0 + 0.5 * normals[..., 1]), normals[..., 2] * 36.0, inside)
     assert shading.lamp is None
     rng = np.random.default_rng(3)
     surround = rng.random((*SIZE, 3))
-    light = light_around(surround, shading, SIZE)
+    light = fit_surround(surround, shading, SIZE)
     irradiance = irradiance_on(light, shading)
     matrix = np.concatenate([np.ones((len(irradiance), 1)), shading.normals], axis=1)
     fitted = np.linalg.lstsq(matrix, irradiance, rcond=None)[0]
@@ -94,8 +94,8 @@ def test_a_soft_light_is_a_gradient_and_no_lamp() -> None:
 @pytest.mark.parametrize("surround", [np.full((*SIZE, 3), 0.01), np.zeros((*SIZE, 3)), None, np.full((*SIZE, 3), 50.0)])
 def test_light_is_as_strong_as_the_object_is_bright(surround: np.ndarray | None) -> None:
     shading, *_ = shading_of((0.0, 0.0, 1.0), 0.5)
-    light = light_around(surround, shading, SIZE)
+    light = fit_surround(surround, shading, SIZE)
     albedo = np.pi * shading.level / irradiance_on(light, shading).mean()
     assert 0.14 < albedo < 0.87
     if surround is not None and surround.max() == 0.01:
-        assert albedo == pytest.approx(MOST_ALBEDO, rel=0.03)  # too dark around: a white object
+        assert albedo == pytest.approx(MAX_ALBEDO, rel=0.03)  # too dark around: a white object

@@ -11,7 +11,7 @@ from milkglass.core.material import library as materials
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import Occluder, direct_exitance
-from milkglass.core.reference.sources import Sources, graded_sources
+from milkglass.core.reference.sources import SourcePieces, graded_sources
 from milkglass.viewer.error.report import illumination_of
 from milkglass.viewer.error.visible import Illumination, measure
 from milkglass.viewer.files import images
@@ -113,7 +113,7 @@ def test_the_lights_are_the_renderers(renderer_of, tmp_path, kind):
     if kind != "environment":
         seen &= frame.irradiance.max(axis=-1) > 0.3
     points, normals = (frame.position[seen].astype(np.float64), frame.normal[seen].astype(np.float64))
-    where = Sources(points, normals, normals, np.ones(len(points)))
+    where = SourcePieces(points, normals, normals, np.ones(len(points)))
     illumination = illumination_of(renderer, scene)
     E = illumination.irradiance(Occluder(renderer.model.mesh), where, scene.material.resolve().eta)
     assert outliers(frame.irradiance[seen], E, rtol=2e-3) < OUTLIERS

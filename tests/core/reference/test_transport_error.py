@@ -9,7 +9,7 @@ from milkglass.core.material.library import Material
 from milkglass.core.reference.photon_shapes import Sphere
 from milkglass.core.reference.photons import walk
 from milkglass.core.reference.regions import find_regions
-from milkglass.core.reference.transport_error import Beam, Truth, find_truth, transport_error
+from milkglass.core.reference.transport_error import Beam, PhotonReference, photon_reference, transport_error
 from tests.support.shapes import ball, cube, plate
 from tests.support.solids import mesh_of, sheet
 
@@ -23,11 +23,11 @@ def small() -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def truth(small) -> Truth:
-    return find_truth(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000)
+def truth(small) -> PhotonReference:
+    return photon_reference(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000)
 
 
-def same_regions(other: Truth, factor: float = 1.0):
+def same_regions(other: PhotonReference, factor: float = 1.0):
     """Make a transport of what photons said once before: samples and regions repeat themselves."""
     return lambda points, normals: factor * other.exitance[other.regions.of_sample]
 
@@ -66,7 +66,7 @@ def test_truth_of_a_ball_is_that_of_the_sphere(truth) -> None:
 
 
 def test_the_truth_itself_has_no_error_but_noise(small, truth) -> None:
-    again = find_truth(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000, seed=77)
+    again = photon_reference(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000, seed=77)
     error = transport_error(truth, same_regions(again))
     assert all(0.005 < noise < 0.05 for noise in error.noise)
     # The rms still holds the noise of one of the two.
@@ -96,7 +96,7 @@ def test_points_and_normals_are_those_of_the_surface(truth) -> None:
 
 def test_lights_add_and_colours_scale(small) -> None:
     def flux(*lights: Beam) -> np.ndarray:
-        found = find_truth(small, MILKY, lights, n_regions=20, n_photons=20_000)
+        found = photon_reference(small, MILKY, lights, n_regions=20, n_photons=20_000)
         return found.regions.areas @ found.exitance
 
     one = flux(ABOVE)
@@ -107,7 +107,7 @@ def test_lights_add_and_colours_scale(small) -> None:
 def test_a_black_channel_has_no_error(small) -> None:
     black = Material("black", (1.0, 0.0, 0.0), (0.1, 1.0, 0.0), 1.3)
     error = transport_error(
-        find_truth(small, black, [ABOVE], n_regions=20, n_photons=5_000),
+        photon_reference(small, black, [ABOVE], n_regions=20, n_photons=5_000),
         lambda points, normals: np.zeros((len(points), 3)),
     )
     assert error.bias[0] == -1.0
@@ -116,18 +116,18 @@ def test_a_black_channel_has_no_error(small) -> None:
 
 def test_where_all_is_lit_there_is_no_dark_side(small) -> None:
     around = [Beam(tuple(s * axis)) for s in (1.0, -1.0) for axis in np.eye(3)]
-    truth = find_truth(small, MILKY, around, n_regions=20, n_photons=2_000)
+    truth = photon_reference(small, MILKY, around, n_regions=20, n_photons=2_000)
     assert not truth.dark.any()
     assert np.isnan(transport_error(truth, same_regions(truth)).dark).all()
 
 
 def test_progress_rises_over_all_walks(small) -> None:
     shares: list[float] = []
-    find_truth(small, MILKY, [ABOVE], n_regions=20, n_photons=2_000, progress=shares.append)
+    photon_reference(small, MILKY, [ABOVE], n_regions=20, n_photons=2_000, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
 
 def test_open_meshes_are_refused() -> None:
     with pytest.raises(InputError, match="closed"):
-        find_truth(mesh_of(sheet(0.0)), MILKY, [ABOVE], n_regions=4, n_photons=100)
+        photon_reference(mesh_of(sheet(0.0)), MILKY, [ABOVE], n_regions=4, n_photons=100)

@@ -10,7 +10,7 @@ from scipy.special import k0
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid import assignment
-from milkglass.core.grid.layers import deposit, fit_box, gather, smooth_matrix
+from milkglass.core.grid.layers import deposit, fit_box, gather, tsc_matrix
 from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.core.profiles.dipole import Dipole, dipoles
@@ -111,7 +111,7 @@ def test_smooth_weights_reproduce_quadratics():
     grid = fit_box([[-3.0, -2.0, -1.0], [3.0, 2.0, 1.0]], 0.25)
     points = np.random.default_rng(0).uniform([-3, -2, -1], [3, 2, 1], (500, 3))
     u = grid.coordinates(points)
-    weights = smooth_matrix(grid, u)
+    weights = tsc_matrix(grid, u)
     layer, row, column = (axis.ravel() for axis in np.indices(grid.shape))
     nodes = np.stack([column, row, layer], axis=1).astype(np.float64)
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=1e-6)
@@ -127,7 +127,7 @@ def test_deposit_conserves_flux():
     # the corners too: a node to spare all around takes what is spread beyond the box
     points = np.concatenate([rng.uniform([-3, -2, -1], [3, 2, 1], (500, 3)), [[-3, -2, -1], [3, 2, 1]]])
     flux = rng.random((len(points), 3)).astype(np.float32)
-    layers = deposit(grid, smooth_matrix(grid, grid.coordinates(points)), flux)
+    layers = deposit(grid, tsc_matrix(grid, grid.coordinates(points)), flux)
     np.testing.assert_allclose(layers.sum(axis=(1, 2, 3)), flux.sum(axis=0), rtol=1e-5)
 
 

@@ -62,7 +62,7 @@ class Case:
         return self.separate.scatter(replace(self.lit, flux=flux, profiles=profiles), self.stages).volume
 
     def own_part(self, volume, body):
-        (z, y, x), (d, h, w) = self.atlas.places[body], self.atlas.crops[body].shape
+        (z, y, x), (d, h, w) = self.atlas.origins[body], self.atlas.crops[body].shape
         return np.ascontiguousarray(volume[:, z : z + d, y : y + h, x : x + w])
 
 
@@ -101,7 +101,7 @@ def test_sums_over_each_body_in_float64(transport, limit):
     volume = case.run(even.astype(np.float32), profiles)
     for body, crop in enumerate(case.atlas.crops):
         own = case.body == body
-        points = surface_points(case.bodies.part(mesh, body), 60)
+        points = surface_points(case.bodies.submesh(mesh, body), 60)
         expected = direct_exitance(points, case.samples.points[own], even[own], profiles)
         weights = case.transport.weights(crop, crop.coordinates(points).astype(np.float32))
         actual = gather(weights, case.own_part(volume, body))
@@ -125,7 +125,7 @@ def test_linked_rings_share_no_nodes_of_the_atlas():
     first, size = case.atlas.first, np.array([crop.shape for crop in case.atlas.crops])
     assert (np.maximum(*first) < np.minimum(*(first + size))).all()  # their boxes overlap
     taken = np.zeros(case.atlas.shape, int)
-    for (z, y, x), (d, h, w) in zip(case.atlas.places, size, strict=True):
+    for (z, y, x), (d, h, w) in zip(case.atlas.origins, size, strict=True):
         assert min(z, y, x) >= 1
         taken[z - 1 : z + d + 1, y - 1 : y + h + 1, x - 1 : x + w + 1] += 1
     assert taken.max() == 1
@@ -134,7 +134,7 @@ def test_linked_rings_share_no_nodes_of_the_atlas():
 def test_an_atlas_unfolds_to_the_sum_of_its_bodies():
     case = Case(MODELS["rings"], TRANSPORTS["layered"])
     volume = case.run()
-    unfolded = case.atlas.unfolded(volume)
+    unfolded = case.atlas.summed(volume)
     assert unfolded.shape == (3, *case.grid.shape)
     total = sum(case.own_part(volume, body).sum() for body in range(2))
     assert unfolded.sum() == pytest.approx(total, rel=1e-5)

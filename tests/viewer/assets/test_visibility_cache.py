@@ -32,7 +32,7 @@ def casts(monkeypatch):
 def test_rays_are_cast_once_a_shape(casts, folder):
     first, again = bake_visibility(ball(subdivisions=2)), bake_visibility(ball(subdivisions=2))
     assert len(casts) == 1
-    for name in ("whole", "visible"):
+    for name in ("unoccluded", "visible"):
         assert np.array_equal(getattr(first.visibility, name), getattr(again.visibility, name))
     bake_visibility(refined(cube(), 5.0).mesh)
     assert len(casts) == 2

@@ -6,7 +6,7 @@ import trimesh
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.bodies import find_bodies
-from milkglass.core.geometry.detail import Detail
+from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import flaws
 from milkglass.core.geometry.texture import linear
 from milkglass.viewer.files.model import load_model, read_model
@@ -14,17 +14,17 @@ from milkglass.viewer.files.model_look import detail_of
 from tests.support.skins import FLAT, ball_with_map, picture, write_ball, write_slab
 
 
-def detail_at(path, texture=None, normal_map=None) -> tuple[Detail | None, tuple[str, ...]]:
+def detail_at(path, texture=None, normal_map=None) -> tuple[MeshDetail | None, tuple[str, ...]]:
     model = read_model(path, 20.0)
     return detail_of(model.look, model.mesh, path.name, texture, normal_map, True, True)
 
 
-def colours_at(detail: Detail) -> tuple[np.ndarray, np.ndarray]:
+def colours_at(detail: MeshDetail) -> tuple[np.ndarray, np.ndarray]:
     """Middles of the faces, (n, 3) mm, and colours there."""
     mesh = detail.mesh
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     n = len(middles)
-    return middles, detail.colour(detail.places(middles, np.arange(n), np.zeros(n)))
+    return middles, detail.colour(detail.pieces(middles, np.arange(n), np.zeros(n)))
 
 
 def columns(*colours) -> np.ndarray:
@@ -128,7 +128,7 @@ def test_relief_turns_normals_along_the_texture(tmp_path):
     detail, _ = detail_at(write_ball(tmp_path / "ball.glb", normal=picture((128 + 60, 128 + 30, 128 + 108))))
     middles = detail.mesh.vertices[detail.mesh.faces].mean(axis=1).astype(np.float64)
     n = len(middles)
-    places = detail.places(middles, np.arange(n), np.zeros(n))
+    places = detail.pieces(middles, np.arange(n), np.zeros(n))
     normals = middles / np.linalg.norm(middles, axis=1, keepdims=True)
     turned, factors = detail.relief(places, normals, 2.0)
     east = np.cross([0.0, 1.0, 0.0], normals)  # growing u
@@ -147,7 +147,7 @@ def test_a_mirrored_texture_has_mirrored_tangents(tmp_path):
     normals = np.cross(*(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (1, 2)))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    turned, _ = detail.relief(detail.places(middles, np.arange(n), np.zeros(n)), normals, 1.0)
+    turned, _ = detail.relief(detail.pieces(middles, np.arange(n), np.zeros(n)), normals, 1.0)
     flat = np.abs(normals[:, 2]) > 0.5  # up, and below, seen from where the texture is mirrored
     np.testing.assert_allclose(turned[flat, 0], 100 / np.hypot(100, 72), rtol=1e-4)
     np.testing.assert_array_equal(turned[~flat], normals[~flat].astype(np.float32))  # no area on the texture

@@ -135,7 +135,7 @@ def sheet_before_a_wall():
 
 def test_light_behind_a_sheet_is_that_of_its_other_side(context, tmp_path, monkeypatch):
     monkeypatch.setattr("milkglass.viewer.assets.visibility.LONGEST_EDGE", 0.1)
-    monkeypatch.setattr("milkglass.core.light.bake.FEW_RAYS", 0)
+    monkeypatch.setattr("milkglass.core.light.bake.MIN_RAYS", 0)
     mesh = sheet_before_a_wall()
     baked = bake_visibility(mesh)
     fine = baked.refined.mesh

@@ -48,7 +48,7 @@ def test_touching_tubes(context, material):
     M, leaking = separate.exitance[pixels], joined.exitance[pixels]
     assert (leaking[body == 1].sum(axis=0) / leaking[body == 0].sum(axis=0))[0] > 0.002
     assert M[body == 1].sum() < 1e-3 * M[body == 0].sum()
-    alone = MeshRenderer(context, find_bodies(mesh).part(mesh, 0)).render(scene(named), samples=1)
+    alone = MeshRenderer(context, find_bodies(mesh).submesh(mesh, 0)).render(scene(named), samples=1)
     same = (alone.position == separate.position)[pixels].all(axis=-1) & (body == 0)
     assert same.sum() > 1000
     assert relative_rms(M[same], alone.exitance[pixels][same]).max() < 0.01

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from milkglass.core.light.bake import Cancelled, bake
+from milkglass.core.light.bake import BakeCancelled, bake
 from milkglass.core.light.probe import Probe, irradiance_zonal
 from milkglass.viewer.assets import visibility
 from milkglass.viewer.bench.lights import sky_pixels
@@ -120,7 +120,7 @@ def held(monkeypatch):
         asked.set()
         while not go.wait(0.01):
             if cancelled.is_set():
-                raise Cancelled
+                raise BakeCancelled
         return bake(mesh, progress, cancelled)
 
     monkeypatch.setattr(visibility, "bake", wait)

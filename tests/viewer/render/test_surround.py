@@ -7,7 +7,7 @@ import pytest
 
 from milkglass.core.light import probe as env
 from milkglass.core.light.probe import Probe
-from milkglass.core.light.sources import extract
+from milkglass.core.light.sources import extract_sources
 from milkglass.core.material import fresnel
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.sources import probe_lamps
@@ -41,7 +41,7 @@ def test_strong_sources_cast_shadows_and_the_rest_shines_all_around(renderer_of,
     frame = renderer_of(shape).render(scene, samples=1)
     seen, eta = inside(frame), scene.material.resolve().eta
     points, normals = frame.position[seen], frame.normal[seen]
-    strong, rest = extract(probe_of(*SPOTS))
+    strong, rest = extract_sources(probe_of(*SPOTS))
     lamps = probe_lamps(around, strong)
     assert len(lamps) == 2
     expected = 2.0 * env.lookup(env.irradiance_table(rest.sh, eta), normals @ world_to_probe(50.0))

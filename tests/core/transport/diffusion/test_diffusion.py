@@ -9,7 +9,7 @@ import trimesh
 from scipy.special import iv, ivp, kv, kvp
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.grid.layers import smooth_matrix
+from milkglass.core.grid.layers import tsc_matrix
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine, refract
 from milkglass.core.transport.diffusion.channel import Channel
@@ -74,7 +74,7 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     grid, s = found.boundary.grid, transport.window_width(found.boundary.grid)
     (spectrum,) = transport.kernels.spectra([transport._kernel(grid, medium)], transport._maker(grid))
     convolver = transport.kernels.convolver(transport.shape(grid, medium))
-    deposited = smooth_matrix(grid, grid.coordinates(points)) @ strengths.astype(np.float32)
+    deposited = tsc_matrix(grid, grid.coordinates(points)) @ strengths.astype(np.float32)
     local = np.zeros(len(found.patches))
     channel = Channel(found.boundary, medium, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
     way = Iteration(channel, fitted(channel, []), 1e-4, 40)
@@ -132,7 +132,7 @@ def test_escape_from_a_shell_in_a_ball(resolution):
     convolver = transport.kernels.convolver(transport.shape(grid, MARBLE))
     points = r0 * samples.points / np.linalg.norm(samples.points, axis=1, keepdims=True)
     shares = samples.areas / samples.areas.sum()
-    deposited = smooth_matrix(grid, grid.coordinates(points)) @ shares
+    deposited = tsc_matrix(grid, grid.coordinates(points)) @ shares
     local = np.full(len(patches), float(local_green(MARBLE, s, R - r0)) / (4.0 * np.pi * r0**2))
     channel = Channel(found.boundary, MARBLE, s, lambda v: convolver.convolve(v, spectrum), deposited, local)
     way = Iteration(channel, fitted(channel, []), 1e-4, 40)

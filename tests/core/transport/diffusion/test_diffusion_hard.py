@@ -6,7 +6,7 @@ import scipy.fft
 import trimesh
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.grid.layers import smooth_matrix
+from milkglass.core.grid.layers import tsc_matrix
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
@@ -151,7 +151,7 @@ def test_product_in_float32_is_that_in_float64():
     quadrant = green_spectrum(MARBLE, s, grid, shape).astype(float)
     spectrum = quadrant[np.ix_(*(np.minimum(np.arange(n), n - np.arange(n)) for n in padded))]
     phi = np.random.default_rng(0).normal(size=len(patches))
-    weights = smooth_matrix(grid, grid.coordinates(patches.points)).astype(float)
+    weights = tsc_matrix(grid, grid.coordinates(patches.points)).astype(float)
     deposit = boundary.layer_assignment(MARBLE.extrapolation_factor, MARBLE.diffusion, boundary.bending(MARBLE)).astype(
         float
     )

@@ -8,7 +8,7 @@ import trimesh
 
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
-from milkglass.core.grid.layers import fit_box, smooth_matrix, smooth_slope_matrix
+from milkglass.core.grid.layers import fit_box, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.transport.diffusion.patches import make_patches
 from tests.support.shapes import ball, cube, torus_knot
 from tests.support.solids import block, mesh_of
@@ -128,7 +128,7 @@ def test_samples_with_opposing_normals():
 
 @pytest.mark.parametrize("n_layers", [None, 7])
 def test_slopes_are_those_of_the_weights(n_layers):
-    """Central differences of `smooth_matrix` over places away from the joints of the spline."""
+    """Central differences of `tsc_matrix` over places away from the joints of the spline."""
     rng = np.random.default_rng(0)
     grid = fit_box([[-1.0, -2.0, -3.0], [3.0, 2.0, 1.0]], 0.4, n_layers)
     points = rng.uniform([-1.0, -2.0, -3.0], [3.0, 2.0, 1.0], (300, 3))
@@ -137,9 +137,9 @@ def test_slopes_are_those_of_the_weights(n_layers):
     moves = [grid.coordinates(points + sign * step * vectors) for sign in (-1.0, 0.0, 1.0)]
     same = np.ptp([np.floor(u + 0.5) for u in moves], axis=0).max(axis=1) == 0
     assert same.sum() > 250
-    below, above = (smooth_matrix(grid, u[same]).toarray().astype(float) for u in (moves[0], moves[2]))
-    weights = smooth_matrix(grid, moves[1][same])
-    found = smooth_slope_matrix(grid, moves[1][same], vectors[same], weights)
+    below, above = (tsc_matrix(grid, u[same]).toarray().astype(float) for u in (moves[0], moves[2]))
+    weights = tsc_matrix(grid, moves[1][same])
+    found = tsc_gradient_matrix(grid, moves[1][same], vectors[same], weights)
     np.testing.assert_allclose(found.toarray(), (above - below) / (2.0 * step), atol=1e-3 * np.abs(found.data).max())
     np.testing.assert_array_equal(found.indices, weights.indices)  # entry by entry
     np.testing.assert_array_equal(found.indptr, weights.indptr)
@@ -150,7 +150,7 @@ def test_slopes_sum_to_none_and_carry_a_linear_field():
     grid = fit_box([[0.0, 0.0, 0.0], [3.0, 2.0, 1.0]], 0.2)
     points, vectors = rng.uniform([0.0, 0.0, 0.0], [3.0, 2.0, 1.0], (200, 3)), rng.normal(size=(200, 3))
     places = grid.coordinates(points)
-    slopes = smooth_slope_matrix(grid, places, vectors, smooth_matrix(grid, places)).astype(float)
+    slopes = tsc_gradient_matrix(grid, places, vectors, tsc_matrix(grid, places)).astype(float)
     np.testing.assert_allclose(slopes.sum(axis=0), 0.0, atol=1e-4)
     z, y, x = np.indices(grid.shape).reshape(3, -1)
     matrix = np.asarray(grid.world_to_grid)

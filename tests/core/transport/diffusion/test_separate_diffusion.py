@@ -86,7 +86,7 @@ def test_touching_tubes_leak_where_they_are_joined_and_nothing_where_they_are_se
     leak = flux(case, joined, 1) / flux(case, joined, 0)
     assert leak[0] > 0.005
     assert separate.parts[1] is None
-    z, y, x = case.atlas.places[1]
+    z, y, x = case.atlas.origins[1]
     assert not separate.volume[:, z:, y:, x:][(slice(None), *map(slice, case.atlas.crops[1].shape))].any()
     assert max(separate.residuals) <= TOLERANCE
 
@@ -98,7 +98,7 @@ def test_a_body_is_as_it_is_without_the_others(model, lit):
     case = Case(MODELS[model], lit=(0, 1))
     assert case.bodies.count == 2
     solution = case.solve()
-    part, own = case.bodies.part(case.mesh, lit), case.body == lit
+    part, own = case.bodies.submesh(case.mesh, lit), case.body == lit
     samples = surface_samples(part, 1.2 * float(np.ptp(case.mesh.bounds, axis=0).max()) / case.transport.resolution)
     np.testing.assert_array_equal(samples.points, case.samples.points[own])
     alone = case.joined(part, samples, replace(case.light, flux=case.light.flux[own]))
@@ -141,12 +141,12 @@ def test_coarse_solutions_of_all_bodies_are_told_before_the_fine_ones_and_false_
     given_up = case.solve(go_on=go_on)
     assert [max(each.residuals) for each in told[:2]] == [1.0, 1.0]  # while the second body waits
     assert given_up is told[-1]
-    assert given_up.grid.width < case.atlas.whole.width
+    assert given_up.grid.width < case.atlas.grid.width
     assert given_up.volume.shape == (4, *given_up.atlas.shape)
     assert None not in given_up.parts
     known = len(told)
     solution = case.solve(go_on=lambda each: not told.append(each))
-    assert solution.grid == case.atlas.whole
+    assert solution.grid == case.atlas.grid
     assert max(solution.residuals) <= TOLERANCE
     on_the_way = told[known:]
     assert all(max(each.residuals) <= COARSE_TOLERANCE for each in on_the_way if each.grid != solution.grid)
