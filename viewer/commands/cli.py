@@ -27,7 +27,7 @@ DEFAULT_SAMPLES = 4
 DEFAULT_REPORT_POINTS = 300
 DEFAULT_REPORT_PHOTONS = 100_000
 DEFAULT_PATHS = 256
-DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits: viewer.error.compare says what it means
+DEFAULT_THRESHOLD = 1.0 / 255.0  # one step of 8 bits, see viewer.error.compare
 
 app = typer.Typer(
     add_completion=False,
@@ -39,10 +39,10 @@ app.command()(edit_command.edit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; bad input is one sentence on stderr."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    """Run the command line and return its exit code; bad input gives one sentence on stderr."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = app(args=given, prog_name="milkglass", standalone_mode=False)
+        code = app(args=words, prog_name="milkglass", standalone_mode=False)
     except typer.TyperException as error:
         return _fail(usage_sentence(error))
     except InputError as error:
@@ -71,7 +71,7 @@ def default(
 
 
 @app.command()
-@partial(scene_options, also=PHOTO_FLAGS)
+@partial(scene_options, extra_flags=PHOTO_FLAGS)
 def view(
     scene: Scene,
     context: typer.Context,
@@ -184,7 +184,7 @@ def materials(
 
 
 def has_display() -> bool:
-    """Tell whether a window can be shown, without opening one."""
+    """Return whether a window can be shown, without opening one."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -197,7 +197,7 @@ def _run_window(scene: Scene, path: Path | None = None, record: Path | None = No
 
 
 def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":
-    """Render what the outputs hold: some need the tone-mapped picture alone."""
+    """Return the picture of a scene, tone-mapped alone where no output holds linear data."""
     from rich.console import Console
 
     from milkglass.viewer.commands import terminal
@@ -216,7 +216,7 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
 def _render_with_report(
     scene: Scene, samples: int, seed: int, outputs: Sequence[str], path: str, points: int, photons: int
 ) -> "Frame":
-    """Write pictures and the report of their error, all of them or, where one step fails before, none."""
+    """Write pictures and the report of their error, and return the picture; nothing is written if rendering fails."""
     from milkglass.viewer.commands import report as report_command
 
     frame, report = report_command.run(scene, samples, seed, points, photons)
@@ -229,7 +229,7 @@ def _render_with_report(
 
 
 def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, report: str | None = None) -> None:
-    """Refuse outputs that cannot be written or would overwrite an input, before any work."""
+    """Raise InputError for outputs that cannot be written or would overwrite an input, before any work."""
     if report is not None:
         from milkglass.viewer.commands.report import check_report
 
@@ -244,7 +244,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
 
 
 def _counterpart(reference: str, outputs: Sequence[str]) -> str:
-    """Return the first output of the reference's type, the one to compare with it."""
+    """Return the output to compare with the reference: the first of its type."""
     if not Path(reference).is_file():
         raise InputError(f"--reference {reference}: there is no such file; name a picture to compare with")
     suffix = Path(reference).suffix.lower()
@@ -260,7 +260,7 @@ def _save(frame: "Frame | Still", outputs: Sequence[str]) -> None:
 
 
 def _compare(picture: Path, reference: Path, threshold: float) -> None:
-    """Say how the picture compares; where it fails, write the difference and exit with 1."""
+    """Print the comparison of a picture with its reference; if it fails, write the difference and exit with 1."""
     from milkglass.viewer.error import compare
     from milkglass.viewer.files import images
 
@@ -285,12 +285,12 @@ def _say(sentence: str) -> None:
 
 
 def usage_sentence(error: typer.TyperException) -> str:
-    """Return what typer found wrong as one sentence, with the nearest option where it knows one."""
-    near = getattr(error, "possibilities", None)
-    text = error.message if near else error.format_message()
+    """Return an error of typer as one sentence, with the nearest options where there are any."""
+    possibilities = getattr(error, "possibilities", None)
+    text = error.message if possibilities else error.format_message()
     text = text[:1].lower() + text[1:].rstrip(". ")
-    if near:
-        return f"{text}; did you mean {' or '.join(sorted(near))}?"
+    if possibilities:
+        return f"{text}; did you mean {' or '.join(sorted(possibilities))}?"
     if text.startswith("no such command") and "Did you mean" not in text:
         return f"{text}; to show a model, write `milkglass view MODEL`"
     return text

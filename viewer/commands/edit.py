@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from milkglass.viewer.photograph.edit import Edited
     from milkglass.viewer.render.lighting import Progress
 
-# What the photograph decides is no option here. Rays for the surround's shadows would take longer than all the rest.
-FROM_PHOTO = (
+# Options of settings that the photograph determines.
+EXCLUDED_OPTIONS = (
     "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
     "orthographic", "background",
 )  # fmt: skip
-EDITED = " or ".join(f"{suffix} ({kind.edited})" for suffix, kind in PICTURE_FORMATS.items())
+OUTPUT_TYPES = " or ".join(f"{suffix} ({kind.edited})" for suffix, kind in PICTURE_FORMATS.items())
 
 
 def _edit(
     scene: Scene,
     photo: Annotated[str, typer.Argument(metavar="PHOTO", help="Photograph: PNG, JPEG, TIFF, WebP or BMP.")],
     mask: Annotated[str, typer.Option(metavar="FILE", help="Picture of the same size, white on the object.")],
-    output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{EDITED}; may repeat.")],
+    output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{OUTPUT_TYPES}; may repeat.")],
     depth_output: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
     ] = None,
@@ -49,8 +49,8 @@ def _edit(
     if background is not None:
         scene = changed(scene, [Change("photo", "behind", background, "--background")])
     check(scene, photo, mask, output, depth_output)
-    parts = any(format_of(name).linear for name in output)
-    edited = _run(scene, photo, mask, samples, parts)
+    layers = any(format_of(name).linear for name in output)
+    edited = _run(scene, photo, mask, samples, layers)
     for warning in edited.warnings:
         typer.echo(f"milkglass: warning: {warning}.", err=True)
     _save(edited, output, depth_output, scene.photo.behind)
@@ -60,29 +60,29 @@ def _edit(
 
 
 _edit.__name__ = "edit"
-edit = scene_options(_edit, FROM_PHOTO, START, PHOTO_FLAGS)
+edit = scene_options(_edit, EXCLUDED_OPTIONS, START, PHOTO_FLAGS)
 
 
 def check(scene: Scene, photo: str, mask: str, outputs: list[str], depth_output: str | None) -> None:
-    """Refuse what cannot be written or would overwrite an input, before any work."""
+    """Raise InputError for outputs that cannot be written or would overwrite an input, before any work."""
     from milkglass.viewer.files.depth import DEPTH_FORMATS
     from milkglass.viewer.files.images import check_output
 
-    written = [*outputs] if depth_output is None else [*outputs, depth_output]
+    targets = [*outputs] if depth_output is None else [*outputs, depth_output]
     for output in outputs:
         check_picture_output(output)
     if depth_output is not None:
         check_output(depth_output, DEPTH_FORMATS)
-    read = {"photograph": photo, "mask": mask, "depth map": scene.photo.depth, "environment": scene.environment.path}
-    for i, output in enumerate(written):
-        for role, path in read.items():
+    inputs = {"photograph": photo, "mask": mask, "depth map": scene.photo.depth, "environment": scene.environment.path}
+    for i, output in enumerate(targets):
+        for role, path in inputs.items():
             if path is not None and os.path.realpath(path) == os.path.realpath(output):
                 raise InputError(f"{output} would overwrite the {role}; choose another name")
-        if os.path.realpath(output) in map(os.path.realpath, written[:i]):
+        if os.path.realpath(output) in map(os.path.realpath, targets[:i]):
             raise InputError(f"{output} is to be written twice; choose another name")
 
 
-def _run(scene: Scene, photo: str, mask: str, samples: int, parts: bool) -> "Edited":
+def _run(scene: Scene, photo: str, mask: str, samples: int, layers: bool) -> "Edited":
     from rich.console import Console
 
     from milkglass.viewer.files.photograph import load_photo
@@ -92,8 +92,8 @@ def _run(scene: Scene, photo: str, mask: str, samples: int, parts: bool) -> "Edi
     loaded = load_photo(Path(photo), Path(mask))
     console = Console(stderr=True)
 
-    def work(say: "Progress" = lambda _: None) -> "Edited":
-        return edited(loaded, scene, headless_context(), samples=samples, parts=parts, progress=say)
+    def work(report: "Progress" = lambda _: None) -> "Edited":
+        return edited(loaded, scene, headless_context(), samples=samples, parts=layers, progress=report)
 
     if not console.is_terminal:
         return work()

@@ -1,4 +1,4 @@
-"""The table of `milkglass materials`: for eyes on a terminal, one full line a material in a pipe."""
+"""`milkglass materials`: a table that fits a terminal, or one full line a material in a pipe."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -18,62 +18,61 @@ from milkglass.core.material.library import Material
 from milkglass.core.profiles import dipole
 from milkglass.viewer.scene import library, own_materials
 
-# In a pipe no line breaks and nothing is cut, whatever width a terminal is thought to have.
-UNLIMITED = 10_000
-NARROWEST = 80
+# In a pipe no line is broken or cut, whatever width a terminal is assumed to have.
+UNLIMITED_WIDTH = 10_000
+MIN_WIDTH = 80
 
 
-def run(name: str | None, only: str, source: str | None, target: str | None) -> None:
-    """Print a table, or exchange one's own materials with files and say so."""
+def run(name: str | None, kind: str, source: str | None, target: str | None) -> None:
+    """Print a table, or exchange the user's materials with files and print a summary."""
     if source is None and target is None:
-        show(name, only)
+        show(name, kind)
     else:
         Console().out(exchange(source, target), highlight=False)
 
 
-def show(name: str | None, only: str = "all") -> None:
-    """Print one material channel by channel, or those of the library that a filter of `viewer.scene.library` keeps."""
-    if name is not None and only != "all":
-        raise InputError(f"--only {only} chooses from the whole library; leave out {name!r}")
+def show(name: str | None, kind: str = "all") -> None:
+    """Print one material by channel, or the materials of the library that pass a filter of `viewer.scene.library`."""
+    if name is not None and kind != "all":
+        raise InputError(f"--only {kind} chooses from the whole library; leave out {name!r}")
     console = Console()
-    console = Console(width=max(console.width, NARROWEST) if console.is_terminal else UNLIMITED)
+    console = Console(width=max(console.width, MIN_WIDTH) if console.is_terminal else UNLIMITED_WIDTH)
     if name is not None:
         table: RenderableType = material_table(own_materials.lookup(name))
-    elif listed := library.found(only):
+    elif listed := library.found(kind):
         table = library_table(console.width, listed)
     else:
         table = Text("none yet: the window keeps a material under a name, and --import takes those of a file")
     with console.capture() as captured:
         console.print(table)
-    # Rich pads every line to the widest.
+    # Rich pads every line to the widest one.
     console.out("\n".join(line.rstrip() for line in captured.get().splitlines()), highlight=False)
 
 
 def exchange(source: str | None, target: str | None) -> str:
-    """Import one's own materials from a file, export them to another, and say what was done."""
-    said = []
+    """Import materials of the user from a file, export them to another, and return a summary."""
+    sentences = []
     if source is not None:
-        new = own_materials.import_from(Path(source))
-        said.append(f"{len(new)} materials from {source} are now in {own_materials.file()}")
+        imported = own_materials.import_from(Path(source))
+        sentences.append(f"{len(imported)} materials from {source} are now in {own_materials.file()}")
     if target is not None:
-        kept = own_materials.export_to(Path(target))
-        said.append(f"{len(kept)} materials of your own went to {target}")
-    return "; ".join(said)
+        exported = own_materials.export_to(Path(target))
+        sentences.append(f"{len(exported)} materials of your own went to {target}")
+    return "; ".join(sentences)
 
 
 def library_table(width: int, listed: Sequence[Material]) -> Table:
-    """Return one row a material: coefficients in 1/mm, lengths in mm, each for r, g and b.
+    """Return a table of one row a material: coefficients in 1/mm, lengths in mm, each for r, g and b.
 
-    Where `width` characters are too few, r, g and b stand below each other, without source, eta and
-    1/sigma_tr.
+    Where `width` characters are too few, r, g and b are on separate lines, without source, eta and 1/sigma_tr.
     """
     table = _library_table(listed, stacked=False)
-    fits = Console(width=UNLIMITED).measure(table).minimum <= width
+    fits = Console(width=UNLIMITED_WIDTH).measure(table).minimum <= width
     return table if fits else _library_table(listed, stacked=True)
 
 
 def material_table(material: Material) -> RenderableType:
-    """Return one row a quantity and one column a channel, and below it what concerns all channels."""
+    """Return a table of one row a quantity and one column a channel, above the quantities of all channels."""
     channels = Table(box=None, pad_edge=False, header_style="bold")
     for heading in (material.name, *materials.CHANNELS, "unit"):
         channels.add_column(heading)
@@ -107,10 +106,10 @@ def _library_table(listed: Sequence[Material], stacked: bool) -> Table:
             del row[6], row[1:3]
     table = Table(box=None, pad_edge=False, header_style="bold")
     for i, heading in enumerate(headings):
-        # A whole name may break between its words, a number never.
+        # Names may be broken between words, numbers may not.
         widest = max((len(line) for row in rows for line in str(row[i]).splitlines()), default=0)
-        broken = max((len(word) for row in rows for word in str(row[i]).split()), default=0)
-        table.add_column(heading, min_width=max(len(heading), broken if stacked and i == 0 else widest))
+        longest_word = max((len(word) for row in rows for word in str(row[i]).split()), default=0)
+        table.add_column(heading, min_width=max(len(heading), longest_word if stacked and i == 0 else widest))
     table.add_column("validity")
     for row in rows:
         table.add_row(*row)
@@ -137,8 +136,8 @@ def _row(material: Material, separator: str) -> list[str | Text]:
 
 
 def _transport_length(material: Material) -> Array:
-    nowhere: Array = np.full(3, math.inf)
-    return np.divide(np.ones(3), material.sigma_tr, out=nowhere, where=material.sigma_tr > 0.0)
+    infinite: Array = np.full(3, math.inf)
+    return np.divide(np.ones(3), material.sigma_tr, out=infinite, where=material.sigma_tr > 0.0)
 
 
 def _validity(material: Material) -> str:
@@ -146,7 +145,7 @@ def _validity(material: Material) -> str:
 
 
 def _swatch(reflectance: Array) -> Text:
-    """Return the colour under white light as #rrggbb, on itself where the terminal has colours."""
+    """Return the colour under white light as #rrggbb, on a background of it where the terminal has colours."""
     encoded = srgb(np.clip(reflectance, 0.0, 1.0))
     r, g, b = (round(float(255.0 * channel)) for channel in encoded)
     code = f"#{r:02x}{g:02x}{b:02x}"

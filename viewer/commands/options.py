@@ -1,4 +1,4 @@
-"""Options that `view` and `render` share, and the scene they describe: scene file < --set < named options."""
+"""Options shared by `view` and `render`, and the scene that they describe: scene file < --set < named options."""
 
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -54,7 +54,7 @@ FLAGS = (
     Flag("--image-size", "display", "image_size", "Picture"),
     Flag("--background", "display", "background", "Picture"),
 )
-# Of commands that take a photograph.
+# Options of commands that take a photograph.
 PHOTO_FLAGS = (
     Flag("--depth", "photo", "depth", "Photograph"),
     Flag("--depth-strength", "photo", "depth_strength", "Photograph"),
@@ -65,17 +65,17 @@ _METAVARS = {"number": "NUMBER", "integer": "N", "text": "NAME", "path": "FILE"}
 
 def scene_options(
     command: Callable[..., None],
-    leave_out: Collection[str] = (),
+    excluded: Collection[str] = (),
     start: Scene | None = None,
-    also: Sequence[Flag] = (),
+    extra_flags: Sequence[Flag] = (),
 ) -> Callable[..., None]:
     """Return a command with all shared options, which receives the scene that they describe as its first argument.
 
-    `leave_out` names parameters of options that it does not have, `also` are further options. `start` is the scene that
-    options change where no scene file is given.
+    `excluded` names parameters of shared options that it does not have, `extra_flags` are further options. `start` is
+    the scene that options change where no scene file is given.
     """
-    particular = list(inspect.signature(command).parameters.values())[1:]
-    shared = [parameter for parameter in _parameters(also) if parameter.name not in leave_out]
+    specific = list(inspect.signature(command).parameters.values())[1:]
+    shared = [parameter for parameter in _parameters(extra_flags) if parameter.name not in excluded]
 
     def with_scene(**values: Any) -> None:
         scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared}, start)
@@ -83,7 +83,7 @@ def scene_options(
 
     with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
     keyword = inspect.Parameter.KEYWORD_ONLY
-    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *particular]]
+    parameters = [parameter.replace(kind=keyword) for parameter in [*shared, *specific]]
     with_scene.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
     with_scene.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return with_scene
@@ -92,7 +92,7 @@ def scene_options(
 def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) -> Scene:
     """Return the scene that option values by parameter name describe; None, empty or absent means not given.
 
-    `start` is what they change where they name no scene file.
+    `start` is the scene that they change where they name no scene file.
 
     Raises
     ------
@@ -100,8 +100,8 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
         Naming the option or the scene file's key, the problem and the fix.
     """
     scene = Scene.load(values["scene"]) if values["scene"] is not None else start or Scene()
-    # Two steps, so that --material wins over coefficients given by --set instead of meeting them; what --set adds to
-    # a material is added to that one.
+    # Two steps, so that --material replaces coefficients given by --set instead of conflicting with them; additions of
+    # --set to a material apply to the named one.
     scene = apply_set(scene, values["set"] or [])
     added = [change for change in parse_set(values["set"] or []) if change.key in ADDED]
     changes = added if values["material"] is not None else []
@@ -130,7 +130,7 @@ def parse_light(text: str) -> Light:
     if not 1 <= len(vectors) <= 2 or parts != vectors + named:
         raise InputError(f"{label}: write {kind}:x,y,z or {kind}:x,y,z:r,g,b, then :key=value for more")
     declared = settings_of(LIGHT_KINDS[kind])
-    # Checked here already, with the option's name in the message.
+    # Checked here first, with the option's name in the message.
     values = {
         key: declared[key].checked(_numbers(vector, ",", label, "write numbers as 0.4,0.5,1"), f"{label}: {key}")
         for key, vector in zip(declared, vectors, strict=False)
@@ -144,12 +144,12 @@ def parse_light(text: str) -> Light:
         values[key] = declared[key].checked(_light_value(declared[key], value, label), f"{label}: {key}")
     try:
         return LIGHT_KINDS[kind](**values)
-    except InputError as error:  # of keys that do not go together
+    except InputError as error:  # conflicting keys
         raise InputError(f"{label}: {error}") from None
 
 
 def _light_value(declared: Setting, text: str, label: str) -> Any:
-    """Return a light's value as its setting wants it; what is none stays for the setting to refuse."""
+    """Return a light's value in the type of its setting; invalid text is returned for the setting to refuse."""
     if declared.length is not None:
         return _numbers(text, ",", label, "write numbers as 0.4,0.5,1")
     if declared.kind == "boolean":
@@ -167,7 +167,7 @@ def _environment(name: str) -> Change:
 
 
 def _parsed(flag: Flag, value: Any) -> Any:
-    """Return an option's text as its setting wants it; what is no number stays for the setting to refuse."""
+    """Return an option's value in the type of its setting; invalid text is returned for the setting to refuse."""
     if value is None:
         return None
     if flag.setting.length is not None:
@@ -187,10 +187,11 @@ def _numbers(text: str, separator: str, label: str, fix: str, kind: type = float
         raise InputError(f"{label}: {text!r} is not a list of numbers; {fix}") from None
 
 
-def _parameters(also: Sequence[Flag]) -> list[inspect.Parameter]:
-    flags = *FLAGS, *also
+def _parameters(extra_flags: Sequence[Flag]) -> list[inspect.Parameter]:
+    flags = *FLAGS, *extra_flags
     named = [_parameter(flag.parameter, *_declaration(flag)) for flag in flags]
-    first_of_light = [flag.panel for flag in flags].index("Light")  # help shows panels as they come
+    # Help shows panels in the order of their first option.
+    first_of_light = [flag.panel for flag in flags].index("Light")
     model = typer.Argument(metavar="MODEL", help="Mesh file; without one, the scene's or the sculpture.")
     scene = typer.Option("--scene", metavar="FILE.toml", help="Scene file to start from.")
     assign = typer.Option(

@@ -1,37 +1,39 @@
-"""`milkglass render --report`: paths checked first, a progress bar on a terminal, a line that sums it up."""
+"""`milkglass render --report`: checks of its paths, a progress bar on a terminal, and a summary."""
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from milkglass.viewer.error.report import Report
+    from milkglass.viewer.error.report import ErrorReport
     from milkglass.viewer.render.picture import Frame
 
 
 def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
-    """Refuse a report that cannot be written, or that would overwrite a picture or an input."""
+    """Raise InputError for a report that cannot be written, or that would overwrite a picture or an input."""
     from milkglass.viewer.error.report import check_report_path, map_path
 
     check_report_path(path)
-    others = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
-    others |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
-    named = [(f"--output {output}", output) for output in outputs]
+    inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
+    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
+    protected: list[tuple[str, str | Path]] = [(f"--output {output}", output) for output in outputs]
+    protected += [(f"the {role}", file) for role, file in inputs.items() if file is not None]
     for written in (path, map_path(path)):
-        for role, other in [*named, *((f"the {role}", other) for role, other in others.items() if other is not None)]:
-            if os.path.realpath(other) == os.path.realpath(written):
+        for role, file in protected:
+            if os.path.realpath(file) == os.path.realpath(written):
                 raise InputError(f"--report {path} would write {written} over {role}; choose another name")
 
 
-def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tuple[Frame, Report]":
-    """Render a scene and measure its error; a progress bar shows on a terminal only."""
+def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tuple[Frame, ErrorReport]":
+    """Render a scene and return its picture and error report, with a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from milkglass.viewer.commands.terminal import teller
+    from milkglass.viewer.commands.terminal import progress_callback
     from milkglass.viewer.error.report import error_report
     from milkglass.viewer.gl.context import headless_context
     from milkglass.viewer.render.renderer import Renderer
@@ -40,7 +42,7 @@ def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tu
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("starting", total=None)
         renderer = Renderer(headless_context())
-        frame = renderer.render(scene, samples=samples, seed=seed, progress=teller(progress, task))
+        frame = renderer.render(scene, samples=samples, seed=seed, progress=progress_callback(progress, task))
         progress.update(task, description="summing the reference", total=1.0, completed=0.0)
         report = error_report(
             renderer,
@@ -50,31 +52,33 @@ def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tu
             seed=seed,
             timings=frame.timings,
             progress=lambda share: progress.update(task, completed=share),
-            walked=lambda share: progress.update(task, description="photons walk", completed=share),
+            photon_progress=lambda share: progress.update(task, description="photons walk", completed=share),
         )
     return frame, report
 
 
-def summary(report: "Report", path: str) -> str:
-    """A line for the terminal on each error that was measured."""
+def summary(report: "ErrorReport", path: str) -> str:
+    """Return a line for the terminal on each measured error."""
     points, transport = report.content["reference"]["points"], report.content.get("transport_error")
     rms, p99 = (_percents(shares) for shares in (report.deviation.rms, report.deviation.p99))
-    what = "Error of exitance"
+    subject = "Error of exitance"
     if "difference" in report.content:
-        what = "Difference of exitance from equation (1), which diffusion does not solve,"
-    lines = [f"{what} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
-    if "rms" in (around := report.content.get("environment", {})):
-        rms = _percents(around["rms"])
-        lines.append(f"Irradiance of the occluded environment at {around['points']} points against rays: rms {rms} %.")
+        subject = "Difference of exitance from equation (1), which diffusion does not solve,"
+    lines = [f"{subject} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
+    if "rms" in (environment := report.content.get("environment", {})):
+        rms = _percents(environment["rms"])
+        lines.append(
+            f"Irradiance of the occluded environment at {environment['points']} points against rays: rms {rms} %."
+        )
     if transport is not None:
         lines.append(_transport_line(transport))
     return "\n".join(lines)
 
 
-def _transport_line(found: dict[str, Any]) -> str:
-    if "not_measured" in found:
-        return f"Error against transport was not measured: {found['not_measured']}."
-    rms, bias = (_percents(found[name]) for name in ("rms", "bias"))
+def _transport_line(content: dict[str, Any]) -> str:
+    if "not_measured" in content:
+        return f"Error against transport was not measured: {content['not_measured']}."
+    rms, bias = (_percents(content[name]) for name in ("rms", "bias"))
     return f"Error against a walk of photons, over the whole surface: rms {rms} %, flux {bias} %."
 
 

@@ -1,4 +1,4 @@
-"""What a terminal shows of a command: progress while it works, and the stages of a picture afterwards."""
+"""Output of commands on a terminal: progress, and the stages of a finished picture."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -11,37 +11,37 @@ if TYPE_CHECKING:
 
     from milkglass.viewer.render.picture import Frame, Still
 
-SHARE = re.compile(r"(.*): (\d+) %")
+PERCENTAGE = re.compile(r"(.*): (\d+) %")
 
 
-def teller(progress: "Progress", task: "TaskID") -> Callable[[str], None]:
-    """Return what shows the words of a step; those that end with a percentage, `...: 37 %`, as a bar of their own."""
-    bar = progress.add_task("", total=100, visible=False)  # a bar that has had a length never loses it again
+def progress_callback(progress: "Progress", task: "TaskID") -> Callable[[str], None]:
+    """Return a function that shows the text of a step, as a bar where it ends with a percentage, `...: 37 %`."""
+    bar = progress.add_task("", total=100, visible=False)  # a separate bar, since a bar cannot lose its length again
 
-    def tell(words: str) -> None:
-        found = SHARE.fullmatch(words)
-        progress.update(task, visible=not found)
-        if found:
-            progress.update(bar, description=found[1], completed=int(found[2]), visible=True)
+    def show(words: str) -> None:
+        match = PERCENTAGE.fullmatch(words)
+        progress.update(task, visible=not match)
+        if match:
+            progress.update(bar, description=match[1], completed=int(match[2]), visible=True)
         else:
             progress.update(bar, visible=False)
             progress.update(task, description=words)
 
-    return tell
+    return show
 
 
 @contextmanager
 def progress_bar(console: "Console") -> Iterator[Callable[[str], None]]:
-    """Show steps on a terminal while they last, and nothing anywhere else."""
+    """Show steps on a terminal while the context lasts, and nothing if the console is no terminal."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield teller(progress, progress.add_task("starting", total=None))
+        yield progress_callback(progress, progress.add_task("starting", total=None))
 
 
 def show_frame(frame: "Frame | Still") -> None:
-    """Print what each stage of a picture took, ms, and how fine its transport was."""
+    """Print the time of each stage of a picture, ms, and a summary of its transport."""
     from rich.console import Console
     from rich.table import Table
 

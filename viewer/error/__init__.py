@@ -1,4 +1,4 @@
-"""How far a picture is from the truth, as numbers and as a map."""
+"""Error of a picture relative to equation (1), photons, traced paths or another picture, in numbers and as a map."""
 
 from typing import TYPE_CHECKING
 

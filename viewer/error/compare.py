@@ -1,11 +1,10 @@
 """Comparison of a picture with a reference, for `milkglass render --reference`.
 
 The error is one number, comparable with one threshold. PNG: the rms difference over the channels R, G and B
-in 0..1 (multiplied by alpha, so that invisible colours do not count) and alpha, unless both pictures are
+in [0, 1] (multiplied by alpha, so that invisible colours have no effect) and alpha, unless both pictures are
 opaque. EXR: for every layer (radiance, alpha, position, normal, ...) the rms difference over the rms of the
-reference, and of these the worst. Both count only pixels where something is drawn, that is, where either
-picture is not zero: a small object before a large black background is judged as strictly as one that fills
-the frame.
+reference, and of these the largest. Both include only pixels where either picture is not zero, so that the error
+of a small object before a large black background is that of one that fills the frame.
 """
 
 from collections.abc import Mapping
@@ -21,31 +20,31 @@ from milkglass.viewer.files.images import Pixels8, Pixels32, read_channels, read
 
 Picture = Pixels8 | Mapping[str, Pixels32]
 
-# One step of 8 bits, as in other renderers' regression tests: the same rasteriser repeats itself exactly, and
-# what fails this can be seen. Another GPU moves silhouettes by a sample: allow 0.02 or more there.
+# One step of 8 bits, as in regression tests of other renderers: one rasteriser repeats itself exactly, and larger
+# errors are visible. Another GPU moves silhouettes by a sample: allow 0.02 or more there.
 DEFAULT_THRESHOLD = 1.0 / 255.0
-TOLERANCE = 1.0 / 255.0  # a pixel that differs by no more is rounding
-_ROUNDING = 1.0 + 1e-9  # so that a step of exactly 1/255 everywhere is not over 1/255
-_WHITE_AT = 4.0  # times the rms: the difference that the difference picture shows white
+TOLERANCE = 1.0 / 255.0  # differences of a pixel up to it are rounding
+_ROUNDING = 1.0 + 1e-9  # so that a step of exactly 1/255 in every pixel passes 1/255
+_WHITE_RMS = 4.0  # times the rms: the difference that is white in the difference picture
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
-    """How far a picture is from its reference.
+class ImageComparison:
+    """Error of a picture relative to its reference.
 
     Attributes
     ----------
     rms : float
-        The error described above, >= 0; 1 where an EXR layer should be empty and is not; infinite where a
-        value of either picture is NaN or infinite.
+        The error of the module's description, >= 0; 1 for an EXR layer that is empty in the reference alone; infinite
+        where a value of either picture is NaN or infinite.
     maximum : float
         The largest difference of a channel, in the same unit.
     share_over : float
-        Share of the drawn pixels, 0..1, with a channel off by more than TOLERANCE.
+        Share in [0, 1] of the drawn pixels with a channel that differs by more than TOLERANCE.
     difference : (h, w, 3) uint8
-        Absolute differences of the picture, or of the worst layer; 4 times the rms is white.
+        Absolute differences of the picture, or of the layer of the largest error; 4 times the rms is white.
     ignored : tuple of str
-        EXR channels that only one of the two has.
+        EXR channels that only one of the two pictures has.
     """
 
     rms: float
@@ -55,7 +54,7 @@ class Comparison:
     ignored: tuple[str, ...] = ()
 
     def passes(self, threshold: float = DEFAULT_THRESHOLD) -> bool:
-        """Whether the rms error is at most the threshold."""
+        """Return whether the rms error is at most the threshold."""
         return self.rms <= threshold * _ROUNDING
 
     def __str__(self) -> str:
@@ -65,8 +64,8 @@ class Comparison:
         )
 
 
-def compare_files(actual: Path, reference: Path) -> Comparison:
-    """Compare two PNG files or two EXR files.
+def compare_files(actual: Path, reference: Path) -> ImageComparison:
+    """Return the comparison of two PNG files or of two EXR files.
 
     Raises
     ------
@@ -82,8 +81,8 @@ def compare_files(actual: Path, reference: Path) -> Comparison:
     raise InputError(f"{actual.name} and {reference.name} cannot be compared: give two .png or two .exr.")
 
 
-def compare_images(actual: Picture, reference: Picture) -> Comparison:
-    """Compare (h, w, 1..4) uint8 pictures, or channels by name, each (h, w) float32 (the module says how).
+def compare_images(actual: Picture, reference: Picture) -> ImageComparison:
+    """Return the comparison of (h, w, 1..4) uint8 pictures, or of channels (h, w) float32 by name.
 
     Raises
     ------
@@ -114,40 +113,40 @@ def compare_images(actual: Picture, reference: Picture) -> Comparison:
 
 
 def difference_path(output: Path) -> Path:
-    """Where the difference picture of an output goes: jade.png -> jade.diff.png."""
+    """Return the path of the difference picture of an output: jade.png -> jade.diff.png."""
     return output.with_name(f"{output.stem}.diff.png")
 
 
 class _Layer:
-    """Channels (h, w, c) float64 that share one scale, and their differences in units of it."""
+    """Differences of channels (h, w, c) float64 of a common scale, in units of this scale."""
 
     def __init__(self, actual: Array, reference: Array, scale: float | None = None) -> None:
         self.drawn = ((actual != 0.0) | (reference != 0.0)).any(axis=-1)
         finite = bool(np.isfinite(actual).all() and np.isfinite(reference).all())
-        if not finite:  # never equal to anything, not even to itself
-            bad = ~(np.isfinite(actual) & np.isfinite(reference))
-            self.off = np.where(bad, np.inf, 0.0)
+        if not finite:  # not equal to anything, not even to itself
+            invalid = ~(np.isfinite(actual) & np.isfinite(reference))
+            self.relative = np.where(invalid, np.inf, 0.0)
             self.rms = np.inf
             return
         if scale is None:
-            # An empty reference has no scale: take the picture's own, so that anything there is an error 1.
+            # An empty reference has no scale: that of the picture makes its error 1.
             scale = _rms(reference, self.drawn) or _rms(actual, self.drawn) or 1.0
-        self.off = np.abs(actual - reference) / scale
-        self.rms = _rms(self.off, self.drawn)
+        self.relative = np.abs(actual - reference) / scale
+        self.rms = _rms(self.relative, self.drawn)
 
 
-def _comparison(layers: list[_Layer], ignored: tuple[str, ...] = ()) -> Comparison:
+def _comparison(layers: list[_Layer], ignored: tuple[str, ...] = ()) -> ImageComparison:
     worst = max(layers, key=lambda layer: layer.rms)
     drawn = np.any([layer.drawn for layer in layers], axis=0)
-    largest = np.max([layer.off.max(axis=-1) for layer in layers], axis=0)  # (h, w)
+    largest = np.max([layer.relative.max(axis=-1) for layer in layers], axis=0)  # (h, w)
     over = float((largest[drawn] > TOLERANCE * _ROUNDING).mean()) if drawn.any() else 0.0
-    white = max(_WHITE_AT * worst.rms, TOLERANCE) if np.isfinite(worst.rms) else 1.0
-    shown = worst.off[..., :3] if worst.off.shape[-1] >= 3 else worst.off[..., :1]
-    if worst.off.shape[-1] == 4:
-        shown = np.maximum(shown, worst.off[..., 3:])  # alpha shows as grey
-    picture = np.clip(shown / white, 0.0, 1.0) * 255.0 + 0.5
+    white = max(_WHITE_RMS * worst.rms, TOLERANCE) if np.isfinite(worst.rms) else 1.0
+    displayed = worst.relative[..., :3] if worst.relative.shape[-1] >= 3 else worst.relative[..., :1]
+    if worst.relative.shape[-1] == 4:
+        displayed = np.maximum(displayed, worst.relative[..., 3:])  # alpha is displayed as grey
+    picture = np.clip(displayed / white, 0.0, 1.0) * 255.0 + 0.5
     difference = np.broadcast_to(picture, (*largest.shape, 3)).astype(np.uint8)
-    return Comparison(worst.rms, float(largest.max()), over, difference, ignored)
+    return ImageComparison(worst.rms, float(largest.max()), over, difference, ignored)
 
 
 def _rms(values: Array, drawn: npt.NDArray[np.bool_]) -> float:
@@ -155,11 +154,11 @@ def _rms(values: Array, drawn: npt.NDArray[np.bool_]) -> float:
 
 
 def _premultiplied(picture: Pixels8) -> Array:
-    """(h, w, 1..4) uint8 to (h, w, 4) float64 in 0..1: R A, G A, B A, A."""
+    """Return a picture (h, w, 1..4) uint8 as (h, w, 4) float64 in [0, 1]: R A, G A, B A, A."""
     values = picture.astype(np.float64) / 255.0
-    count = values.shape[-1]
-    colour = values[..., :3] if count >= 3 else np.repeat(values[..., :1], 3, axis=-1)
-    alpha = values[..., -1:] if count in (2, 4) else np.ones_like(values[..., :1])
+    n_channels = values.shape[-1]
+    colour = values[..., :3] if n_channels >= 3 else np.repeat(values[..., :1], 3, axis=-1)
+    alpha = values[..., -1:] if n_channels in (2, 4) else np.ones_like(values[..., :1])
     return np.concatenate([colour * alpha, alpha], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""The lights of a scene as the float64 reference takes them."""
+"""Illumination of a scene as the float64 reference takes it."""
 
 from dataclasses import replace
 
@@ -10,13 +10,13 @@ from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
 
 
-def lights_of(scene: Scene, around: PartedProbe | None, lit: LitScene | None = None) -> Illumination:
-    """Gather a scene's lights, with those of its probe and the rest of it, occluded as in `lit`; uses no OpenGL."""
+def lights_of(scene: Scene, parted: PartedProbe | None, lit: LitScene | None = None) -> Illumination:
+    """Return a scene's lights and its probe, in sources and remainder, occluded as in `lit`; without OpenGL."""
     occlusion = None if lit is None else lit.occlusion
     visible = None if occlusion is None else occlusion.at
     environment = scene.environment
     eta, to_probe = scene.material.resolve().eta, world_to_probe(environment.rotation_deg)
-    strong, rest = ((), None) if around is None else around
-    lights = (*scene.effective_lights(), *probe_lamps(environment, strong))
-    illumination = Illumination.of(lights, eta, rest, to_probe, environment.intensity, visible)
+    sources, remainder = ((), None) if parted is None else parted
+    lights = (*scene.effective_lights(), *probe_lamps(environment, sources))
+    illumination = Illumination.of(lights, eta, remainder, to_probe, environment.intensity, visible)
     return illumination if lit is None or lit.detail is None else replace(illumination, detail=lit.detail.on_sources)

@@ -1,17 +1,17 @@
-"""A picture beside one that Mitsuba 3 traces paths for: `milkglass render --path-traced FILE.exr`.
+"""Comparison of a picture with path tracing by Mitsuba 3: `milkglass render --path-traced FILE.exr`.
 
-The same mesh, camera and material: a homogeneous medium of the reduced coefficients that scatters into all directions
-alike, behind a smooth dielectric boundary. Paths from the eye can hit a light through such a boundary only if it has
-a size, so directional lights are discs of `SUN` degrees about their direction. Faces are flat, as photons have them.
-What never scattered (highlights, light straight through) is traced once more without scattering; pixels that have any
-are left out.
+Mesh, camera and material are the same: a homogeneous, isotropically scattering medium of the reduced coefficients,
+behind a smooth dielectric boundary. Paths from the eye can hit a light through such a boundary only if it has
+a size, so directional lights are discs of `HALF_ANGLE_DEG` degrees about their direction. Faces are flat, as
+for photons. Light that never scatters (highlights, light straight through) is traced separately; pixels with any of it
+are excluded.
 
 What remains even of an exact exitance M:
 
 * Pictures have (7), L = F_t M / pi, whose flux is M times the mean F_t of diffuse light, 0.94 for eta = 1.3 and 0.91
   for 1.5, while all of M leaves in traced paths.
-* Light that has left, or was reflected, meets concave objects again. Pictures and photons know nothing of it, so that
-  in bright hollows they show half of the light or less. Convex objects compare transport alone.
+* Light that has left, or was reflected, meets concave objects again, in traced paths alone: in bright hollows pictures
+  and photons have half of the light or less. On convex objects transport alone is compared.
 """
 
 import importlib.util
@@ -37,22 +37,25 @@ from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 
-SUN = 6.0  # degrees, half the angle of a light's disc: smaller is noisier
-FAR = 50.0  # radii of the object, to the discs
-BLOCKS = 12  # along the shorter side of the picture, whose means are compared: single pixels are too noisy
-EDGE_PIXELS = 2  # left out along outlines
+HALF_ANGLE_DEG = 6.0  # of the disc of a light: smaller discs are noisier
+DISC_DISTANCE = 50.0  # of the discs, in radii of the object
+BLOCKS_ACROSS = 12  # along the shorter side: means over blocks are compared, since single pixels are too noisy
+EDGE_PIXELS = 2  # excluded along outlines
 VARIANT = "scalar_rgb"  # needs no GPU and no LLVM
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Subsurface radiance of a picture over that of traced paths, R, G and B.
+class PathTracedComparison:
+    """Subsurface radiance of a picture relative to that of traced paths, R, G and B.
 
     Attributes
     ----------
-    ratio : mean over mean
-    rms : of blocks of pixels, over the traced rms; the noise of the paths taken off
-    noise : that noise, in the same unit
+    ratio : (3,) tuple
+        Mean over mean.
+    rms : (3,) tuple
+        Root mean square difference of blocks of pixels over the traced rms, with the variance of the paths subtracted.
+    noise : (3,) tuple
+        Standard error of the blocks by that variance, over the same.
     """
 
     ratio: tuple[float, ...]
@@ -66,12 +69,12 @@ class Comparison:
 
 
 def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
-    """Refuse what cannot be traced or written, before any work.
+    """Raise InputError for a scene that cannot be traced or a file that cannot be written, before any work.
 
     Raises
     ------
     InputError
-        Without Mitsuba, for a path that is no .exr or one of the outputs, and for what is no directional light.
+        Without Mitsuba, for a path that is not .exr or that is an output, and for lights that are not directional.
     """
     check_output(path, (".exr",))
     if any(os.path.realpath(output) == os.path.realpath(path) for output in outputs):
@@ -89,8 +92,8 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
         raise InputError('--path-traced needs Mitsuba 3: pip install "milkglass[mitsuba]"')
 
 
-def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> Comparison:
-    """Render a scene and trace it; see `trace`."""
+def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedComparison:
+    """Render a scene and return its comparison with traced paths; see `trace`."""
     renderer = Renderer(headless_context())
     lit = renderer.light(scene)
     if lit.detail is not None:
@@ -102,68 +105,71 @@ def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> Comparison:
     return trace(scene, mesh, renderer.render(scene, seed=seed), path, paths, seed)
 
 
-def trace(scene: Scene, mesh: Mesh, frame: Frame, path: Path, paths: int, seed: int = 0) -> Comparison:
-    """Trace a picture, write it with the difference (layer `difference`), and compare.
+def trace(scene: Scene, mesh: Mesh, frame: Frame, path: Path, paths: int, seed: int = 0) -> PathTracedComparison:
+    """Trace a picture, write it and the difference (layer `difference`), and return the comparison.
 
     Parameters
     ----------
-    scene, mesh
-        Perspective camera and directional lights only; a closed mesh.
+    scene : Scene
+        With a perspective camera and directional lights only.
+    mesh : Mesh
+        Closed.
     frame : Frame
-        Of the same scene.
-    path : where the traced radiance goes
+        Picture of the scene.
+    path : Path
+        EXR file of the traced radiance.
     paths : int
-        A pixel, >= 2.
+        Number of paths a pixel, >= 2.
     seed : int
     """
     material = scene.material.resolve()
     albedo, sigma_t = material.alpha_prime, material.sigma_t_prime
-    # Two halves, whose difference is the noise.
+    # Two independent halves, whose difference estimates the noise.
     halves = np.stack([_traced(scene, mesh, albedo, sigma_t, paths // 2, 2 * seed + i) for i in range(2)])
-    straight = _traced(scene, mesh, np.zeros(3), sigma_t, max(16, paths // 16), 2 * seed)
+    unscattered = _traced(scene, mesh, np.zeros(3), sigma_t, max(16, paths // 16), 2 * seed)
     traced = halves.mean(axis=0)
     difference = frame.subsurface - traced
     layers = {"": traced, "difference.": difference}
     write_exr(
-        path, {f"{n}{c}": part[..., i].astype(np.float32) for n, part in layers.items() for i, c in enumerate("RGB")}
+        path, {f"{n}{c}": layer[..., i].astype(np.float32) for n, layer in layers.items() for i, c in enumerate("RGB")}
     )
     inside = binary_erosion(frame.alpha == 1.0, iterations=EDGE_PIXELS)
-    return compare(frame.subsurface, halves, inside & ~binary_dilation(straight.any(axis=-1)))
+    return compare(frame.subsurface, halves, inside & ~binary_dilation(unscattered.any(axis=-1)))
 
 
-def compare(picture: npt.ArrayLike, halves: Array, used: npt.NDArray[np.bool_]) -> Comparison:
-    """Compare a picture (h, w, 3) with two independent estimates (2, h, w, 3) in the pixels `used`, (h, w)."""
-    own = np.asarray(picture, np.float64)
-    first, second, mine = (_block_means(image, used) for image in (*halves, own))
+def compare(picture: npt.ArrayLike, halves: Array, used: npt.NDArray[np.bool_]) -> PathTracedComparison:
+    """Return the comparison of a picture (h, w, 3) with two estimates (2, h, w, 3) in the pixels `used`, (h, w)."""
+    radiance = np.asarray(picture, np.float64)
+    first, second, picture_means = (_block_means(image, used) for image in (*halves, radiance))
     traced = 0.5 * (first + second)
     noise2 = 0.25 * np.mean((first - second) ** 2, axis=0)
-    size = np.sqrt(np.maximum(np.mean(traced**2, axis=0) - noise2, np.finfo(np.float64).tiny))
-    rms2 = np.mean((mine - traced) ** 2, axis=0) - noise2
-    ratio = own[used].sum(axis=0) / np.maximum(halves.mean(axis=0)[used].sum(axis=0), np.finfo(np.float64).tiny)
-    values = ratio, np.sqrt(np.maximum(rms2, 0.0)) / size, np.sqrt(noise2) / size
-    return Comparison(*(tuple(value.tolist()) for value in values))
+    traced_rms = np.sqrt(np.maximum(np.mean(traced**2, axis=0) - noise2, np.finfo(np.float64).tiny))
+    rms2 = np.mean((picture_means - traced) ** 2, axis=0) - noise2
+    ratio = radiance[used].sum(axis=0) / np.maximum(halves.mean(axis=0)[used].sum(axis=0), np.finfo(np.float64).tiny)
+    values = ratio, np.sqrt(np.maximum(rms2, 0.0)) / traced_rms, np.sqrt(noise2) / traced_rms
+    return PathTracedComparison(*(tuple(value.tolist()) for value in values))
 
 
 def _block_means(image: npt.NDArray[np.floating], used: npt.NDArray[np.bool_]) -> Array:
-    """Means over blocks with at least half of their pixels used, (n, 3)."""
-    side = max(1, min(used.shape) // BLOCKS)
+    """Return means over the blocks at least half of whose pixels are used, (n, 3)."""
+    side = max(1, min(used.shape) // BLOCKS_ACROSS)
     h, w = (n // side for n in used.shape)
-    cut = slice(h * side), slice(w * side)
-    count = used[cut].reshape(h, side, w, side).sum(axis=(1, 3))
-    sums = (image * used[..., None])[cut].reshape(h, side, w, side, 3).sum(axis=(1, 3))
-    full = 2 * count >= side * side
-    if not full.any():
+    covered = slice(h * side), slice(w * side)
+    count = used[covered].reshape(h, side, w, side).sum(axis=(1, 3))
+    sums = (image * used[..., None])[covered].reshape(h, side, w, side, 3).sum(axis=(1, 3))
+    used_blocks = 2 * count >= side * side
+    if not used_blocks.any():
         raise InputError("the picture shows too little of the object to compare; enlarge it")
-    return np.asarray(sums[full] / count[full][:, None], np.float64)
+    return np.asarray(sums[used_blocks] / count[used_blocks][:, None], np.float64)
 
 
 def _traced(scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Array, paths: int, seed: int) -> Array:
-    """Radiance, (h, w, 3) float64, without the lights' own."""
+    """Return traced radiance, (h, w, 3) float64, without that of the lights themselves."""
     import mitsuba as mi
 
     mi.set_variant(VARIANT)
-    found = mi.render(mi.load_dict(_description(mi, scene, mesh, albedo, sigma_t)), spp=max(paths, 1), seed=seed)
-    return np.asarray(found, np.float64)[..., :3]
+    image = mi.render(mi.load_dict(_description(mi, scene, mesh, albedo, sigma_t)), spp=max(paths, 1), seed=seed)
+    return np.asarray(image, np.float64)[..., :3]
 
 
 def _description(mi: Any, scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Array) -> dict[str, Any]:
@@ -177,27 +183,27 @@ def _description(mi: Any, scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Arra
     film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgb", "rfilter": {"type": "box"}}
     sensor = {"type": "perspective", "to_world": look, "film": film, "sampler": {"type": "independent"}}
     sensor |= {"fov_axis": "y", "fov": float(2.0 * np.degrees(np.arctan(half))), "near_clip": 1e-3 * mesh.radius}
-    suns = {f"sun {i}": _sun(mi, light, mesh.radius) for i, light in enumerate(scene.effective_lights())}
+    discs = {f"sun {i}": _disc(mi, light, mesh.radius) for i, light in enumerate(scene.effective_lights())}
     return {
         "type": "scene",
         "integrator": {"type": "volpathmis", "max_depth": -1, "rr_depth": 64, "hide_emitters": True},
         "sensor": sensor,
         "object": _object(mi, mesh, albedo, sigma_t, scene.material.resolve().eta),
-        **suns,
+        **discs,
     }
 
 
-def _sun(mi: Any, light: Light, radius: float) -> dict[str, Any]:
-    """Return a disc of even radiance that gives the light's irradiance."""
+def _disc(mi: Any, light: Light, radius: float) -> dict[str, Any]:
+    """Return a distant disc of constant radiance with the irradiance of a directional light."""
     towards = np.asarray(light.vector, np.float64) / np.linalg.norm(light.vector)
     up = np.eye(3)[np.abs(towards).argmin()]
-    distance, angle = FAR * radius, np.radians(SUN)
-    place = mi.ScalarTransform4f().look_at(origin=(distance * towards).tolist(), target=[0, 0, 0], up=up.tolist())
+    distance, angle = DISC_DISTANCE * radius, np.radians(HALF_ANGLE_DEG)
+    to_world = mi.ScalarTransform4f().look_at(origin=(distance * towards).tolist(), target=[0, 0, 0], up=up.tolist())
     radiance = np.asarray(light.brightness) / (np.pi * np.sin(angle) ** 2)
     emitter = {"type": "area", "radiance": {"type": "rgb", "value": radiance.tolist()}}
     return {
         "type": "disk",
-        "to_world": place @ mi.ScalarTransform4f().scale(float(distance * np.tan(angle))),
+        "to_world": to_world @ mi.ScalarTransform4f().scale(float(distance * np.tan(angle))),
         "emitter": emitter,
     }
 

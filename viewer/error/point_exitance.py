@@ -1,6 +1,6 @@
-"""Exitance of a transport at any points of the surface, hidden ones too, light cast by rays: no OpenGL.
+"""Exitance of a transport at any surface points, visible or not, under light cast by rays, without OpenGL.
 
-What `core.reference.transport_error` compares with photons.
+`core.reference.transport_error` compares it with photons.
 """
 
 import copy
@@ -29,68 +29,70 @@ class RayLights:
     ----------
     mesh : Mesh
     illumination : Illumination
-        Without point lights.
+        Directional lights and an environment only.
     eta : float
     """
 
     def __init__(self, mesh: Mesh, illumination: Illumination, eta: float) -> None:
         self._illumination, self.eta = illumination, eta
         self._occluder, self._rays = Occluder(mesh), SheetRays(mesh)
-        self._body: Bools | None = None  # faces for whose sheets light counts; None: all
+        self._body: Bools | None = None  # faces at which light may enter a thin slab; None: all
         self._lamps = [light for light in illumination.lights if light.DISTANT]
 
     def irradiance(self, points: Array, normals: Array) -> list[Array]:
-        """Return E of each light, the environment last, (n, 3) each."""
+        """Return E of each light, the environment last: (n, 3) each."""
         lamps = (
             self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
             for lamp in self._lamps
         )
-        around = () if self._illumination.table is None else (self._illumination.surrounding(normals, points),)
-        return [*lamps, *around]
+        environment = () if self._illumination.table is None else (self._illumination.surrounding(normals, points),)
+        return [*lamps, *environment]
 
     def directions(self) -> list[tuple[float, float, float] | None]:
-        """Return the direction in which each light travels, unit; None: from all around."""
+        """Return the unit direction in which each light travels; None for the environment."""
         directions = [-np.asarray(lamp.vector) / np.linalg.norm(lamp.vector) for lamp in self._lamps]
-        around = [] if self._illumination.table is None else [None]
-        return [*((float(x), float(y), float(z)) for x, y, z in directions), *around]
+        environment = [] if self._illumination.table is None else [None]
+        return [*((float(x), float(y), float(z)) for x, y, z in directions), *environment]
 
     def on_body(self, faces: Bools) -> "RayLights":
-        """Return the lights on one body, (faces,) of the object, for whose sheets only its own faces count."""
+        """Return the lights on one body, by a mask (m,) of its faces, through which alone light enters thin slabs."""
         lights = copy.copy(self)
         lights._body = faces
         return lights
 
     def at(self, points: Array, normals: Array, reach: float, thin: bool) -> list[LightAtPoints]:
         """See `core.transport.base.SurfaceLights.at`."""
-        nothing, ones, zeros = np.zeros((len(points), 3)), np.ones(len(points)), np.zeros(len(points))
-        others = self._others(points, normals, reach) if reach > 0.0 else []
+        no_light, ones, zeros = np.zeros((len(points), 3)), np.ones(len(points)), np.zeros(len(points))
+        far_sides = self._far_sides(points, normals, reach) if reach > 0.0 else []
         lights = []
         for i, (irradiance, direction) in enumerate(
             zip(self.irradiance(points, normals), self.directions(), strict=True)
         ):
             if direction is None:
-                behind = self._illumination.surrounding(-normals) if thin else nothing
-                lights.append(LightAtPoints(irradiance, None, behind, ones, zeros))
+                entering = self._illumination.surrounding(-normals) if thin else no_light
+                lights.append(LightAtPoints(irradiance, None, entering, ones, zeros))
                 continue
             cosine = np.maximum(-(normals @ np.asarray(direction)), 0.0)
-            if others:
-                side, entering = others[i]
+            if far_sides:
+                side, entering = far_sides[i]
                 lights.append(LightAtPoints(irradiance, cosine, entering, side.cosine, side.thickness))
             else:
-                lights.append(LightAtPoints(irradiance, cosine, nothing, ones, zeros))
+                lights.append(LightAtPoints(irradiance, cosine, no_light, ones, zeros))
         return lights
 
-    def _others(self, points: Array, normals: Array, reach: float) -> list[tuple[FarSide, Array]]:
-        """Return other sides of sheets thinner than `reach` mm, and E of each directional light there, (n, 3)."""
-        found = []
+    def _far_sides(self, points: Array, normals: Array, reach: float) -> list[tuple[FarSide, Array]]:
+        """Return far sides of slabs thinner than `reach` mm for each directional light, and E there (n, 3)."""
+        result = []
         for lamp in self._lamps:
             towards = np.asarray(lamp.vector, np.float64) / np.linalg.norm(lamp.vector)
-            other = self._rays.far_side(points, normals, towards, reach)
-            entering = transmittance(self.eta, other.cosine) * other.cosine * other.share * (other.thickness > 0.0)
+            far_side = self._rays.far_side(points, normals, towards, reach)
+            entering = (
+                transmittance(self.eta, far_side.cosine) * far_side.cosine * far_side.share * (far_side.thickness > 0.0)
+            )
             if self._body is not None:
-                entering = entering * self._body[other.face]
-            found.append((other, np.asarray(entering[:, None] * np.asarray(lamp.brightness))))
-        return found
+                entering = entering * self._body[far_side.face]
+            result.append((far_side, np.asarray(entering[:, None] * np.asarray(lamp.brightness))))
+        return result
 
 
 def scene_exitance(lit: LitScene, scattered: Scattered, illumination: Illumination) -> Evaluate:

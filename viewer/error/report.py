@@ -1,7 +1,6 @@
-"""Error report of a scene: `milkglass render --report FILE.json`, the numbers and a map of where the error sits.
+"""Error report of a scene, `milkglass render --report FILE.json`: numbers and a map of the error.
 
-The picture is drawn once more with one sample a pixel, whose positions lie exactly on the surface; transport is the
-picture's own.
+The picture is drawn again with one sample a pixel, whose positions are exactly on the surface, from the same transport.
 """
 
 import json
@@ -18,6 +17,7 @@ import numpy as np
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import face_cross
 from milkglass.core.geometry.refine import interpolated
+from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.probe import irradiance_table, lookup
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
@@ -25,6 +25,7 @@ from milkglass.core.reference.transport_error import Beam, photon_reference, tra
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.base import Scattered
+from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
 from milkglass.viewer.error.map import error_map
@@ -37,10 +38,10 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
 
-REGIONS = 150  # of the surface, over which photons and the picture are compared
+N_REGIONS = 150  # of the surface, over which the exitance of photons and of the transport is compared
 
 
-def transport_content(
+def photon_content(
     scene: Scene,
     lit: LitScene,
     scattered: Scattered,
@@ -49,14 +50,17 @@ def transport_content(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Any]:
-    """Let photons walk and compare, as JSON: the fields of `TransportError`, or why there are none.
+    """Return the error of a transport relative to photons, as JSON: the fields of `TransportError`, or a reason.
 
     Parameters
     ----------
-    scene, lit, scattered, illumination
-        What the picture shows, and what its transport has scattered.
+    scene : Scene
+    lit : LitScene
+    scattered : Scattered
+        Result of the transport of `lit`.
+    illumination : Illumination
     photons : int
-        Of each light and mean free path, >= 1.
+        Number of photons of each light and mean free path, >= 1.
     seed : int
     progress : callable, optional
         Called with the finished share, in [0, 1].
@@ -66,24 +70,26 @@ def transport_content(
     if reason is None:
         beams = [Beam(light.vector, light.brightness) for light in illumination.lights if light.DISTANT]
         try:
-            truth = photon_reference(lit.model.mesh, scene.material.resolve(), beams, REGIONS, photons, seed, progress)
+            reference = photon_reference(
+                lit.model.mesh, scene.material.resolve(), beams, N_REGIONS, photons, seed, progress
+            )
         except InputError as problem:
             reason = str(problem).rstrip(".")
     if reason is not None:
         return {"not_measured": reason}
-    error = transport_error(truth, scene_exitance(lit, scattered, illumination))
+    error = transport_error(reference, scene_exitance(lit, scattered, illumination))
     return {
         "of": "exitance over the whole surface, against photons",
         **{name: _finite(values) for name, values in asdict(error).items()},
         "photons": photons,
-        "regions": len(truth.regions.areas),
-        "lost": truth.lost,
+        "regions": len(reference.regions.areas),
+        "lost": reference.lost,
         "seconds": round(time.perf_counter() - start, 3),
     }
 
 
 def obstacle(scene: Scene, lit: LitScene) -> str | None:
-    """Why photons cannot tell of a scene, in a few words; None if they can."""
+    """Return the reason why a scene cannot be compared with photons, in a few words, or None."""
     if scene.environment.given:
         return "photons come from directional lights only, and the scene has an environment"
     for light in scene.effective_lights():
@@ -103,37 +109,38 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
 
 
 def _finite(values: Sequence[float]) -> list[float | None]:
-    """JSON knows no NaN."""
+    """Return values with None for NaN and infinity, which JSON has not."""
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
-POINTS = 300
+N_ENVIRONMENT_POINTS = 300
 
 
-def environment_content(scene: Scene, lit: LitScene, around: PartedProbe, seed: int) -> dict[str, Any]:
-    """Compare E of the surface samples, at POINTS of them, with a ray for each texel of the probe in float64.
+def environment_content(scene: Scene, lit: LitScene, parted: PartedProbe, seed: int) -> dict[str, Any]:
+    """Return the error of the environment's E at N_ENVIRONMENT_POINTS surface samples, as JSON.
 
-    Its strong sources, which shine as lamps, are left out on both sides. Without occlusion there is nothing to compare.
+    The reference casts a ray for each texel of the probe in float64. Strong sources of the probe, which are lamps, are
+    excluded from both. Without occlusion there is no error to measure.
     """
-    strong, rest = around
-    content: dict[str, Any] = {"lamps": len(strong), "occluded": lit.occlusion is not None}
+    sources, remainder = parted
+    content: dict[str, Any] = {"lamps": len(sources), "occluded": lit.occlusion is not None}
     if lit.occlusion is None:
         return content
     samples, rotation = lit.samples, scene.environment.rotation_deg
-    some = np.random.default_rng(seed).choice(len(samples), min(POINTS, len(samples)), replace=False)
-    points, normals, faces = samples.points[some], samples.normals[some].astype(np.float64), samples.faces[some]
+    chosen = np.random.default_rng(seed).choice(len(samples), min(N_ENVIRONMENT_POINTS, len(samples)), replace=False)
+    points, normals, faces = samples.points[chosen], samples.normals[chosen].astype(np.float64), samples.faces[chosen]
     planes = face_cross(lit.model.mesh.vertices, lit.model.mesh.faces)[faces]
     planes /= np.linalg.norm(planes, axis=1, keepdims=True)
-    places = lit.occlusion.baked.refined.locate(points, faces)
-    unoccluded = lookup(irradiance_table(rest.sh, lit.eta), normals @ world_to_probe(rotation))
-    actual = unoccluded * interpolated(*places, lit.occlusion.shares)
-    # Turned by texels of its own, which are finer than those that rays go through.
-    turned = np.roll(rest.latlong, -round(rotation / 360.0 * rest.latlong.shape[1]), axis=1)
-    expected = occluded_irradiance(lit.model.mesh, points, normals, planes, turned, lit.eta, seed=seed)[0]
+    vertices_and_weights = lit.occlusion.baked.refined.locate(points, faces)
+    unoccluded = lookup(irradiance_table(remainder.sh, lit.eta), normals @ world_to_probe(rotation))
+    actual = unoccluded * interpolated(*vertices_and_weights, lit.occlusion.shares)
+    # Rotated by whole texels of the probe, which are finer than those of the rays.
+    probe = np.roll(remainder.latlong, -round(rotation / 360.0 * remainder.latlong.shape[1]), axis=1)
+    expected = occluded_irradiance(lit.model.mesh, points, normals, planes, probe, lit.eta, seed=seed)[0]
     size = np.where(expected.any(axis=0), np.sqrt(np.square(expected).mean(axis=0)), 1.0)
     return content | {
-        "points": len(some),
-        "rays": len(some) * HEIGHT**2,
+        "points": len(chosen),
+        "rays": len(chosen) * HEIGHT**2,
         "rms": (np.sqrt(np.square(actual - expected).mean(axis=0)) / size).tolist(),
         "rms_not_occluded": (np.sqrt(np.square(unoccluded - expected).mean(axis=0)) / size).tolist(),
         "flux_ratio": [
@@ -146,15 +153,17 @@ SUFFIX = ".json"
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
-    """What was measured, as JSON and as a picture.
+class ErrorReport:
+    """Measured errors, as JSON and as a map.
 
     Attributes
     ----------
     content : dict
-        See the README; lengths in mm, times in ms.
+        Lengths in mm, times in ms.
     map : (h, w, 3) uint8
+        sRGB, from `viewer.error.map.error_map`.
     deviation : Deviation
+        Deviation of the exitance of the picture.
     """
 
     content: dict[str, Any]
@@ -162,12 +171,12 @@ class Report:
     deviation: Deviation
 
     def save(self, path: str | Path) -> None:
-        """Write ``path`` and, beside it, the map with the suffix .png; both or none.
+        """Write the content to ``path`` and the map beside it, with the suffix .png; both or none.
 
         Raises
         ------
         InputError
-            For another suffix than .json or a place that cannot be written.
+            For another suffix than .json, or for a path that cannot be written.
         """
         check_report_path(path)
         target = Path(os.path.realpath(path))
@@ -183,12 +192,12 @@ class Report:
 
 
 def map_path(path: str | Path) -> Path:
-    """Where the map goes."""
+    """Return the path of the map of a report."""
     return Path(path).with_suffix(".png")
 
 
 def check_report_path(path: str | Path) -> None:
-    """Raise InputError if a report cannot be written at path, to be called before any work is done."""
+    """Raise InputError if a report cannot be written at path, before any work is done."""
     check_output(path, (SUFFIX,))
     check_output(map_path(path), (".png",))
 
@@ -203,27 +212,27 @@ def error_report(
     seed: int = 0,
     timings: Timings | None = None,
     progress: Callable[[float], None] | None = None,
-    walked: Callable[[float], None] | None = None,
-) -> Report:
-    """Measure the error of a scene's picture: against equation (1) at random visible points, and against transport.
+    photon_progress: Callable[[float], None] | None = None,
+) -> ErrorReport:
+    """Return the error of a scene's picture relative to (1) at random visible points, and of its transport to photons.
 
     Parameters
     ----------
     renderer : Renderer
-        What it has computed for the scene is used again.
+        Its results for the scene are reused.
     scene : Scene
     points : int
-        Wanted number, >= 1; a picture with fewer pixels of the object gives those.
+        Number of points, >= 1; fewer if fewer pixels show the object.
     photons : int
-        That walk for each light and mean free path, see `viewer.error.report`; 0 leaves transport out.
+        Number of photons for each light and mean free path; 0 excludes the comparison with photons.
     seed : int
-        Of the choice of points, and of the photons.
+        Seed of the choice of points, and of the photons.
     timings : Timings, optional
-        To tell instead of the stages that ran here, where a picture was drawn before.
+        Reported in place of those of this function, where the picture was drawn before.
     progress : callable, optional
         Called with the finished share of the reference, in [0, 1].
     walked : callable, optional
-        The same of the photons.
+        Called with the finished share of the photons, in [0, 1].
 
     Raises
     ------
@@ -234,10 +243,10 @@ def error_report(
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)
     start = time.perf_counter()
-    seen = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
+    visible = visible_points(frame.alpha, frame.position, frame.exitance, points, seed)
     illumination = illumination_of(renderer, scene, lit)
     error = measure(
-        seen,
+        visible,
         lit.model.mesh,
         illumination,
         scene.material.resolve(),
@@ -246,72 +255,80 @@ def error_report(
         profiles=lit.profiles,
     )
     seconds = time.perf_counter() - start
-    content = _content(scene, lit, error, seed, seconds, timings or frame.timings, frame.warnings)
-    if (around := renderer.parted(scene.environment)) is not None:
-        content["environment"] = environment_content(scene, lit, around, seed)
+    content = {
+        "model": _model_content(scene, lit),
+        "material": _material_content(scene, lit),
+        "transport": _transport_content(lit.quality, lit.grid),
+        # A transport without a profile does not solve equation (1), so that its deviation is no error.
+        "error" if lit.quality.facts.uses_profile else "difference": _deviation_content(error.deviation),
+        "reference": _reference_content(error, seed, seconds),
+        "timings_ms": {stage: round(time, 3) for stage, time in (timings or frame.timings).items()},
+        "warnings": list(frame.warnings),
+    }
+    if (parted := renderer.parted(scene.environment)) is not None:
+        content["environment"] = environment_content(scene, lit, parted, seed)
     if photons:
         scattered = renderer.scatter(lit)
-        content["transport_error"] = transport_content(scene, lit, scattered, illumination, photons, seed, walked)
-    return Report(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
+        content["transport_error"] = photon_content(scene, lit, scattered, illumination, photons, seed, photon_progress)
+    return ErrorReport(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
 
 
 def illumination_of(renderer: Renderer, scene: Scene, lit: LitScene | None = None) -> Illumination:
-    """Gather a scene's lights for `viewer.error.visible.measure`; reads the probe, if any, or has it already."""
+    """Return the illumination of a scene for `viewer.error.visible.measure`; reads its probe unless that is loaded."""
     return lights_of(scene, renderer.parted(scene.environment), lit)
 
 
-def _content(
-    scene: Scene,
-    lit: LitScene,
-    error: VisibleError,
-    seed: int,
-    seconds: float,
-    timings: Timings,
-    warnings: tuple[str, ...],
-) -> dict[str, Any]:
-    quality, grid, material = lit.quality, lit.grid, scene.material.resolve()
-    size = np.sqrt(np.square(error.reference).mean(axis=0))
+def _model_content(scene: Scene, lit: LitScene) -> dict[str, Any]:
     return {
-        "model": {
-            "path": None if scene.model.path is None else Path(scene.model.path).name,
-            "builtin": scene.model.builtin_name,
-            "size_mm": scene.model.size_mm,
-            "bodies": {"mode": scene.model.bodies, "count": 1 if lit.bodies is None else lit.bodies.count},
-        },
-        "material": {
-            "name": material.name,
-            "sigma_s_prime": list(material.sigma_s_prime),
-            "sigma_a": list(material.sigma_a),
-            "eta": material.eta,
-            "profile": scene.material.profile if quality.facts.uses_profile else None,
-            "colours": None if lit.detail is None else scene.detail.albedo,
-        },
-        "transport": {
-            "method": quality.method,
-            "layers": grid.n_layers,
-            "resolution": quality.resolution,
-            "nodes": [grid.width, grid.height, grid.n_layers],
-            "spacing_mm": grid.texel,
-            "layer_distance_mm": grid.layer_distance,
-            "error_target": quality.error_target,
-            "assignment": quality.assignment,
-            "predicted_error": quality.predicted_error,
-            "predicted_error_lit": quality.predicted_lit,
-        },
-        "error" if quality.facts.uses_profile else "difference": {
-            "of": "exitance, over the rms of the reference",
-            "rms": list(error.deviation.rms),
-            "p99": list(error.deviation.p99),
-            "mean_ratio": list(error.deviation.ratio),
-            "rms_together": error.deviation.rms_together,
-        },
-        "reference": {
-            "points": len(error.reference),
-            "seed": seed,
-            "sources": error.n_sources,
-            "rms_exitance": size.tolist(),
-            "seconds": round(seconds, 3),
-        },
-        "timings_ms": {stage: round(time, 3) for stage, time in timings.items()},
-        "warnings": list(warnings),
+        "path": None if scene.model.path is None else Path(scene.model.path).name,
+        "builtin": scene.model.builtin_name,
+        "size_mm": scene.model.size_mm,
+        "bodies": {"mode": scene.model.bodies, "count": 1 if lit.bodies is None else lit.bodies.count},
+    }
+
+
+def _material_content(scene: Scene, lit: LitScene) -> dict[str, Any]:
+    material = scene.material.resolve()
+    return {
+        "name": material.name,
+        "sigma_s_prime": list(material.sigma_s_prime),
+        "sigma_a": list(material.sigma_a),
+        "eta": material.eta,
+        "profile": scene.material.profile if lit.quality.facts.uses_profile else None,
+        "colours": None if lit.detail is None else scene.detail.albedo,
+    }
+
+
+def _transport_content(quality: Quality, grid: LayerGrid) -> dict[str, Any]:
+    return {
+        "method": quality.method,
+        "layers": grid.n_layers,
+        "resolution": quality.resolution,
+        "nodes": [grid.width, grid.height, grid.n_layers],
+        "spacing_mm": grid.texel,
+        "layer_distance_mm": grid.layer_distance,
+        "error_target": quality.error_target,
+        "assignment": quality.assignment,
+        "predicted_error": quality.predicted_error,
+        "predicted_error_lit": quality.predicted_lit,
+    }
+
+
+def _deviation_content(deviation: Deviation) -> dict[str, Any]:
+    return {
+        "of": "exitance, over the rms of the reference",
+        "rms": list(deviation.rms),
+        "p99": list(deviation.p99),
+        "mean_ratio": list(deviation.ratio),
+        "rms_together": deviation.rms_together,
+    }
+
+
+def _reference_content(error: VisibleError, seed: int, seconds: float) -> dict[str, Any]:
+    return {
+        "points": len(error.reference),
+        "seed": seed,
+        "sources": error.n_sources,
+        "rms_exitance": np.sqrt(np.square(error.reference).mean(axis=0)).tolist(),
+        "seconds": round(seconds, 3),
     }

@@ -1,7 +1,7 @@
-"""Error of a picture's exitance at some of its visible points, against equation (1) summed in float64.
+"""Error of a picture's exitance at random visible points, relative to equation (1) summed in float64.
 
-Arrays in, arrays out and no OpenGL, so that a window may run `measure` in a thread of its own: what it takes is chosen
-from a picture by `visible_points` and from a scene by `Illumination`.
+Arrays in, arrays out and no OpenGL, so that a window may run `measure` in another thread: `visible_points` takes its
+points from a picture, `Illumination` its light from a scene.
 """
 
 import os
@@ -28,15 +28,15 @@ from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 
 DEFAULT_POINTS = 300
-BATCH = 100  # points that share sources: fewer points take fewer sources, more of them share the coarse ones
-SUB_LIGHTS = 100  # of a light with a size; a disc has SUB_LIGHTS_A_DEGREE of its diameter
+BATCH_POINTS = 100  # points that share sources: fewer points need fewer sources, more points share the coarse ones
+MAX_SUB_LIGHTS = 100  # of a light with a size; a disc has SUB_LIGHTS_A_DEGREE over its diameter
 SUB_LIGHTS_A_DEGREE = 4
-RAYS = 1 << 15  # cast at a time: a few ms, during which no other Python thread runs
+RAYS_AT_A_TIME = 1 << 15  # a few ms, during which no other Python thread runs
 
 
 @dataclass(frozen=True, eq=False)
 class VisiblePoints:
-    """Random pixels of a picture that show the object, and what is there.
+    """Random pixels of a picture that show the object, with position and exitance.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class VisiblePoints:
     positions : (n, 3) float64
         World space, mm.
     exitance : (n, 3) float64
-        M of the picture.
+        Exitance M of the picture.
     """
 
     rows: npt.NDArray[np.intp]
@@ -56,7 +56,7 @@ class VisiblePoints:
 
 @dataclass(frozen=True, eq=False)
 class Illumination:
-    """All that lights an object.
+    """Illumination of an object by lights and an environment.
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class Illumination:
     table : (h, 2h, 3) float array or None
         Irradiance of the environment over normals, F_t included, see `core.light.probe.irradiance_table`.
     to_probe : (3, 3) float64
-        World to the environment's frame, row vectors.
+        Rotation from world space to the frame of the environment, row vectors.
     intensity : float
-        Of the environment.
+        Factor on the environment.
     visible : callable, optional
-        Share of the environment's light that reaches points (n, 3) with normals (n, 3): (n, 3), as in the picture.
+        Returns the visible share (n, 3) of the environment from points and normals, (n, 3) each, as in the picture.
     detail : callable, optional
-        Of a surface with colours or relief: sources with the normals that light meets, and factors (n, 3) on E.
+        Returns sources with the normals of a surface's relief, and factors (n, 3) on E by its colours and relief.
     """
 
     lights: tuple[Light, ...]
@@ -91,29 +91,29 @@ class Illumination:
         intensity: float = 1.0,
         visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None,
     ) -> "Illumination":
-        """Tabulate the environment for a relative index of refraction."""
+        """Return the illumination with the environment tabulated for a relative index of refraction."""
         table = None if probe is None else irradiance_table(probe.sh, eta)
         return cls(lights, table, np.asarray(to_probe, np.float64), intensity, visible)
 
     def irradiance(self, occluder: Occluder, sources: SourcePieces, eta: float) -> Array:
-        """E that enters at sources, (n, 3): shadows cast by rays, the environment occluded as in pictures."""
+        """Return E at sources, (n, 3), F_t included: shadows by rays, the environment occluded as in pictures."""
         entering, factors = np.zeros((len(sources), 3)), np.float64(1.0)
         if self.detail is not None:
             sources, factors = self.detail(sources)  # type: ignore[assignment]
-        where = sources.points, sources.normals, sources.face_normals
+        surface = sources.points, sources.normals, sources.face_normals
         for light in self.lights:
             if not light.is_sharp:
                 entering += _soft_irradiance(occluder, sources, light, eta)
             elif light.DISTANT:
-                entering += occluder.irradiance(*where, light.vector, light.brightness, eta)
+                entering += occluder.irradiance(*surface, light.vector, light.brightness, eta)
             else:
-                entering += occluder.point_irradiance(*where, light.vector, light.brightness, eta)
+                entering += occluder.point_irradiance(*surface, light.vector, light.brightness, eta)
         if self.table is not None:
             entering += self.surrounding(sources.normals, sources.points)
         return np.asarray(factors * entering)
 
     def surrounding(self, normals: Array, points: Array | None = None) -> Array:
-        """E of the environment that there is, (n, 3): by unit normals alone, or occluded at points (n, 3) too."""
+        """Return E of the environment, (n, 3), by unit normals (n, 3); occluded where points (n, 3) are given."""
         assert self.table is not None
         entering = self.intensity * lookup(self.table, normals @ self.to_probe)
         if points is not None and self.visible is not None:
@@ -122,49 +122,50 @@ class Illumination:
 
 
 def _soft_irradiance(occluder: Occluder, sources: SourcePieces, light: Light, eta: float) -> Array:
-    """E of a light with a size, or a spot light, at sources (n, 3): a ray to each of many sub-lights."""
-    where = sources.points, sources.normals, sources.face_normals
-    wanted = SUB_LIGHTS_A_DEGREE * light.apparent_deg(0.0) if light.DISTANT else np.inf
-    parts = light.sub_lights(int(np.clip(wanted, SUB_LIGHTS_A_DEGREE, SUB_LIGHTS)))
-    share, entering = np.array(parts.colour) / len(parts), np.zeros((len(sources), 3))
-    for i, vector in enumerate(parts.vectors):
-        if parts.kind == DIRECTIONAL:
-            entering += occluder.irradiance(*where, vector, share, eta)
+    """Return E at sources, (n, 3), of a light with a size or a spot light, by a ray to each of many sub-lights."""
+    surface = sources.points, sources.normals, sources.face_normals
+    n_sub_lights = SUB_LIGHTS_A_DEGREE * light.apparent_deg(0.0) if light.DISTANT else np.inf
+    sub_lights = light.sub_lights(int(np.clip(n_sub_lights, SUB_LIGHTS_A_DEGREE, MAX_SUB_LIGHTS)))
+    share, entering = np.array(sub_lights.colour) / len(sub_lights), np.zeros((len(sources), 3))
+    for i, vector in enumerate(sub_lights.vectors):
+        if sub_lights.kind == DIRECTIONAL:
+            entering += occluder.irradiance(*surface, vector, share, eta)
             continue
-        distance2 = np.square(vector - sources.points).sum(axis=1)  # which a point light divides by
-        factor = parts.emission(i, sources.points) * distance2
-        entering += factor[:, None] * occluder.point_irradiance(*where, vector, share, eta)
+        distance2 = np.square(vector - sources.points).sum(axis=1)  # by which a point light divides
+        factor = sub_lights.emission(i, sources.points) * distance2
+        entering += factor[:, None] * occluder.point_irradiance(*surface, vector, share, eta)
     return entering
 
 
 @dataclass(frozen=True, eq=False)
 class VisibleError:
-    """What `measure` finds.
+    """Error at visible points, as `measure` returns it.
 
     Attributes
     ----------
-    seen : VisiblePoints
+    points : VisiblePoints
+        Points with the exitance of the picture.
     reference : (n, 3) float64
-        Equation (1) at the points.
+        Exitance by equation (1) at the points.
     deviation : Deviation
     n_sources : int
-        Pieces of the surface summed for a point.
+        Number of pieces of the surface summed at a point.
     """
 
-    seen: VisiblePoints
+    points: VisiblePoints
     reference: Array
     deviation: Deviation
     n_sources: int
 
     @property
     def shares(self) -> Array:
-        """|M - M_ref| over the reference's rms, (n, 3)."""
+        """|M - M_ref| over the rms of the reference, (n, 3)."""
         size = np.sqrt(np.square(self.reference).mean(axis=0))
-        return np.asarray(np.abs(self.seen.exitance - self.reference) / np.where(size > 0.0, size, 1.0))
+        return np.asarray(np.abs(self.points.exitance - self.reference) / np.where(size > 0.0, size, 1.0))
 
     @property
     def at_points(self) -> Array:
-        """|M - M_ref| of the worst channel over the reference's rms in that channel, (n,)."""
+        """Largest |M - M_ref| of the channels, each over the rms of the reference, (n,)."""
         return np.asarray(self.shares.max(axis=1))
 
 
@@ -175,16 +176,16 @@ def visible_points(
     count: int = DEFAULT_POINTS,
     seed: int = 0,
 ) -> VisiblePoints:
-    """Choose pixels that show the object, each as likely, without repeats; all if there are fewer than `count`.
+    """Return pixels that show the object, chosen uniformly without replacement; all if fewer than `count` do.
 
     Parameters
     ----------
     alpha : (H, W) array
-        1 where the pixel shows the object. Other pixels are not chosen.
+        1 where the pixel shows the object.
     position, exitance : (H, W, 3) arrays
-        Of a picture of one sample a pixel: the mean over several is no point of the surface.
+        From a picture of one sample a pixel: means over several samples are not on the surface.
     count : int
-        >= 1.
+        Number of points, >= 1.
     seed : int
 
     Raises
@@ -197,12 +198,12 @@ def visible_points(
         raise InputError("the picture does not show the object, so it has no error; move the camera or enlarge it")
     chosen = np.random.default_rng(seed).choice(len(rows), min(count, len(rows)), replace=False)
     rows, columns = rows[chosen], columns[chosen]
-    found = position[rows, columns].astype(np.float64), exitance[rows, columns].astype(np.float64)
-    return VisiblePoints(rows, columns, *found)
+    values = position[rows, columns].astype(np.float64), exitance[rows, columns].astype(np.float64)
+    return VisiblePoints(rows, columns, *values)
 
 
 def measure(
-    seen: VisiblePoints,
+    visible: VisiblePoints,
     mesh: Mesh,
     illumination: Illumination,
     material: Material,
@@ -212,60 +213,66 @@ def measure(
     bodies: Bodies | None = None,
     profiles: Profiles | None = None,
 ) -> VisibleError:
-    """Sum equation (1) at visible points and compare.
+    """Return the error of exitance at visible points relative to equation (1).
 
     Parameters
     ----------
-    seen : from `visible_points`
-    mesh, illumination, material
-        What the picture shows.
+    visible : VisiblePoints
+    mesh : Mesh
+    illumination : Illumination
+    material : Material
+        Object, light and material of the picture.
     progress : callable, optional
         Called with the finished share, in [0, 1], several times a second, by one thread at a time; what it raises
         ends the work.
     threads : int
-        0 takes all cores.
+        Number of threads; 0 takes all cores.
     occluder : Occluder, optional
-        Of the mesh, where it has been made before.
+        Occluder of the mesh, if there is one already.
     bodies : Bodies, optional
-        Of the mesh, where each scatters light alone: the sum at a point then runs over its own body.
-    profiles : R, G and B, optional
-        Of the material; the standard dipole's if not given.
+        Bodies that scatter light separately: the sum at a point is then over its body.
+    profiles : Profiles, optional
+        Profiles of R, G and B; standard dipoles of the material if not given.
     """
-    profiles, say = profiles or dipoles(material), progress or (lambda _: None)
+    profiles, report = profiles or dipoles(material), progress or (lambda _: None)
     bright = [resolved_length(p) for p in profiles if not p.is_black]
-    occluder, count = occluder or Occluder(mesh), len(seen.positions)
+    occluder, count = occluder or Occluder(mesh), len(visible.positions)
     reference, n_sources = np.zeros((count, 3)), 0
-    before = 0  # points of the bodies that are done
-    for surface, own in _own_surfaces(mesh, seen.positions, bodies) if bright else ():
-        order = own[np.argsort(seen.positions[own, 1], kind="stable")]  # neighbours share fine sources
-        for start in range(0, len(own), BATCH):
-            batch = order[start : start + BATCH]
-            points = seen.positions[batch]
+    n_before = 0  # number of points of finished bodies
+    for surface, indices in _scattering_surfaces(mesh, visible.positions, bodies) if bright else ():
+        order = indices[np.argsort(visible.positions[indices, 1], kind="stable")]  # neighbours share fine sources
+        for start in range(0, len(indices), BATCH_POINTS):
+            batch = order[start : start + BATCH_POINTS]
+            points = visible.positions[batch]
 
-            def finished(done: int, start: int = before + start) -> None:
-                say(min(1.0, (start + done) / count))
+            def count_done(n_done: int, start: int = n_before + start) -> None:
+                report(min(1.0, (start + n_done) / count))
 
-            sources = graded_sources(surface, points, min(bright), lambda finished=finished: finished(0))  # type: ignore[misc]
+            sources = graded_sources(surface, points, min(bright), lambda count_done=count_done: count_done(0))  # type: ignore[misc]
             flux = np.empty((len(sources), 3))
-            for first in range(0, len(sources), RAYS):
-                finished(0)
-                part = sources[first : first + RAYS]
-                flux[first : first + RAYS] = illumination.irradiance(occluder, part, material.eta) * part.areas[:, None]
-            reference[batch] = _exitance(points, sources, flux, profiles, threads, finished)
+            for first in range(0, len(sources), RAYS_AT_A_TIME):
+                count_done(0)
+                chunk = sources[first : first + RAYS_AT_A_TIME]
+                flux[first : first + RAYS_AT_A_TIME] = (
+                    illumination.irradiance(occluder, chunk, material.eta) * chunk.areas[:, None]
+                )
+            reference[batch] = _exitance(points, sources, flux, profiles, threads, count_done)
             n_sources = max(n_sources, len(sources))
-            finished(len(batch))
-        before += len(own)
-    return VisibleError(seen, reference, Deviation.of(seen.exitance, reference), n_sources)
+            count_done(len(batch))
+        n_before += len(indices)
+    return VisibleError(visible, reference, Deviation.of(visible.exitance, reference), n_sources)
 
 
-def _own_surfaces(mesh: Mesh, points: Array, bodies: Bodies | None) -> Iterator[tuple[Mesh, npt.NDArray[np.intp]]]:
-    """Surfaces whose light reaches points (n, 3), and which of the points they are."""
+def _scattering_surfaces(
+    mesh: Mesh, points: Array, bodies: Bodies | None
+) -> Iterator[tuple[Mesh, npt.NDArray[np.intp]]]:
+    """Yield surfaces that scatter light together, with the indices of points (n, 3) on them."""
     if bodies is None:
         yield mesh, np.arange(len(points))
         return
     body = bodies_at(mesh, bodies, points)
-    for each in np.unique(body):
-        yield bodies.submesh(mesh, int(each)), np.flatnonzero(body == each)
+    for index in np.unique(body):
+        yield bodies.submesh(mesh, int(index)), np.flatnonzero(body == index)
 
 
 def _exitance(
@@ -274,18 +281,18 @@ def _exitance(
     flux: Array,
     profiles: Profiles,
     threads: int,
-    finished: Callable[[int], None],
+    count_done: Callable[[int], None],
 ) -> Array:
-    """`core.reference.equation.direct_exitance`, a share of the points a core; `finished` is told how many are done."""
+    """Return `direct_exitance` of points, distributed over threads; count_done(n) is called with finished points."""
     threads = threads or os.cpu_count() or 1
     shares = np.array_split(points, 4 * threads)
-    done, lock = [0] * len(shares), threading.Lock()
+    n_done, lock = [0] * len(shares), threading.Lock()
 
     def work(i: int) -> Array:
         def count(share: float) -> None:
             with lock:
-                done[i] = round(share * len(shares[i]))
-                finished(sum(done))
+                n_done[i] = round(share * len(shares[i]))
+                count_done(sum(n_done))
 
         return direct_exitance(shares[i], sources.points, flux, profiles, count, sources.areas)
 

@@ -96,7 +96,7 @@ class Measured:
     @property
     def is_dark(self) -> bool:
         """Whether no light leaves the surface, so that there is nothing to compare."""
-        return not self.error.reference.any() and not self.error.seen.exitance.any()
+        return not self.error.reference.any() and not self.error.points.exitance.any()
 
 
 class Cancelled(Exception):  # noqa: N818 (it is no error)

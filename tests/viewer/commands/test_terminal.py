@@ -6,13 +6,13 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from milkglass.viewer.commands.terminal import progress_bar, teller
+from milkglass.viewer.commands.terminal import progress_bar, progress_callback
 
 
 def test_a_percentage_moves_the_bar():
     progress = Progress(console=Console(file=StringIO()))
     task = progress.add_task("starting", total=None)
-    tell = teller(progress, task)
+    tell = progress_callback(progress, task)
 
     def shown():
         (one,) = [task for task in progress.tasks if task.visible]

@@ -15,7 +15,7 @@ from milkglass.core.reference.deviation import Deviation
 from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.commands import cli
 from milkglass.viewer.commands.report import summary
-from milkglass.viewer.error.map import FOOT, error_map
+from milkglass.viewer.error.map import FOOT_PIXELS, error_map
 from milkglass.viewer.error.report import error_report, map_path
 from milkglass.viewer.error.visible import Illumination, VisiblePoints, measure, visible_points
 from milkglass.viewer.files import images
@@ -62,7 +62,7 @@ def test_deviation_of_known_errors():
 
 
 def test_measure_runs_in_a_thread_and_stops_when_progress_raises(monkeypatch):
-    monkeypatch.setattr("milkglass.viewer.error.visible.BATCH", 10)
+    monkeypatch.setattr("milkglass.viewer.error.visible.BATCH_POINTS", 10)
     mesh, shares, results = ball(subdivisions=3), [], []
     light = Illumination((DirectionalLight(FRONT),), None, np.eye(3), 1.0)
     seen = seen_at(surface_points(mesh, 23))
@@ -100,7 +100,7 @@ def test_map_has_a_dot_for_every_point_and_a_scale():
     light = Illumination((), None, np.eye(3), 1.0)
     result = replace(measure(seen, ball(subdivisions=1), light, MARBLE), reference=np.ones((2, 3)))
     picture = error_map(result, alpha, exitance)
-    assert picture.shape == (500 + FOOT, 600, 3)
+    assert picture.shape == (500 + FOOT_PIXELS, 600, 3)
     assert np.ptp(picture[300, 300].astype(int)) == 0  # grey
     right, wrong = picture[100, 100].astype(int), picture[400, 500].astype(int)
     assert right[2] > right[0] + 50  # blue
@@ -110,7 +110,7 @@ def test_map_has_a_dot_for_every_point_and_a_scale():
 def test_small_pictures_are_enlarged():
     seen = VisiblePoints(np.array([3]), np.array([7]), np.zeros((1, 3)), np.ones((1, 3)))
     result = measure(seen, ball(subdivisions=1), Illumination((), None, np.eye(3), 1.0), MARBLE)
-    assert error_map(result, np.ones((16, 20)), np.ones((16, 20, 3))).shape == (27 * 16 + FOOT, 27 * 20, 3)
+    assert error_map(result, np.ones((16, 20)), np.ones((16, 20, 3))).shape == (27 * 16 + FOOT_PIXELS, 27 * 20, 3)
 
 
 # The report

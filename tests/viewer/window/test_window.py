@@ -388,7 +388,7 @@ def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, con
     values = measured.error.at_points
     painted = colours(values / scale_end(values))
     height, width = SIZE[1], SIZE[0] - 375
-    seen = measured.error.seen
+    seen = measured.error.points
     places = (np.stack([seen.columns, seen.rows], axis=1) + 0.5) / measured.size * [width, height]
     found = dotted[tuple(places.astype(int).T[::-1])]
     assert np.mean(np.abs(found - painted).max(axis=1) <= 3) > 0.5  # small and close together: many lie under others

@@ -143,7 +143,7 @@ def rows(measured: Measured | None) -> list[tuple[str, list[str]]]:
     if measured is None:
         return [("rms", ["-"] * 3), ("99th percentile", ["-"] * 3), ("rms together", ["-"])]
     deviation = measured.error.deviation
-    light = np.abs(measured.error.reference) + measured.error.seen.exitance
+    light = np.abs(measured.error.reference) + measured.error.points.exitance
     black = [not channel.any() for channel in light.T]
     each = [
         ["black" if b else percent(share) for share, b in zip(shares, black, strict=True)]

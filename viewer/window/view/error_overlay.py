@@ -79,7 +79,7 @@ class ErrorOverlay:
         values = error.at_points
         self._of, self._end = measured, scale_end(values)
         self._order = np.argsort(values).tolist()
-        self._places = (np.stack([error.seen.columns, error.seen.rows], axis=1) + 0.5) / measured.size
+        self._places = (np.stack([error.points.columns, error.points.rows], axis=1) + 0.5) / measured.size
         self._colours = colours(values / self._end) / 255.0
 
 
@@ -87,7 +87,7 @@ def read_dot(measured: Measured, i: int) -> None:
     """Say what was found at a point, at the pointer."""
     error = measured.error
     rows = (
-        ("M", error.seen.exitance[i], lambda value: significant(float(value))),
+        ("M", error.points.exitance[i], lambda value: significant(float(value))),
         ("M_ref", error.reference[i], lambda value: significant(float(value))),
         ("error", error.shares[i], percent),
     )

@@ -32,7 +32,7 @@ def view_pixels(driver: Driver) -> np.ndarray:
 def dots(driver: Driver) -> np.ndarray:
     """Where the dots should be in the window, (n, 2)."""
     (left, top, right, bottom), measured = driver.view.drawn_at, driver.app.error.result
-    seen = measured.error.seen
+    seen = measured.error.points
     places = (np.stack([seen.columns, seen.rows], axis=1) + 0.5) / measured.size
     return np.array([left, top]) + places * [right - left, bottom - top]
 
@@ -191,7 +191,7 @@ def test_verdict_judges_the_worst_channel(rms, target, predicted, kept, words):
 
 def test_a_black_channel_has_no_number():
     measured = of((0.01, 0.0, 0.0123), 0.02, 0.01)
-    measured.error.reference = measured.error.seen.exitance = np.array([[1.0, 0.0, 1.0]])
+    measured.error.reference = measured.error.points.exitance = np.array([[1.0, 0.0, 1.0]])
     assert rows(measured)[0] == ("rms", ["1.0 %", "black", "1.2 %"])
     assert rows(None)[2] == ("rms together", ["-"])
     assert percent(1.755) == "176 %"
