@@ -1,4 +1,4 @@
-"""Error of the whole renderer against equation (1): model file, shadow maps, transport, gather, every pass."""
+"""Error of the whole renderer relative to (1): model file, shadow maps, transport, gather and all passes."""
 
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -24,13 +24,13 @@ from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings, MaterialSettings, ModelSettings
 
-IMAGE = 512
-EDGE_PIXELS = 2  # left out along outlines, where a pixel's mean position is no surface point
+IMAGE_SIDE = 512
+EDGE_PIXELS = 2  # excluded along outlines, where the mean position of a pixel is not on the surface
 
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One picture compared with the reference at random pixels."""
+    """Deviation of one picture from the reference at random pixels."""
 
     scheme: Scheme
     shape: str
@@ -42,7 +42,7 @@ class ChainRow:
 def chain_rows(
     schemes: Sequence[Scheme], cases: Sequence[tuple[str, str, str]], n_points: int, seed: int = 0
 ) -> Iterator[ChainRow]:
-    """Render each case (shape, material, light) by each scheme; rows come as they are ready."""
+    """Yield a row for each case (shape, material, light) and scheme, as rendered."""
     renderer = Renderer(headless_context())
     with tempfile.TemporaryDirectory() as folder:
         for shape, material, light in cases:
@@ -53,7 +53,7 @@ def chain_rows(
             pixels = reference = None
             for scheme in schemes:
                 frame = renderer.render(_scene(path, mesh, material, light, scheme), samples=1)
-                if pixels is None:  # the first picture chooses them; all show the same surface
+                if pixels is None:  # chosen on the first picture: all show the same surface
                     pixels = _pixels(frame, n_points, seed)
                     reference = _reference(mesh, frame.position[pixels], material, light)
                 assert reference is not None
@@ -63,7 +63,7 @@ def chain_rows(
 
 def _scene(path: Path, mesh: Mesh, material: str, light: str, scheme: Scheme) -> Scene:
     lamp = LIGHTS[light]
-    assert isinstance(lamp, Directional)  # pictures know no slats, and probes come from files
+    assert isinstance(lamp, Directional)  # scenes have no slats, and their probes are files
     assert lamp.stripe == 0.0
     return Scene(
         model=ModelSettings(path=path, size_mm=float(np.ptp(mesh.bounds, axis=0).max())),
@@ -71,17 +71,17 @@ def _scene(path: Path, mesh: Mesh, material: str, light: str, scheme: Scheme) ->
         material=MaterialSettings(name=material),
         lights=(DirectionalLight(lamp.direction, (1.0, 1.0, 1.0)),),
         transport=scheme.settings,
-        display=DisplaySettings(image_size=(IMAGE, IMAGE)),
+        display=DisplaySettings(image_size=(IMAGE_SIDE, IMAGE_SIDE)),
     )
 
 
 def _pixels(frame: Frame, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of n random pixels inside the outline."""
+    """Return the rows and columns of n random pixels inside the outline."""
     inside = np.argwhere(binary_erosion(frame.alpha > 0.0, iterations=EDGE_PIXELS))
     chosen = np.random.default_rng(seed).choice(len(inside), n, replace=False)
     return inside[chosen, 0], inside[chosen, 1]
 
 
 def _reference(mesh: Mesh, points: np.ndarray, material: str, light: str) -> np.ndarray:
-    found = graded_exitance(mesh, points, [LIGHTS[light]], [materials.lookup(material)])
-    return np.asarray(found[0, 0])
+    exitance = graded_exitance(mesh, points, [LIGHTS[light]], [materials.lookup(material)])
+    return np.asarray(exitance[0, 0])

@@ -1,8 +1,8 @@
-"""Error of the transport methods against equation (1) summed in float64, and what each costs.
+"""Error of the transport methods relative to equation (1) summed in float64, and their costs.
 
-Irradiance is cast by rays for the fast path and the reference alike, so the error is the transport's alone;
-`viewer.bench.chain` measures what the whole renderer adds. The points are those of the visible surface, as dense as
-the pixels of an orthographic picture.
+Irradiance is by rays for the fast path and the reference, so the error is that of transport alone;
+`viewer.bench.chain` adds that of the whole renderer. Points are on the visible surface, as dense as the pixels of an
+orthographic picture.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -36,32 +36,32 @@ from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.settings import CameraSettings
 
 
-def megabytes(stages: Stages, leave_out: Iterable[object] = ()) -> float:
-    """MB (10^6 bytes) of all arrays that the stages' results, and what these depend on, hold; each counted once."""
-    seen = {id(thing) for thing in leave_out}
+def megabytes(stages: Stages, excluded: Iterable[object] = ()) -> float:
+    """Return the MB (10^6 bytes) of all arrays in the results of stages and in their keys, each counted once."""
+    counted = {id(value) for value in excluded}
     total = 0
-    waiting: list[Any] = [vars(stages)]
-    while waiting:
-        thing = waiting.pop()
-        while isinstance(thing, np.ndarray) and isinstance(thing.base, np.ndarray):
-            thing = thing.base  # views share what they show
-        if id(thing) in seen:
+    pending: list[Any] = [vars(stages)]
+    while pending:
+        value = pending.pop()
+        while isinstance(value, np.ndarray) and isinstance(value.base, np.ndarray):
+            value = value.base  # views share the memory of their base
+        if id(value) in counted:
             continue
-        seen.add(id(thing))
-        if isinstance(thing, np.ndarray):
-            total += thing.nbytes
-        elif isinstance(thing, csc_array):
-            waiting += [thing.data, thing.indices, thing.indptr]
-        elif isinstance(thing, dict):
-            waiting += thing.values()
-        elif isinstance(thing, list | tuple):
-            waiting += thing
-        elif hasattr(thing, "__dict__"):
-            waiting.append(vars(thing))
+        counted.add(id(value))
+        if isinstance(value, np.ndarray):
+            total += value.nbytes
+        elif isinstance(value, csc_array):
+            pending += [value.data, value.indices, value.indptr]
+        elif isinstance(value, dict):
+            pending += value.values()
+        elif isinstance(value, list | tuple):
+            pending += value
+        elif hasattr(value, "__dict__"):
+            pending.append(vars(value))
     return total / 1e6
 
 
-POINT_PIECES = 133  # pieces along the longest side that points are chosen from: not the samples of any scheme
+PIECES_ALONG_SIDE = 133  # pieces along the longest side, from which points are chosen: not the samples of any scheme
 CAMERA = CameraSettings(azimuth_deg=20.0, elevation_deg=10.0, orthographic=True)
 MATERIALS = ("marble", "skim milk", "whole milk", "ketchup", "skin1", "jade")
 
@@ -72,9 +72,11 @@ class Target:
 
     Attributes
     ----------
-    mesh, occluder, rays
+    mesh : Mesh
+    occluder : Occluder
+    rays : SheetRays
     rotation : (3, 3) float64
-        World to view, row vectors.
+        Rotation from world to view, row vectors.
     points : SurfaceSamples
     """
 
@@ -85,27 +87,27 @@ class Target:
     points: SurfaceSamples
 
     @classmethod
-    def of(cls, mesh: Mesh, n_points: int, seed: int = 0, pieces_along: int = POINT_PIECES) -> "Target":
-        """Choose at most `n_points` points, as likely as an orthographic picture shows them."""
+    def of(cls, mesh: Mesh, n_points: int, seed: int = 0, pieces_along: int = PIECES_ALONG_SIDE) -> "Target":
+        """Return a target with at most `n_points` points, chosen uniformly over an orthographic picture."""
         camera = place_camera(CAMERA, mesh.radius, (256, 256))
         occluder, pieces = Occluder(mesh), surface_samples(mesh, longest_side(mesh) / pieces_along)
         towards = camera.eye[:3]
-        shown = np.maximum(0.0, pieces.normals @ towards) * pieces.areas
-        shown *= occluder.visible(pieces.points, pieces.normals, towards)
+        visible_area = np.maximum(0.0, pieces.normals @ towards) * pieces.areas
+        visible_area *= occluder.visible(pieces.points, pieces.normals, towards)
         rng = np.random.default_rng(seed)
-        count = min(n_points, int(np.count_nonzero(shown)))
-        chosen = rng.choice(len(pieces), count, replace=False, p=shown / shown.sum())
+        count = min(n_points, int(np.count_nonzero(visible_area)))
+        chosen = rng.choice(len(pieces), count, replace=False, p=visible_area / visible_area.sum())
         points = SurfaceSamples(pieces.points[chosen], pieces.normals[chosen], pieces.areas[chosen])
         return cls(mesh, occluder, SheetRays(mesh), camera.rotation, points)
 
-    def references(self, lights: Sequence[BenchLight], several: Sequence[Material]) -> Array:
-        """Sum equation (1): exitance at the points, (n_materials, n_lights, n, 3)."""
-        return graded_exitance(self.mesh, self.points.points, lights, several)
+    def references(self, lights: Sequence[BenchLight], scattering_materials: Sequence[Material]) -> Array:
+        """Return exitance by equation (1) at the points, (n_materials, n_lights, n, 3)."""
+        return graded_exitance(self.mesh, self.points.points, lights, scattering_materials)
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Transport placed on a shape: its layers, the samples and their places on them, and the weights of the points."""
+class PlacedTransport:
+    """Transport on a shape: its layers, the samples with their grid coordinates, and the weights of the points."""
 
     transport: Transport
     grid: LayerGrid
@@ -115,7 +117,7 @@ class Placed:
     _flux: dict[tuple[str, float], Float32] = field(default_factory=dict)
 
     def flux(self, light: BenchLight, occluder: Occluder, eta: float) -> Float32:
-        """E dA of the samples, (n, 3): rays are cast once a light and eta."""
+        """Return E dA of the samples, (n, 3); rays are cast once for a light and eta."""
         key = light.name, eta
         if key not in self._flux:
             irradiance = light.irradiance(occluder, self.samples, eta)
@@ -123,33 +125,33 @@ class Placed:
         return self._flux[key]
 
     def entering(self, mesh: Mesh, flux: Float32, material: Material) -> EnteringFlux:
-        """Return a flux (n, 3) of the samples as transport takes it."""
+        """Return flux (n, 3) of the samples in the form that transport takes."""
         solid, matter = WholeObject(mesh, self.samples), (dipoles(material), media(material))
         return EnteringFlux(solid, self.grid, self.coordinates, flux, (), *matter)
 
 
-class Run:
-    """A scheme on one shape; keeps what the next light or material can use again, as the renderer does.
+class SchemeRun:
+    """A scheme on one shape, which caches results for the next light or material as the renderer does.
 
     Attributes
     ----------
     timings : dict
-        Stage -> ms, of the last time that each had to be run.
+        Stage -> ms of its last run.
     """
 
     def __init__(self, scheme: Scheme, target: Target) -> None:
         self.scheme, self.target, self.stages = scheme, target, Stages()
         self.timings: Timings = {}
         self._assets = Assets()
-        self._placed: dict[Quality, Placed] = {}
+        self._placed: dict[Quality, PlacedTransport] = {}
 
     def quality(self, light: BenchLight, material: Material) -> Quality:
-        """Return layers and resolution, chosen for an error target where the scheme names none."""
+        """Return layers and resolution, chosen by the error target where the scheme does not set them."""
         mesh = self.target.mesh
         return self._assets.quality(self.scheme.settings, dipoles(material), mesh, sharp_light=light.sharp)
 
-    def place(self, quality: Quality) -> Placed:
-        """Return transport placed on the shape."""
+    def place(self, quality: Quality) -> PlacedTransport:
+        """Return the transport of a quality on the shape."""
         if quality not in self._placed:
             mesh = self.target.mesh
             samples = self._assets.samples(mesh, sample_spacing(mesh, self.scheme.settings, quality.resolution))
@@ -157,11 +159,11 @@ class Run:
             grid = transport.grid(mesh, self.target.rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
             gather = transport.weights(grid, grid.coordinates(self.target.points.points))
-            self._placed[quality] = Placed(transport, grid, samples, coordinates, gather)
+            self._placed[quality] = PlacedTransport(transport, grid, samples, coordinates, gather)
         return self._placed[quality]
 
     def exitance(self, light: BenchLight, material: Material) -> Array:
-        """M at the target's points, (n, 3)."""
+        """Return exitance M at the points of the target, (n, 3)."""
         target = self.target
         placed = self.place(self.quality(light, material))
         flux = placed.flux(light, target.occluder, material.eta)
@@ -173,37 +175,37 @@ class Run:
         return np.maximum(layers.gather(placed.gather, scattered.volume) + self._local(term, light, material), 0.0)
 
     def row(self, names: tuple[str, str, str], light: BenchLight, material: Material, reference: Array) -> "ErrorRow":
-        """Run and compare; names of shape, material and light."""
+        """Return the row of a run: its deviation from the reference; `names` are of shape, material and light."""
         deviation = Deviation.of(self.exitance(light, material), reference)
         quality = self.quality(light, material)
         placed = self.place(quality)
-        memory = megabytes(self.stages, leave_out=[placed.transport])
+        memory = megabytes(self.stages, excluded=[placed.transport])
         return ErrorRow(self.scheme, *names, deviation, dict(self.timings), quality, placed.grid.n_layers, memory)
 
     def _local(self, term: LocalTerm, light: BenchLight, material: Material) -> Array:
-        """The part of exitance that layers are too coarse for, (n, 3)."""
+        """Return the local term of exitance, for which layers are too coarse, (n, 3)."""
         target = self.target
         value = term.factors[0] * light.irradiance(target.occluder, target.points, material.eta)
         if term.reach > 0.0:
-            thickness, other_side = light.across(target.rays, target.points, material.eta, term.reach)
-            value += term.at(thickness) * (thickness > 0.0)[:, None] * other_side
+            thickness, far_side = light.far_irradiance(target.rays, target.points, material.eta, term.reach)
+            value += term.at(thickness) * (thickness > 0.0)[:, None] * far_side
         return np.asarray(value)
 
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One run: a scheme on a shape of a material in a light.
+    """Result of one scheme on a shape of a material in a light.
 
     Attributes
     ----------
     timings : dict
-        Stage -> ms; of a stage whose result was kept, what it took when it last ran.
+        Stage -> ms of its last run.
     quality : Quality
-        Resolution and assignment really used, and the error predicted.
+        Resolution and assignment used, and the predicted error.
     n_layers : int
-        Really used.
+        Number of layers used.
     megabytes : float
-        That transport keeps, see `viewer.bench.error`.
+        Memory held by transport, see `megabytes`.
     """
 
     scheme: Scheme
@@ -218,7 +220,7 @@ class ErrorRow:
 
     @property
     def rms(self) -> float:
-        """Of the worst channel."""
+        """Rms of the worst channel."""
         return max(self.deviation.rms)
 
 
@@ -229,16 +231,17 @@ def error_rows(
     light_names: Sequence[str],
     n_points: int,
 ) -> Iterator[ErrorRow]:
-    """Run every combination; rows come as they are ready, shape by shape and material by material.
+    """Yield a row for every combination, by shape and material.
 
-    Schemes take turns: what else the machine does then meets all alike.
+    Schemes take turns, so that other load on the machine affects all of them equally.
     """
-    several, lights = [materials.lookup(name) for name in material_names], [LIGHTS[name] for name in light_names]
+    scattering_materials = [materials.lookup(name) for name in material_names]
+    lights = [LIGHTS[name] for name in light_names]
     for shape, make in shapes.items():
         target = Target.of(make(), n_points)
-        references = target.references(lights, several)
-        runs = [Run(scheme, target) for scheme in schemes]
-        for name, material, by_light in zip(material_names, several, references, strict=True):
+        references = target.references(lights, scattering_materials)
+        runs = [SchemeRun(scheme, target) for scheme in schemes]
+        for name, material, by_light in zip(material_names, scattering_materials, references, strict=True):
             for run in runs:
                 for light, reference in zip(lights, by_light, strict=True):
                     yield run.row((shape, name, light.name), light, material, reference)

@@ -1,4 +1,4 @@
-"""What the error sweep found: tables by shape and light, how often the prediction held, a CSV file and the plot."""
+"""Report of the error sweep: tables by shape and light, reliability of predictions, a CSV file and the plot."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,38 +8,40 @@ from milkglass.core.reference.deviation import Deviation
 from milkglass.core.stages import AnyStage, Stage
 from milkglass.viewer.bench.error import ErrorRow
 from milkglass.viewer.bench.plot import error_plot
-from milkglass.viewer.bench.report import Report
+from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.bench.schemes import PAPER, Scheme
 
-LIGHT_STAGES = (Stage.DEPOSIT, Stage.CONVOLUTION)  # what transport does anew when a light changes
+LIGHT_STAGES = (Stage.DEPOSIT, Stage.CONVOLUTION)  # stages of transport that run when a light changes
 
-Over = Callable[[list[float]], float]
+Reduction = Callable[[list[float]], float]
 
 
-def report_errors(report: Report, rows: Sequence[ErrorRow]) -> None:
-    """Error of each scheme by shape and light, over materials; times as ratios to the paper's setting."""
+def report_errors(report: BenchReport, rows: Sequence[ErrorRow]) -> None:
+    """Report the error of each scheme by shape and light, over materials, and times relative to the paper's setting."""
     lights, shapes = (list(dict.fromkeys(values)) for values in zip(*((r.light, r.shape) for r in rows), strict=True))
     times = scheme_times(rows)
     paper = times.get(PAPER, next(iter(times.values())))
 
-    def line(scheme: Scheme, value: Callable[[Deviation], float], over: Over) -> list[str]:
-        own = [r for r in rows if r.scheme == scheme]
+    def line(scheme: Scheme, value: Callable[[Deviation], float], reduce: Reduction) -> list[str]:
+        rows_of_scheme = [r for r in rows if r.scheme == scheme]
 
         def cell(shape: str, light: str) -> str:
-            return _two_digits(100.0 * over([value(r.deviation) for r in own if (r.shape, r.light) == (shape, light)]))
+            return _two_digits(
+                100.0 * reduce([value(r.deviation) for r in rows_of_scheme if (r.shape, r.light) == (shape, light)])
+            )
 
         ratios = (f"{ms / base:.2f}" for ms, base in zip(times[scheme], paper, strict=True))
-        memory = f"{max(r.megabytes for r in own):.0f}"
+        memory = f"{max(r.megabytes for r in rows_of_scheme):.0f}"
         return [str(scheme), *(" / ".join(cell(shape, light) for light in lights) for shape in shapes), *ratios, memory]
 
-    measures: list[tuple[str, Callable[[Deviation], float], Over]] = [
+    measures: list[tuple[str, Callable[[Deviation], float], Reduction]] = [
         ("rms, % of the rms exitance, worst channel of the worst material", lambda d: max(d.rms), max),
         ("rms, %, worst channel of the median material", lambda d: max(d.rms), lambda v: float(np.median(v))),
         ("99th percentile, % of the rms exitance, worst channel and material", lambda d: max(d.p99), max),
     ]
     headings = [*shapes, "time, new light", "time, all anew", "MB"]
-    for title, value, over in measures:
-        lines = [line(scheme, value, over) for scheme in times]
+    for title, value, reduce in measures:
+        lines = [line(scheme, value, reduce) for scheme in times]
         report.table(
             f"Error against equation (1): {title}; light: {' / '.join(lights)}", ["transport", *headings], lines
         )
@@ -50,8 +52,8 @@ def report_errors(report: Report, rows: Sequence[ErrorRow]) -> None:
     report.plot("error.png", lambda: error_plot(rows, {scheme: light for scheme, (light, _) in times.items()}))
 
 
-def report_predictions(report: Report, rows: Sequence[ErrorRow]) -> None:
-    """How often the error stayed below `Quality.predicted_error`, and by how much it exceeded that at most."""
+def report_predictions(report: BenchReport, rows: Sequence[ErrorRow]) -> None:
+    """Report how often the error was below `Quality.predicted_error`, and the largest ratio of the two."""
     lines = []
     for scheme in dict.fromkeys(r.scheme for r in rows):
         pairs = [(r, r.quality.predicted_error) for r in rows if r.scheme == scheme]
@@ -59,12 +61,12 @@ def report_predictions(report: Report, rows: Sequence[ErrorRow]) -> None:
         if not shares:
             continue
         largest, worst, predicted = max(shares, key=lambda share: share[0])
-        held = sum(share <= 1.0 for share, _, _ in shares)
+        n_within = sum(share <= 1.0 for share, _, _ in shares)
         excess = f"{worst.shape}, {worst.material}, {worst.light}: {100 * worst.rms:.2g} % for {100 * predicted:.2g} %"
         lines.append(
             [
                 str(scheme),
-                f"{held} of {len(shares)}, {100.0 * held / len(shares):.0f} %",
+                f"{n_within} of {len(shares)}, {100.0 * n_within / len(shares):.0f} %",
                 f"{np.median([share for share, _, _ in shares]):.2f}",
                 f"{largest:.2f}" + (f" ({excess})" if largest > 1.0 else ""),
             ]
@@ -75,7 +77,7 @@ def report_predictions(report: Report, rows: Sequence[ErrorRow]) -> None:
 
 
 def csv_row(row: ErrorRow, stages: Sequence[AnyStage]) -> dict[str, object]:
-    """One run; the README says what the columns are."""
+    """Return the columns of a run in error.csv."""
     quality = row.quality
     return {
         "transport": quality.method,
@@ -97,7 +99,7 @@ def csv_row(row: ErrorRow, stages: Sequence[AnyStage]) -> dict[str, object]:
 
 
 def scheme_times(rows: Sequence[ErrorRow]) -> dict[Scheme, tuple[float, float]]:
-    """Scheme -> transport's ms for new light, and for all of its steps: medians over the runs."""
+    """Return scheme -> ms of transport for new light, and for all of its stages: medians over the runs."""
     times = {}
     for scheme in dict.fromkeys(r.scheme for r in rows):
         runs = [r.timings for r in rows if r.scheme == scheme]
@@ -108,5 +110,5 @@ def scheme_times(rows: Sequence[ErrorRow]) -> dict[Scheme, tuple[float, float]]:
 
 
 def _two_digits(value: float) -> str:
-    """Round to two digits and write in full."""
+    """Return a value rounded to two significant digits, without an exponent."""
     return f"{float(f'{value:.2g}'):g}"

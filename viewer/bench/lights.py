@@ -13,16 +13,16 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sheet import SheetRays
 
-SKY_HEIGHT = 64  # rows of the sky's map; its patch is far broader than a texel
+SKY_HEIGHT = 64  # rows of the map of the sky, whose bright patch is far broader than a texel
 SUN = (0.4, 0.6, 0.7)  # towards the middle of the bright patch: above, to the right, in front
 SUN_SHARPNESS = 12.0  # of the patch, exp(k (cos - 1)): half its radiance 20 degrees off
 ZENITH, HORIZON = np.array([0.45, 0.65, 1.0]), np.array([0.9, 0.95, 1.0])
 GROUND, SUNLIGHT = np.array([0.16, 0.13, 0.1]), np.array([6.0, 5.2, 4.0])
-HAZE = 0.15  # sine of the elevation over which ground turns into sky
+HAZE = 0.15  # sine of the elevation over which ground blends into sky
 
 
-class Surface(Protocol):
-    """Places on a surface: samples or sources."""
+class SurfacePoints(Protocol):
+    """Points on a surface with normals: samples or sources."""
 
     @property
     def points(self) -> npt.NDArray[np.floating]:
@@ -44,11 +44,11 @@ class BenchLight(Protocol):
     def sharp(self) -> bool:
         """Whether it casts shadows."""
 
-    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """Return the irradiance E that enters at the places, (n, 3)."""
+    def irradiance(self, occluder: Occluder, surface: SurfacePoints, eta: float) -> Array:
+        """Return irradiance E at surface points, (n, 3), F_t included."""
 
-    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
-        """Return the thickness (n,), mm, of the thin slab that light crosses to the places, and E (n, 3) beyond it."""
+    def far_irradiance(self, rays: SheetRays, surface: SurfacePoints, eta: float, reach: float) -> tuple[Array, Array]:
+        """Return the thickness (n,), mm, of the thin slab that light crosses to points, and E (n, 3) behind it."""
 
 
 @dataclass(frozen=True)
@@ -64,29 +64,29 @@ class Directional:
         """Whether it casts shadows: it does."""
         return True
 
-    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """Return E at the places, (n, 3), with shadows cast by rays."""
-        normals = getattr(places, "face_normals", places.normals)  # rays start on the outer side of the faces
-        entering = occluder.irradiance(places.points, places.normals, normals, self.direction, np.ones(3), eta)
-        return np.asarray(entering * self._slats(places.points)[:, None])
+    def irradiance(self, occluder: Occluder, surface: SurfacePoints, eta: float) -> Array:
+        """Return E at surface points, (n, 3), with shadows by rays."""
+        normals = getattr(surface, "face_normals", surface.normals)  # rays start on the outer side of the faces
+        entering = occluder.irradiance(surface.points, surface.normals, normals, self.direction, np.ones(3), eta)
+        return np.asarray(entering * self._slats(surface.points)[:, None])
 
-    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
-        """See `BenchLight.across`.
+    def far_irradiance(self, rays: SheetRays, surface: SurfacePoints, eta: float, reach: float) -> tuple[Array, Array]:
+        """See `BenchLight.far_irradiance`.
 
-        As in sheet.glsl, for places that face away from the light; 0 where there is no thin slab.
+        As in sheet.glsl, for points that face away from the light; 0 where there is no thin slab.
         """
         towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
-        other = rays.far_side(places.points, places.normals, towards, reach)
-        entering = transmittance(eta, other.cosine) * other.cosine * other.share * self._slats(places.points)
-        return other.thickness, np.tile(entering[:, None], 3)
+        far_side = rays.far_side(surface.points, surface.normals, towards, reach)
+        entering = transmittance(eta, far_side.cosine) * far_side.cosine * far_side.share * self._slats(surface.points)
+        return far_side.thickness, np.tile(entering[:, None], 3)
 
     def _slats(self, points: npt.NDArray[np.floating]) -> Array:
         """Return 1 in the light and 0 in the shadow of the bars, (n,)."""
         if self.stripe <= 0.0:
             return np.ones(len(points))
-        across = np.cross([0.0, 1.0, 0.0], self.direction)
-        place = np.floor(points @ (across / np.linalg.norm(across)) / self.stripe)
-        return np.where(place % 2.0 == 0.0, 1.0, 0.0)
+        lateral = np.cross([0.0, 1.0, 0.0], self.direction)
+        stripe_index = np.floor(points @ (lateral / np.linalg.norm(lateral)) / self.stripe)
+        return np.where(stripe_index % 2.0 == 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -100,13 +100,13 @@ class Sky:
         """Whether it casts shadows: it does not."""
         return False
 
-    def irradiance(self, occluder: Occluder, places: Surface, eta: float) -> Array:
-        """Return E at the places, (n, 3), by their normals alone."""
-        return lookup(_sky_table(eta), places.normals)
+    def irradiance(self, occluder: Occluder, surface: SurfacePoints, eta: float) -> Array:
+        """Return E at surface points, (n, 3), by their normals alone."""
+        return lookup(_sky_table(eta), surface.normals)
 
-    def across(self, rays: SheetRays, places: Surface, eta: float, reach: float) -> tuple[Array, Array]:
-        """See `BenchLight.across`; 0 throughout."""
-        return np.zeros(len(places.points)), np.zeros((len(places.points), 3))
+    def far_irradiance(self, rays: SheetRays, surface: SurfacePoints, eta: float, reach: float) -> tuple[Array, Array]:
+        """See `BenchLight.far_irradiance`; 0 throughout."""
+        return np.zeros(len(surface.points)), np.zeros((len(surface.points), 3))
 
 
 def sky_pixels(height: int = SKY_HEIGHT) -> Float32:

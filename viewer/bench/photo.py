@@ -1,4 +1,4 @@
-"""Speed of `milkglass edit`: from the files of a photograph and its mask to that of the edited one."""
+"""Speed of `milkglass edit`, from the files of a photograph and its mask to the file of the edited one."""
 
 import tempfile
 import time
@@ -19,36 +19,36 @@ from milkglass.viewer.scene.scene import START, EnvironmentSettings, Scene
 from milkglass.viewer.scene.settings import CameraSettings, DisplaySettings, MaterialSettings
 
 MATERIAL = "jade"
-CAMERA = CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, zoom=1.36)  # half of the picture is the object
+CAMERA = CameraSettings(azimuth_deg=0.0, elevation_deg=0.0, zoom=1.36)  # the object covers half of the picture
 
 
 def photo_rows(sides: Sequence[int], repeats: int) -> Iterator[FrameRow]:
-    """Time edits of square pictures of ours, the built-in sculpture on a grey day, after one that does not count.
+    """Yield times of edits of square pictures of the built-in sculpture under an overcast sky, after a warm-up.
 
-    All is in it but the start of the program, its OpenGL context and what that compiles at first use.
+    They exclude the start of the program, its OpenGL context and the compilation of shaders.
     """
     for side in sides:
         with tempfile.TemporaryDirectory() as folder:
             share = _photograph(side, Path(folder))
             edited = [_edited(Path(folder)) for _ in range(repeats + 1)][1:]
-        stages = {name: float(np.median([each.get(name, 0.0) for each in edited])) for name in edited[0]}
+        stages = {name: float(np.median([timings.get(name, 0.0) for timings in edited])) for name in edited[0]}
         setting = f"photograph, {side} x {side}, {100.0 * share:.0f} % the object, {MATERIAL}"
-        yield FrameRow(setting, "edit, from file to file", Timing(tuple(each["edit"] for each in edited)), stages)
+        yield FrameRow(setting, "edit, from file to file", Timing(tuple(timings["edit"] for timings in edited)), stages)
 
 
 def _photograph(side: int, folder: Path) -> float:
-    """Write a photograph and its mask; returns the share that the mask covers."""
+    """Write a photograph and its mask, and return the share that the mask covers."""
     display = DisplaySettings(image_size=(side, side), background="environment")
-    shown = render(
+    picture = render(
         Scene(camera=CAMERA, display=display, environment=EnvironmentSettings(builtin="overcast", occluded=False))
     )
-    write_png(folder / "photo.png", shown.image)
-    write_png(folder / "mask.png", np.rint(shown.alpha * 255.0).astype(np.uint8)[..., None])
-    return float(shown.alpha.mean())
+    write_png(folder / "photo.png", picture.image)
+    write_png(folder / "mask.png", np.rint(picture.alpha * 255.0).astype(np.uint8)[..., None])
+    return float(picture.alpha.mean())
 
 
 def _edited(folder: Path) -> dict[str, float]:
-    """Edit as the command does, and return the time of each stage, ms; all of them under "edit"."""
+    """Edit as the command does, and return the time of each stage, ms, and of all of them as "edit"."""
     start = time.perf_counter()
     photo = load_photo(folder / "photo.png", folder / "mask.png")
     read = time.perf_counter()
@@ -57,5 +57,5 @@ def _edited(folder: Path) -> dict[str, float]:
     end = time.perf_counter()
     write_png_bands(folder / "out.png", photo.size, Compositor(edited).bands(), photo.profile)
     written = time.perf_counter()
-    ours = {"reading": read - start, "file": written - end, "edit": written - start}
-    return edited.timings | {name: 1e3 * seconds for name, seconds in ours.items()}
+    measured = {"reading": read - start, "file": written - end, "edit": written - start}
+    return edited.timings | {name: 1e3 * seconds for name, seconds in measured.items()}

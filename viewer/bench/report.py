@@ -1,4 +1,4 @@
-"""What the benchmark found, as tables on the terminal, Markdown, CSV files and a plot."""
+"""Report of the benchmark: tables on the terminal, Markdown, CSV files and a plot."""
 
 import csv
 import io
@@ -15,23 +15,23 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.bench.chain import ChainRow
 from milkglass.viewer.bench.speed import ConvolutionRow, FrameRow, ProcessRow, Timing
 
-TARGETS = {4: 2.0, 8: 3.0}  # layers -> wanted ratio to the bare transforms
-UNLIMITED = 10_000  # columns in a pipe, where no line may break
+TARGET_RATIOS = {4: 2.0, 8: 3.0}  # layers -> largest accepted ratio to the bare transforms
+UNLIMITED_WIDTH = 10_000  # columns in a pipe, where no line is broken
 NO_PLOT = 'The plot needs matplotlib: pip install "milkglass[bench]".'
 
 
-class Report:
-    """Collects tables as they are ready.
+class BenchReport:
+    """Prints tables, and collects them for the files of a folder.
 
     Parameters
     ----------
     folder : Path, optional
-        Where `save` puts files; made if it is not there.
+        Folder of the files, created if missing; without it no files are written.
 
     Raises
     ------
     InputError
-        If the folder cannot be made or written to.
+        If the folder cannot be created or written to.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -43,16 +43,16 @@ class Report:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise InputError(f"--output {folder}: cannot make the folder ({error.strerror})") from error
-            self._write(folder / "bench.md", b"")  # refused now rather than after minutes
+            self._write(folder / "bench.md", b"")  # fails now rather than after minutes
 
     def table(self, title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-        """Show a table and keep it for the Markdown file; the first column is text, the others numbers."""
+        """Print a table and add it to the Markdown file; the first column is text, the others numbers."""
         table = Table(box=box.MARKDOWN)
         for i, heading in enumerate(headings):
             table.add_column(heading, justify="right" if i else "left")
         for row in rows:
             table.add_row(*row)
-        plain = Console(file=io.StringIO(), width=UNLIMITED)
+        plain = Console(file=io.StringIO(), width=UNLIMITED_WIDTH)
         with plain.capture() as captured:
             plain.print(table)
         text = "\n".join(line.strip() for line in captured.get().splitlines() if line.strip())
@@ -64,11 +64,11 @@ class Report:
             self.say(f"\n{title}\n\n{text}")
 
     def say(self, text: str) -> None:
-        """Print a line."""
+        """Print a line of text on the terminal."""
         self._console.out(text, highlight=False)
 
     def csv(self, name: str, rows: Sequence[dict[str, object]]) -> None:
-        """Write a file of rows with the same keys."""
+        """Write a CSV file of rows with the same keys."""
         if self._folder is not None and rows:
             text = io.StringIO(newline="")
             writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -77,7 +77,7 @@ class Report:
             self._write(self._folder / name, text.getvalue().encode())
 
     def plot(self, name: str, draw: Callable[[], bytes]) -> None:
-        """Write what `draw` returns, a PNG picture, or say what that needs."""
+        """Write the PNG picture that `draw` returns, or print that it needs matplotlib."""
         if self._folder is None:
             return
         try:
@@ -88,12 +88,12 @@ class Report:
             self._write(self._folder / name, picture)
 
     def finish(self) -> None:
-        """Write the tables as Markdown."""
+        """Write all tables to the Markdown file."""
         if self._folder is not None:
             self._write(self._folder / "bench.md", "\n".join(self._markdown).encode())
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Write a whole file or none."""
+        """Write a whole file or none, under a temporary name first."""
         temporary = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
         try:
             temporary.write_bytes(content)
@@ -104,8 +104,8 @@ class Report:
             temporary.unlink(missing_ok=True)
 
 
-def report_convolution(report: Report, rows: Sequence[ConvolutionRow]) -> None:
-    """Layer convolution beside the bare transforms of the same padded maps."""
+def report_convolution(report: BenchReport, rows: Sequence[ConvolutionRow]) -> None:
+    """Report layer convolution relative to the bare transforms of the same padded maps."""
     report.table(
         "Layer convolution of three channels, ms (minimum / median)",
         ["layers", "planner", "threads", "convolution", "bare transforms", "ratio", "wanted"],
@@ -117,7 +117,7 @@ def report_convolution(report: Report, rows: Sequence[ConvolutionRow]) -> None:
                 _pair(r.convolution),
                 _pair(r.bare),
                 f"{r.ratio:.2f}",
-                f"{TARGETS[r.layers]:g}" if r.layers in TARGETS else "",
+                f"{TARGET_RATIOS[r.layers]:g}" if r.layers in TARGET_RATIOS else "",
             ]
             for r in rows
         ),
@@ -133,8 +133,8 @@ def report_convolution(report: Report, rows: Sequence[ConvolutionRow]) -> None:
     )
 
 
-def report_frames(report: Report, rows: Sequence[FrameRow]) -> None:
-    """One table a setting: stages down, changes across."""
+def report_frames(report: BenchReport, rows: Sequence[FrameRow]) -> None:
+    """Report frames in one table a setting, of stages by changes."""
     for setting in dict.fromkeys(r.setting for r in rows):
         frames = [r for r in rows if r.setting == setting]
         longest = max(frames, key=lambda r: len(r.stages))
@@ -147,25 +147,25 @@ def report_frames(report: Report, rows: Sequence[FrameRow]) -> None:
         [
             {"setting": r.setting, "change": r.change, "stage": stage, "ms": ms}
             for r in rows
-            for stage, ms in {**r.stages, "frame": r.total.median, "frame, minimum": r.total.least}.items()
+            for stage, ms in {**r.stages, "frame": r.total.median, "frame, minimum": r.total.minimum}.items()
         ],
     )
 
 
-def report_processes(report: Report, rows: Sequence[ProcessRow]) -> None:
-    """First picture from the start of the process."""
+def report_processes(report: BenchReport, rows: Sequence[ProcessRow]) -> None:
+    """Report the time and memory of a process from its start to the file of its picture."""
     report.table(
         "milkglass render, from the start of the process to the file",
         ["setting", "seconds, minimum / median", "peak memory, MB"],
-        ([r.setting, f"{r.time.least / 1e3:.1f} / {r.time.median / 1e3:.1f}", f"{r.megabytes:.0f}"] for r in rows),
+        ([r.setting, f"{r.time.minimum / 1e3:.1f} / {r.time.median / 1e3:.1f}", f"{r.megabytes:.0f}"] for r in rows),
     )
     report.csv(
         "processes.csv", [{"setting": r.setting, "peak_mb": r.megabytes} | _csv_timing("run", r.time) for r in rows]
     )
 
 
-def report_chain(report: Report, rows: Sequence[ChainRow]) -> None:
-    """Error of whole pictures."""
+def report_chain(report: BenchReport, rows: Sequence[ChainRow]) -> None:
+    """Report the error of whole pictures."""
     report.table(
         "Error of the whole renderer, % of the rms exitance",
         ["picture", "transport", "rms r/g/b", "99th percentile r/g/b", "mean M / mean reference r/g/b"],
@@ -196,7 +196,7 @@ def report_chain(report: Report, rows: Sequence[ChainRow]) -> None:
 
 
 def _pair(timing: Timing) -> str:
-    return f"{timing.least:.1f} / {timing.median:.1f}"
+    return f"{timing.minimum:.1f} / {timing.median:.1f}"
 
 
 def _channels(values: Sequence[float]) -> str:
@@ -204,4 +204,4 @@ def _channels(values: Sequence[float]) -> str:
 
 
 def _csv_timing(name: str, timing: Timing) -> dict[str, object]:
-    return {f"{name}_min_ms": timing.least, f"{name}_median_ms": timing.median}
+    return {f"{name}_min_ms": timing.minimum, f"{name}_median_ms": timing.median}

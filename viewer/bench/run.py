@@ -1,10 +1,10 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Eight parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport beside bare
-transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), the window
+Eight parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport relative to
+bare transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), the window
 (`viewer.bench.window`), error of the transport against equation (1) (`viewer.bench.error`), sums over samples at the
-same error (`viewer.bench.rivals`), error of the whole renderer (`viewer.bench.chain`), and error of all methods against
-transport itself (`viewer.bench.transport`).
+same error (`viewer.bench.rivals`), error of the whole renderer (`viewer.bench.chain`), and error of all methods
+relative to photons (`viewer.bench.transport`).
 """
 
 import os
@@ -62,7 +62,7 @@ from milkglass.viewer.bench import (
 )
 from milkglass.viewer.bench.error import MATERIALS
 from milkglass.viewer.bench.lights import LIGHTS
-from milkglass.viewer.bench.schemes import DEFAULT, EWALD, FIXED, LAYERED, PAPER, Scheme
+from milkglass.viewer.bench.schemes import DEFAULT, EWALD, FIXED_NODES, LAYERED, PAPER, Scheme
 from milkglass.viewer.bench.shapes import SHAPES
 from milkglass.viewer.files.model import builtin_model, load_model
 from milkglass.viewer.scene.scene import Scene
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured; a part whose tuple is empty is left out."""
+    """Selection of the benchmark; parts whose tuple is empty are skipped."""
 
     # speed
     convolutions: tuple[int, ...] = (4, 8)  # layers
@@ -87,18 +87,18 @@ class Plan:
     photographs: tuple[int, ...] = (1024,)  # pixels a side
     window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
     window_repeats: int = 24
-    # the transport beside bare transforms, on shapes and on the scene's model
+    # the transport relative to bare transforms, on shapes and on the model of the scene
     yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
     yardstick_repeats: int = 15
     solved: tuple[str, ...] = ("ball", "knot", "washer, 10 mm", "dish, 3 mm", "scene")
     solved_repeats: int = 9
-    # error of the transport; a model that is given comes to these shapes
-    schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED)
+    # error of the transport; a given model is added to these shapes
+    schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED_NODES)
     shapes: tuple[str, ...] = tuple(SHAPES)
     materials: tuple[str, ...] = MATERIALS
     lights: tuple[str, ...] = tuple(LIGHTS)
     points: int = 200
-    # sums over samples beside the transport: shape, material, light
+    # sums over samples compared with the transport: shape, material, light
     rivals: tuple[tuple[str, str, str], ...] = (("knot", "marble", "back"), ("ball", "skim milk", "front"))
     # error of the renderer: shape, material, light
     pictures: tuple[tuple[str, str, str], ...] = (
@@ -109,7 +109,7 @@ class Plan:
     picture_schemes: tuple[Scheme, ...] = (PAPER, LAYERED[1], LAYERED[5], DEFAULT)
     # error of the occluded environment on the scene's model
     occluded_points: int = 1000
-    # error against transport itself
+    # error relative to photons
     methods: tuple[Scheme, ...] = bench_transport.METHODS
     solids: tuple[str, ...] = tuple(bench_transport.SHAPES)
     media: tuple[str, ...] = bench_transport.MATERIALS
@@ -128,7 +128,7 @@ QUICK = Plan(
     yardstick_repeats=5,
     solved=("knot",),
     solved_repeats=3,
-    schemes=(*LAYERED[:3], DEFAULT, *FIXED[:2]),
+    schemes=(*LAYERED[:3], DEFAULT, *FIXED_NODES[:2]),
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
     points=60,
@@ -142,137 +142,147 @@ QUICK = Plan(
 
 
 def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
-    """Measure and report on stdout.
+    """Run the benchmark and report on stdout.
 
     Parameters
     ----------
     quick : bool
-        A small selection in under a minute.
+        Whether to run a small selection, in under a minute.
     output : Path, optional
         Folder for CSV files, the tables as Markdown and the plot.
     model : Path, optional
-        Mesh of the frames, whose error is measured too, against photons where it is closed; the frames show the
-        built-in sculpture without one.
+        Mesh of the frames, whose error is measured too, relative to photons where it is closed; without one the frames
+        are of the built-in sculpture.
 
     Raises
     ------
     InputError
-        A folder that cannot be written to, an unusable model, no OpenGL driver.
+        For a folder that cannot be written to, an invalid model, or no OpenGL driver.
     """
     run_plan(QUICK if quick else FULL, output, model)
 
 
 @one_blas_thread()
 def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None:
-    """Measure what `plan` says; see `run`."""
-    report = bench_report.Report(output)
+    """Run the benchmark of a plan; see `run`."""
+    report = bench_report.BenchReport(output)
     scene = Scene(model=ModelSettings(path=model), display=DisplaySettings(image_size=plan.image_size))
-    given = _given(model, scene)
+    models = _models(model, scene)
     _speed(plan, scene, report)
-    _yardsticks(plan, scene, given, report)
-    _errors(plan, given, report)
+    _yardsticks(plan, scene, models, report)
+    _errors(plan, models, report)
     if plan.occluded_points:
         bench_occlusion.report_occlusion(report, scene, plan.occluded_points)
-    _against_transport(plan, given, report)
+    _photons(plan, models, report)
     report.finish()
 
 
-def _given(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
-    """Return the model that was given, in the scene's size, under its name."""
+def _models(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
+    """Return the given model, in the size of the scene, by its name; empty without one."""
     if model is None:
         return {}
     mesh, _ = load_model(model, scene.model.size_mm, scene.model.up)
     return {f"{model.stem}, {scene.model.size_mm:g} mm": lambda: mesh}
 
 
-def _yardsticks(plan: Plan, scene: Scene, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+def _yardsticks(
+    plan: Plan, scene: Scene, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport
+) -> None:
     size = scene.model.size_mm
-    shown = given or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
+    scene_models = models or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
 
-    def chosen(names: tuple[str, ...]) -> dict[str, Callable[[], Mesh]]:
-        known = SHAPES | bench_transport.SHAPES
-        return {name: known[name] for name in names if name in known} | (shown if "scene" in names else {})
+    def selected(names: tuple[str, ...]) -> dict[str, Callable[[], Mesh]]:
+        available = SHAPES | bench_transport.SHAPES
+        return {name: available[name] for name in names if name in available} | (
+            scene_models if "scene" in names else {}
+        )
 
     if plan.yardsticks:
-        shapes = chosen(plan.yardsticks)
+        shapes = selected(plan.yardsticks)
         rows = bench_yardsticks.yardstick_rows(shapes, DEFAULT, plan.yardstick_repeats)
-        bench_yardsticks.report_yardsticks(report, _watched(rows, len(shapes), "beside bare transforms"))
+        bench_yardsticks.report_yardsticks(report, _collected(rows, len(shapes), "beside bare transforms"))
     if plan.solved:
-        shapes = chosen(plan.solved)
+        shapes = selected(plan.solved)
         solving = bench_solving.solving_rows(shapes, plan.solved_repeats)
         count = len(shapes) * len(bench_solving.NODES)
-        bench_solving.report_solving(report, _watched(solving, count, "solutions of diffusion"))
+        bench_solving.report_solving(report, _collected(solving, count, "solutions of diffusion"))
 
 
-def _speed(plan: Plan, scene: Scene, report: bench_report.Report) -> None:
+def _speed(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
     if plan.convolutions:
         threads = os.cpu_count() or 1
         found = bench_speed.convolution_rows(plan.convolutions, plan.side, threads, plan.repeats)
         count = len(plan.convolutions) * len(bench_speed.EFFORTS)
-        bench_report.report_convolution(report, _watched(found, count, "layer convolution"))
-    what = scene.model.path.name if scene.model.path else "built-in sculpture"
+        bench_report.report_convolution(report, _collected(found, count, "layer convolution"))
+    model_name = scene.model.path.name if scene.model.path else "built-in sculpture"
     size = "{} x {}".format(*plan.image_size)
     frames: list[bench_speed.FrameRow] = []
     for scheme in plan.frames:
-        rows = bench_speed.frame_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.frame_repeats)
-        frames += _watched(rows, len(bench_speed.CHANGES), f"frames, {scheme}")
+        rows = bench_speed.frame_rows(
+            _with_scheme(scene, scheme), f"{model_name}, {size}, {scheme}", plan.frame_repeats
+        )
+        frames += _collected(rows, len(bench_speed.CHANGES), f"frames, {scheme}")
     photographs = bench_photo.photo_rows(plan.photographs, plan.frame_repeats)
-    edits = _watched(photographs, len(plan.photographs), "edited photographs")
+    edits = _collected(photographs, len(plan.photographs), "edited photographs")
     if frames:
         mesh, _ = Assets().mesh(scene.model)
         turned = bench_occlusion.occlusion_rows(mesh, plan.repeats)
-        frames += _watched(turned, bench_occlusion.COUNT, "occluded environment")
+        frames += _collected(turned, bench_occlusion.N_ROWS, "occluded environment")
     if frames or edits:
         bench_report.report_frames(report, [*frames, *edits])
     if plan.processes:
         with tempfile.TemporaryDirectory() as folder:
             processes = (
-                bench_speed.process_row(_with(scene, s), f"{what}, {size}, {s}", Path(folder), plan.process_repeats)
+                bench_speed.process_row(
+                    _with_scheme(scene, s), f"{model_name}, {size}, {s}", Path(folder), plan.process_repeats
+                )
                 for s in plan.processes
             )
-            bench_report.report_processes(report, _watched(processes, len(plan.processes), "first picture"))
+            bench_report.report_processes(report, _collected(processes, len(plan.processes), "first picture"))
     window: list[bench_window.WindowRow] = []
     for scheme in plan.window:
-        found_rows = bench_window.window_rows(_with(scene, scheme), f"{what}, {size}, {scheme}", plan.window_repeats)
-        window += _watched(found_rows, bench_window.COUNT, f"window, {scheme}")
+        found_rows = bench_window.window_rows(
+            _with_scheme(scene, scheme), f"{model_name}, {size}, {scheme}", plan.window_repeats
+        )
+        window += _collected(found_rows, bench_window.ROWS_A_SETTING, f"window, {scheme}")
     if window:
         bench_window.report_window(report, window)
 
 
-def _errors(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+def _errors(plan: Plan, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport) -> None:
     if plan.schemes:
-        shapes = {name: SHAPES[name] for name in plan.shapes} | given
+        shapes = {name: SHAPES[name] for name in plan.shapes} | models
         sets = plan.schemes, shapes, plan.materials, plan.lights
         count = len(plan.schemes) * len(shapes) * len(plan.materials) * len(plan.lights)
-        errors = _watched(bench_error.error_rows(*sets, plan.points), count, "error of the transport")
+        errors = _collected(bench_error.error_rows(*sets, plan.points), count, "error of the transport")
         bench_error_report.report_errors(report, errors)
     if plan.rivals:
         rivals = bench_rivals.rival_rows(plan.rivals, DEFAULT, plan.points)
         count = len(plan.rivals) * (len(bench_rivals.TOLERANCES) + 2)
-        bench_rivals.report_rivals(report, _watched(rivals, count, "sums over samples"))
+        bench_rivals.report_rivals(report, _collected(rivals, count, "sums over samples"))
     if plan.pictures:
         pictures = bench_chain.chain_rows(plan.picture_schemes, plan.pictures, plan.points)
         count = len(plan.picture_schemes) * len(plan.pictures)
-        bench_report.report_chain(report, _watched(pictures, count, "error of the renderer"))
+        bench_report.report_chain(report, _collected(pictures, count, "error of the renderer"))
 
 
-def _against_transport(plan: Plan, given: dict[str, Callable[[], Mesh]], report: bench_report.Report) -> None:
+def _photons(plan: Plan, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport) -> None:
     if plan.methods:
-        closed = {name: make for name, make in given.items() if is_closed(row_sums(make()))}
-        for name in given.keys() - closed:
+        closed = {name: make for name, make in models.items() if is_closed(row_sums(make()))}
+        for name in models.keys() - closed:
             report.say(f"{name} is not closed, so no photons walk in it.")
         solids = {name: bench_transport.SHAPES[name] for name in plan.solids} | closed
         rows = bench_transport.transport_rows(plan.methods, solids, plan.media, plan.photons)
         count = len(plan.methods) * len(solids) * len(plan.media) * len(bench_transport.LIGHTS)
-        bench_transport_report.report_transport(report, _watched(rows, count, "error against transport"))
+        bench_transport_report.report_transport(report, _collected(rows, count, "error against transport"))
 
 
-def _with(scene: Scene, scheme: Scheme) -> Scene:
+def _with_scheme(scene: Scene, scheme: Scheme) -> Scene:
     return replace(scene, transport=scheme.settings)
 
 
-def _watched(rows: Iterable[T], count: int, what: str) -> list[T]:
-    """Collect rows behind a progress bar, which shows on a terminal only."""
+def _collected(rows: Iterable[T], count: int, description: str) -> list[T]:
+    """Return the rows of an iterator, with a progress bar on a terminal."""
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        return list(progress.track(rows, total=count, description=what))
+        return list(progress.track(rows, total=count, description=description))

@@ -8,7 +8,7 @@ from milkglass.viewer.scene.settings import TransportSettings
 
 @dataclass(frozen=True)
 class Scheme:
-    """A transport method with its settings, as a scene file has them."""
+    """A transport method with its settings as in a scene file."""
 
     method: str
     layers: int | None = None
@@ -18,7 +18,7 @@ class Scheme:
 
     @property
     def settings(self) -> TransportSettings:
-        """Table of the scene."""
+        """Transport settings of a scene."""
         return TransportSettings(self.method, self.layers, self.resolution, self.error_target, self.assignment)
 
     def __str__(self) -> str:
@@ -29,11 +29,11 @@ class Scheme:
         return " ".join([self.method, *chosen, *order])
 
 
-PAPER = Scheme("layered", 4, 256)  # the yardstick
+PAPER = Scheme("layered", 4, 256)  # the reference of times
 LAYERED = (PAPER, *(Scheme("layered", n, side) for n, side in ((8, 128), (16, 128), (32, 64), (32, 128), (64, 128))))
-DEFAULT = Scheme("ewald")  # 2 %, as far as a slider can wait
+DEFAULT = Scheme("ewald")  # an error of 2 %, as far as interactive times allow
 EWALD = (DEFAULT, Scheme("ewald", error_target=0.01))
-FIXED = (
+FIXED_NODES = (
     *(Scheme("ewald", None, nodes, assignment=order) for nodes in (40, 60) for order in (TENT, TSC)),
     Scheme("ewald", 16, 60, assignment=TSC),
 )

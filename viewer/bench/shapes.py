@@ -1,6 +1,6 @@
-"""Shapes of the benchmark, procedural, as meshes in world space (mm): thick, thin, concave, and fine in detail.
+"""Procedural shapes of the benchmark as meshes in world space, mm: thick, thin, concave, and with fine detail.
 
-Tests use them too. Normals are the exact surface's where it is smooth.
+Tests use them too. Normals are those of the exact surface where it is smooth.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,32 +17,32 @@ Faces = npt.NDArray[np.int64]
 
 
 def ball(diameter: float = 20.0, subdivisions: int = 5) -> Mesh:
-    """An icosphere, smooth normals: thick."""
+    """Return an icosphere with smooth normals: thick."""
     shape = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5 * diameter)
     return Mesh.of(shape.vertices, shape.vertices / (0.5 * diameter), shape.faces)
 
 
 def detail(size: float = 20.0, bump: float = 1.5, height: float = 0.5, subdivisions: int = 6) -> Mesh:
-    """A ball all over bumps about `bump` mm apart and `height` mm high, smooth normals: fine detail."""
+    """Return a ball with bumps about `bump` mm apart and `height` mm high, and smooth normals: fine detail."""
     radius = 0.5 * size - height
-    around = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
-    u = np.asarray(around.vertices, np.float64)
+    sphere = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
+    u = np.asarray(sphere.vertices, np.float64)
     bumps = _spread(round(4.0 * np.pi * (radius / bump) ** 2 / (0.5 * np.sqrt(3.0))))
     sharpness = (radius / (0.27 * bump)) ** 2  # Gaussians of a standard deviation of 0.27 of their distance
     r, slope = np.empty((len(u), 1)), np.empty_like(u)
-    for part in np.array_split(np.arange(len(u)), 1 + len(u) // 4096):
-        rise = height * np.exp(sharpness * (u[part] @ bumps.T - 1.0))
-        r[part] = radius + rise.sum(axis=1, keepdims=True)
-        slope[part] = sharpness * rise @ bumps
+    for rows in np.array_split(np.arange(len(u)), 1 + len(u) // 4096):
+        rise = height * np.exp(sharpness * (u[rows] @ bumps.T - 1.0))
+        r[rows] = radius + rise.sum(axis=1, keepdims=True)
+        slope[rows] = sharpness * rise @ bumps
     slope -= np.einsum("ij,ij->i", slope, u)[:, None] * u
     normals = r * u - slope  # of a surface r(u) u
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     vertices = r * u
-    return Mesh.of(vertices * size / np.ptp(vertices, axis=0).max(), normals, around.faces)
+    return Mesh.of(vertices * size / np.ptp(vertices, axis=0).max(), normals, sphere.faces)
 
 
 def plate(side: float = 20.0, thickness: float = 1.0, n: int = 96) -> Mesh:
-    """A square plate across z, its faces divided n x n; flat shading: thin."""
+    """Return a square plate across z, its faces divided n x n, with flat shading: thin."""
     rows, columns = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     corner = (rows * (n + 1) + columns).ravel()
     triangles = np.concatenate(
@@ -65,7 +65,7 @@ def plate(side: float = 20.0, thickness: float = 1.0, n: int = 96) -> Mesh:
 
 
 def torus_knot(size: float = 20.0, n_along: int = 480, n_around: int = 48) -> Mesh:
-    """A (2, 3) torus knot with a round tube, smooth normals: concave, it shadows itself."""
+    """Return a (2, 3) torus knot with a round tube and smooth normals: concave, with self-shadowing."""
     t = np.linspace(0.0, 2.0 * np.pi, n_along, endpoint=False)
 
     def curve(t: Array) -> Array:
@@ -77,9 +77,9 @@ def torus_knot(size: float = 20.0, n_along: int = 480, n_around: int = 48) -> Me
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(tangent, centre)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    other = np.cross(tangent, side)
+    binormal = np.cross(tangent, side)
     angle = np.linspace(0.0, 2.0 * np.pi, n_around, endpoint=False)[None, :, None]
-    normals = (np.cos(angle) * side[:, None] + np.sin(angle) * other[:, None]).reshape(-1, 3)
+    normals = (np.cos(angle) * side[:, None] + np.sin(angle) * binormal[:, None]).reshape(-1, 3)
     vertices = (centre[:, None] + 0.55 * normals.reshape(n_along, n_around, 3)).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(n_along), np.arange(n_around), indexing="ij")
     a, b = i * n_around + j, (i + 1) % n_along * n_around + j
@@ -94,21 +94,23 @@ def torus_knot(size: float = 20.0, n_along: int = 480, n_around: int = 48) -> Me
 
 
 def bowl(diameter: float = 20.0, thickness: float = 3.0, n_along: int = 160, n_around: int = 160) -> Mesh:
-    """Half a spherical shell with a round rim, open towards +z, smooth normals: concave and thin."""
+    """Return half a spherical shell with a round rim, open towards +z, with smooth normals: concave and thin."""
     outer, inner, rim = 0.5 * diameter, 0.5 * diameter - thickness, 0.5 * thickness
     arcs = 0.5 * np.pi * np.array([outer, 2.0 * rim, inner])  # lengths of the outer side, the rim and the inner side
     s = np.linspace(0.0, arcs.sum(), n_along + 1)
     ends = np.cumsum(arcs)
-    out, over, back = s / outer, (s - ends[0]) / rim, (ends[2] - s) / inner
-    where = [s <= ends[0], s <= ends[1]]
-    radius = np.select(where, [outer * np.sin(out), outer - rim + rim * np.cos(over)], inner * np.sin(back))
-    z = np.select(where, [-outer * np.cos(out), rim * np.sin(over)], -inner * np.cos(back))
-    outwards = np.select(where, [np.sin(out), np.cos(over)], -np.sin(back))
-    upwards = np.select(where, [-np.cos(out), np.sin(over)], np.cos(back))
+    outer_angle, rim_angle, inner_angle = s / outer, (s - ends[0]) / rim, (ends[2] - s) / inner
+    cases = [s <= ends[0], s <= ends[1]]
+    radius = np.select(
+        cases, [outer * np.sin(outer_angle), outer - rim + rim * np.cos(rim_angle)], inner * np.sin(inner_angle)
+    )
+    z = np.select(cases, [-outer * np.cos(outer_angle), rim * np.sin(rim_angle)], -inner * np.cos(inner_angle))
+    outwards = np.select(cases, [np.sin(outer_angle), np.cos(rim_angle)], -np.sin(inner_angle))
+    upwards = np.select(cases, [-np.cos(outer_angle), np.sin(rim_angle)], np.cos(inner_angle))
     angle = 2.0 * np.pi * np.arange(n_around) / n_around
 
     def turned(across: Array, along: Array) -> Array:
-        """Revolve the rings between the two poles, then add these."""
+        """Return points of the profile revolved about z: rings, then the two poles."""
         ring = across[1:-1, None]
         round_z = np.broadcast_to(along[1:-1, None], (len(ring), n_around))
         rings = np.stack([ring * np.cos(angle), ring * np.sin(angle), round_z], axis=-1)
@@ -120,12 +122,12 @@ def bowl(diameter: float = 20.0, thickness: float = 3.0, n_along: int = 160, n_a
     first, last = np.arange(n_around), (n_along - 2) * n_around + np.arange(n_around)
     pole = np.full(n_around, (n_along - 1) * n_around)
     parts = [(a, b, d), (a, d, c), (pole, np.roll(first, -1), first), (pole + 1, last, np.roll(last, -1))]
-    faces = np.concatenate([np.stack([corner.ravel() for corner in part], axis=1) for part in parts])
+    faces = np.concatenate([np.stack([corner.ravel() for corner in corners], axis=1) for corners in parts])
     return Mesh.of(turned(radius, z + 0.5 * (outer - rim)), turned(outwards, upwards), faces)
 
 
 def torus(radius: float = 10.0, tube: float = 4.0, n_along: int = 128, n_around: int = 64) -> Mesh:
-    """A ring of a round tube, smooth normals: a hole."""
+    """Return a torus with smooth normals: a hole."""
     shape = trimesh.creation.torus(radius, tube, major_sections=n_along, minor_sections=n_around)
     vertices = np.asarray(shape.vertices, np.float64)
     ring = vertices * [1.0, 1.0, 0.0]
@@ -135,23 +137,23 @@ def torus(radius: float = 10.0, tube: float = 4.0, n_along: int = 128, n_around:
 
 
 def washer(outer: float = 16.0, inner: float = 6.0, height: float = 10.0, edge: float = 0.7) -> Mesh:
-    """A cylinder with a hole along z, in triangles of `edge` mm at most; flat shading: square edges."""
+    """Return a cylinder with a hole along z, in triangles of at most `edge` mm, with flat shading: square edges."""
     return faceted(trimesh.creation.annulus(inner, outer, height, sections=64), edge)
 
 
 def turned(outline: Sequence[tuple[float, float]], edge: float = 0.7) -> Mesh:
-    """Turn an outline, (radius, z) each, around z, in triangles of `edge` mm at most; flat shading: square edges."""
+    """Return an outline of (radius, z) revolved about z, in triangles of at most `edge` mm, with flat shading."""
     return faceted(trimesh.creation.revolve(np.array(outline, np.float64), sections=64), edge)
 
 
 def dish(thickness: float = 3.0) -> Mesh:
-    """A flat one of 20 mm with a wall of 8 mm around its floor: edges that are convex and one that is concave."""
+    """Return a dish of 20 mm with a wall of 8 mm around a flat floor: convex edges and a concave one."""
     inner, floor = 10.0 - thickness, thickness - 4.0
     return turned([(0.0, -4.0), (10.0, -4.0), (10.0, 4.0), (inner, 4.0), (inner, floor), (0.0, floor)])
 
 
 def box(side: float = 8.0, edge: float = 0.7) -> Mesh:
-    """A cube, in triangles of `edge` mm at most; flat shading."""
+    """Return a cube, in triangles of at most `edge` mm, with flat shading."""
     return faceted(trimesh.creation.box((side, side, side)), edge)
 
 
@@ -194,19 +196,21 @@ def gear(teeth: int = 10, height: float = 5.0, edge: float = 0.7) -> Mesh:
 
 
 def _ring(radius: npt.ArrayLike, angle: Array, z: float) -> Array:
-    """Points around z in cylindrical coordinates, (n, 3)."""
+    """Return points (n, 3) of cylindrical coordinates about z."""
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), z)], axis=1)
 
 
 def _lofted(rings: Array, edge: float) -> Mesh:
     """Return the surface through rings (k, n, 3) that wind around z, the outer ones from below to above; flat shading.
 
-    It is closed if the first and the last ring are one, or points.
+    It is closed if the first and the last ring are equal, or points.
     """
     k, n, _ = rings.shape
     lower = (np.arange(k - 1)[:, None] * n + np.arange(n)).ravel()
-    beside = (np.arange(k - 1)[:, None] * n + np.roll(np.arange(n), -1)).ravel()
-    faces = np.concatenate([np.stack([lower, beside, beside + n], 1), np.stack([lower, beside + n, lower + n], 1)])
+    neighbour = (np.arange(k - 1)[:, None] * n + np.roll(np.arange(n), -1)).ravel()
+    faces = np.concatenate(
+        [np.stack([lower, neighbour, neighbour + n], 1), np.stack([lower, neighbour + n, lower + n], 1)]
+    )
     shape = trimesh.Trimesh(rings.reshape(-1, 3), faces, process=False)
     shape.merge_vertices()
     shape.update_faces(shape.nondegenerate_faces())
@@ -214,12 +218,12 @@ def _lofted(rings: Array, edge: float) -> Mesh:
 
 
 def faceted(shape: trimesh.Trimesh, edge: float) -> Mesh:
-    """Divide a shape into triangles of `edge` mm at most; flat shading."""
+    """Return a shape divided into triangles of at most `edge` mm, with flat shading."""
     return flat_shaded(*trimesh.remesh.subdivide_to_size(shape.vertices, shape.faces, edge))
 
 
 def flat_shaded(vertices: Array, faces: Faces) -> Mesh:
-    """Give every face corners and a normal of its own."""
+    """Return a mesh whose faces share no vertices and have their face normals."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -228,7 +232,7 @@ def flat_shaded(vertices: Array, faces: Faces) -> Mesh:
 
 
 def _spread(n: int) -> Array:
-    """Return n directions, evenly spread in a spiral: (n, 3)."""
+    """Return n unit directions evenly over the sphere along a spiral, (n, 3)."""
     z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
     angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(n)
     flat = np.sqrt(1.0 - z * z)

@@ -1,6 +1,6 @@
-"""Speed, always as ratios of times taken in turns within one run: other work on the machine then meets all alike.
+"""Speed, as ratios of times measured in turns within one run, so that other load affects all of them equally.
 
-The minimum over the repeats is what the code costs, the median what a person waits on this machine.
+The minimum over the repeats is the cost of the code, the median the waiting time on this machine.
 """
 
 import os
@@ -26,32 +26,32 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.session.navigation import turn_matrix
 
-Kernel = tuple[npt.NDArray[np.float32], ...]
+PreparedKernel = tuple[npt.NDArray[np.float32], ...]
 
 SWITCHED = tuple(name for name in PROFILES if name != TABLE)
-EFFORTS = ("FFTW_MEASURE", "FFTW_ESTIMATE")  # ESTIMATE is the renderer's: the same bits in every process
+EFFORTS = ("FFTW_MEASURE", "FFTW_ESTIMATE")  # the renderer uses ESTIMATE: the same bits in every process
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Repeats of one thing, ms."""
+    """Times of repeated runs of one task, ms."""
 
     times: tuple[float, ...]
 
     @property
-    def least(self) -> float:
-        """Minimum, ms."""
+    def minimum(self) -> float:
+        """Shortest of the times, ms."""
         return min(self.times)
 
     @property
     def median(self) -> float:
-        """Median, ms."""
+        """Median of the times, ms."""
         return float(np.median(self.times))
 
 
 @dataclass(frozen=True)
 class ConvolutionRow:
-    """The layer convolution of three channels beside the bare transforms of the same padded maps."""
+    """Times of the layer convolution of three channels, and of the bare transforms of the same padded maps."""
 
     layers: int
     side: int
@@ -62,13 +62,13 @@ class ConvolutionRow:
 
     @property
     def ratio(self) -> float:
-        """Median over the repeats of the ratio of two neighbours: what else runs meets both."""
+        """Median ratio of successive times of convolution and bare transforms, which other load affects equally."""
         return float(np.median(np.divide(self.convolution.times, self.bare.times)))
 
 
 @dataclass(frozen=True)
 class FrameRow:
-    """A frame after a change: its time, and the median of each stage that ran, ms."""
+    """Times of a frame after a change, and the median of each stage that ran, ms."""
 
     setting: str
     change: str
@@ -77,19 +77,19 @@ class FrameRow:
 
 
 def interleaved(tasks: Sequence[Callable[[], object]], repeats: int) -> list[Timing]:
-    """Time tasks in turns, after one run of each that does not count."""
+    """Return times of tasks that run in turns, after a warm-up of each."""
     times: list[list[float]] = [[] for _ in tasks]
     for repeat in range(repeats + 1):
-        for task, taken in zip(tasks, times, strict=True):
+        for task, elapsed in zip(tasks, times, strict=True):
             start = time.perf_counter()
             task()
             if repeat:
-                taken.append(1e3 * (time.perf_counter() - start))
-    return [Timing(tuple(taken)) for taken in times]
+                elapsed.append(1e3 * (time.perf_counter() - start))
+    return [Timing(tuple(elapsed)) for elapsed in times]
 
 
 def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: int) -> Iterator[ConvolutionRow]:
-    """Time forward, mixing and inverse against rfft2 and irfft2 alone, both effort levels of FFTW's planner."""
+    """Yield times of the convolution and of rfft2 and irfft2 alone, with both efforts of FFTW's planner."""
     rng = np.random.default_rng(0)
     for n in n_layers:
         shape = ConvolutionShape(n, side, side)
@@ -98,7 +98,7 @@ def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: 
             convolver = LayerConvolver(shape, threads, effort)
             kernel = prepared(shape, rng.random(shape.quadrant, dtype=np.float32))
 
-            def convolve(convolver: LayerConvolver = convolver, kernel: Kernel = kernel) -> None:
+            def convolve(convolver: LayerConvolver = convolver, kernel: PreparedKernel = kernel) -> None:
                 for channel in maps:  # noqa: B023 (runs before the maps change)
                     convolver.convolve(channel, kernel)
 
@@ -107,10 +107,10 @@ def convolution_rows(n_layers: Sequence[int], side: int, threads: int, repeats: 
 
 
 def _bare_transforms(shape: ConvolutionShape, threads: int, effort: str) -> Callable[[], object]:
-    """Return padded 2-D real transforms of 3 n maps and back, and nothing else.
+    """Return a task of padded 2-D real transforms of 3 n maps and back.
 
-    A plan a thread, each with its share of the maps: FFTW's own threads wait actively at every barrier and lose to
-    this wherever another process wants a core.
+    Each thread has a plan for its share of the maps: FFTW's threads wait actively at every barrier, and are slower than
+    this where another process uses a core.
     """
     size = shape.padded_height, shape.padded_width
     plans = []
@@ -120,23 +120,23 @@ def _bare_transforms(shape: ConvolutionShape, threads: int, effort: str) -> Call
         options = {"axes": (1, 2), "threads": 1, "flags": (effort,)}
         forward = pyfftw.FFTW(real, spectrum, **options)
         backward = pyfftw.FFTW(spectrum, real, direction="FFTW_BACKWARD", normalise_idft=False, **options)
-        real[:] = 0.0  # planning leaves anything there, and NaN is slow
+        real[:] = 0.0  # planning leaves arbitrary values, and NaN is slow
         plans.append((forward, backward))
 
-    def both(pair: tuple[pyfftw.FFTW, pyfftw.FFTW]) -> None:
+    def run_plans(pair: tuple[pyfftw.FFTW, pyfftw.FFTW]) -> None:
         for plan in pair:
             plan.execute()
 
     pool = ThreadPoolExecutor(threads)
-    return lambda: list(pool.map(both, plans))
+    return lambda: list(pool.map(run_plans, plans))
 
 
 def frame_rows(scene: Scene, setting: str, repeats: int) -> Iterator[FrameRow]:
-    """Time frames of a loaded scene after changes of its camera, lights, material, profile and the former together."""
+    """Yield times of frames of a loaded scene after changes of camera, lights, material and profile."""
     renderer = Renderer(headless_context())
     renderer.draw(scene)
     for change, apply in CHANGES.items():
-        renderer.draw(apply(scene, 0))  # what the change allocates and plans for the first time
+        renderer.draw(apply(scene, 0))  # a warm-up: allocations and plans of the change
         totals: list[float] = []
         stages: dict[str, list[float]] = {}
         for i in range(1, repeats + 1):
@@ -163,7 +163,7 @@ def _relit(scene: Scene, i: int) -> Scene:
 
 
 def _thinned(scene: Scene, i: int) -> Scene:
-    """Another concentration, its scattering coefficient a little lower each time."""
+    """Return the scene with another concentration, of a lower scattering coefficient each time."""
     material = scene.material.resolve()
     r, g, b = (value / (1.1 + 0.1 * i) for value in material.sigma_s_prime)
     settings = MaterialSettings(sigma_s_prime=(r, g, b), sigma_a=material.sigma_a, eta=material.eta)
@@ -171,7 +171,7 @@ def _thinned(scene: Scene, i: int) -> Scene:
 
 
 def _reprofiled(scene: Scene, i: int) -> Scene:
-    """Another profile, of another concentration each time: no spectra of it are kept, nor tables."""
+    """Return the scene with another profile and concentration each time, so that no spectra or tables are cached."""
     thinned = _thinned(scene, i)
     return replace(thinned, material=replace(thinned.material, profile=SWITCHED[i % len(SWITCHED)]))
 
@@ -185,7 +185,7 @@ CHANGES: dict[str, Callable[[Scene, int], Scene]] = {
     "camera, lights, material": lambda scene, i: _thinned(_relit(_turned(scene, i), i), i),
 }
 
-# Peak memory: Linux keeps the parent's in ru_maxrss of a child, but not in VmHWM.
+# Peak memory: on Linux ru_maxrss of a child includes that of its parent, VmHWM does not.
 _MEASURED = """
 import sys
 from pathlib import Path
@@ -205,7 +205,7 @@ sys.exit(code)
 
 @dataclass(frozen=True)
 class ProcessRow:
-    """A whole `milkglass render`, from the start of the process to the file."""
+    """Times and peak memory, MB, of `milkglass render` from the start of the process to the file."""
 
     setting: str
     time: Timing
@@ -213,22 +213,22 @@ class ProcessRow:
 
 
 def process_row(scene: Scene, setting: str, folder: Path, repeats: int, output: str = "picture.png") -> ProcessRow:
-    """Run `milkglass render` of a scene in processes of their own; files go to `folder`."""
-    described, picture = folder / "scene.toml", folder / output
-    scene.save(described)
+    """Return times of `milkglass render` of a scene in new processes, with files in `folder`."""
+    scene_path, picture = folder / "scene.toml", folder / output
+    scene.save(scene_path)
     times, peak = [], 0.0
-    command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(described), "--output", str(picture)]
+    command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(scene_path), "--output", str(picture)]
     for _ in range(repeats):
         start = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment())
+        completed = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment())
         times.append(1e3 * (time.perf_counter() - start))
-        if done.returncode != 0:
-            last = done.stderr.strip().rpartition("\n")[2].removeprefix("milkglass: ")
+        if completed.returncode != 0:
+            last = completed.stderr.strip().rpartition("\n")[2].removeprefix("milkglass: ")
             raise InputError(f"milkglass render failed in the benchmark: {last}")
-        peak = max(peak, float(done.stdout.split()[-1]))
+        peak = max(peak, float(completed.stdout.split()[-1]))
     return ProcessRow(setting, Timing(tuple(times)), peak)
 
 
 def _environment() -> dict[str, str]:
-    """Let the new process find the packages that this one runs, installed or not."""
+    """Return an environment in which a new process finds the packages of this one, installed or not."""
     return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}

@@ -1,10 +1,10 @@
-"""Error of the methods against light transport itself: photons that walk through an object, and what a method costs.
+"""Error of the methods relative to photons, and their costs.
 
-Two errors are told apart. That of the model: how far the method is from photons. And, for `diffusion`, that of its
-numbers: how far it is from itself on a grid twice as fine. Irradiance is cast by rays for all, so neither holds shadow
-maps; exitance is compared over the whole surface, see `core.reference.transport_error`. Constants of `diffusion` were
-fitted to some of the shapes or chosen on them (`core.transport.diffusion.constants`); others were kept out, and only
-their errors say what to expect of a new one.
+Two errors are measured: that of the model, relative to photons, and, for `diffusion`, that of its numerics, relative to
+its solution on a grid twice as fine. Irradiance is by rays for all, so neither includes shadow maps; exitance is
+compared over the whole surface, see `core.reference.transport_error`. Constants of `diffusion` were fitted to some of
+the shapes or chosen on them (`core.transport.diffusion.constants`); others are held out, and only their errors are
+those to expect of a new shape.
 """
 
 import re
@@ -48,8 +48,8 @@ from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.lights import DirectionalLight
 
-REGIONS = 100
-FINER = 2  # times as many nodes along the object, for the error of diffusion's numbers
+N_REGIONS = 100
+FINER = 2  # times as many nodes along the object, for the numerical error of diffusion
 ALBEDOS = Material("albedos", (0.9, 0.99, 0.999), (0.1, 0.01, 0.001), 1.3)  # sigma_t' = 1/mm in all channels
 MATERIALS = (ALBEDOS.name, "marble", "skim milk")
 LIGHTS = {"front": (0.3, 0.4, 1.0), "back": (-0.3, 0.2, -1.0)}  # towards the light, and the camera of `layered` at +z
@@ -64,7 +64,7 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
     "washer, 6 mm": lambda: washer(10.0, 4.0, 6.0),
     "dish, 3 mm": dish,
     "cube, 8 mm": box,
-    # Kept out: no constant was fitted to these or chosen on them.
+    # Held out: no constant was fitted to these or chosen on them.
     "gyroid, 3 mm": gyroid,
     "bolt, 15 mm": bolt,
     "gear, 5 mm": gear,
@@ -75,21 +75,21 @@ ALL, LIGHT, MATERIAL = "all", "light", "material"
 
 @dataclass(frozen=True)
 class TransportRow:
-    """One method on a shape of a material in a light.
+    """Result of one method on a shape of a material in a light.
 
     Attributes
     ----------
     error : TransportError
     changed : str
-        What had to be computed: ALL, or what LIGHT or MATERIAL had changed.
+        Change since the last run: LIGHT, MATERIAL, or ALL for the first.
     ms : float
-        It took that.
+        Time of transport.
     resolution : int
-        Really used.
+        Resolution used.
     products : int
-        Convolutions of the slowest channel to the solution; 0 where nothing is solved, as of the next two.
+        Matvecs of the slowest channel; 0 for methods that do not solve, as the next two.
     residual : float
-        Relative, the largest.
+        Largest relative residual of the channels.
     numerical : (3,) tuple
         Rms difference from a grid `FINER` times as fine, over the rms.
     """
@@ -108,8 +108,8 @@ class TransportRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Transport placed on a shape, its samples, and their flux light by light."""
+class PlacedMethod:
+    """Transport on a shape, with its samples and their flux by light and eta."""
 
     transport: Transport
     grid: LayerGrid
@@ -118,38 +118,40 @@ class Placed:
     entering: dict[tuple[str, float], EnteringLight]
 
 
-class Lamps:
-    """The lights of the bench on one shape; `RayLights` of each light and eta, kept."""
+class ShapeLights:
+    """Lights of the benchmark on one shape: `RayLights` of each light and eta, cached."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._kept: dict[tuple[str, float], RayLights] = {}
+        self._lights: dict[tuple[str, float], RayLights] = {}
 
     def __call__(self, name: str, eta: float) -> RayLights:
         """Return a light of irradiance 1."""
         key = name, eta
-        if key not in self._kept:
+        if key not in self._lights:
             light = DirectionalLight(LIGHTS[name], (1.0, 1.0, 1.0))
-            self._kept[key] = RayLights(self._mesh, Illumination((light,), None, np.eye(3), 1.0), eta)
-        return self._kept[key]
+            self._lights[key] = RayLights(self._mesh, Illumination((light,), None, np.eye(3), 1.0), eta)
+        return self._lights[key]
 
 
-class Run:
-    """A method on one shape; keeps what the next light or material can use again, as the renderer does."""
+class MethodRun:
+    """A method on one shape, which caches results for the next light or material as the renderer does."""
 
-    def __init__(self, scheme: Scheme, mesh: Mesh, lamps: Lamps, assets: Assets, finer: int = 1) -> None:
+    def __init__(
+        self, scheme: Scheme, mesh: Mesh, lights_of_shape: ShapeLights, assets: Assets, finer: int = 1
+    ) -> None:
         self.scheme, self.stages = scheme, Stages()
-        self._mesh, self._lamps, self._assets, self._finer = mesh, lamps, assets, finer
-        self._placed: dict[Quality, Placed] = {}
+        self._mesh, self._lights_of_shape, self._assets, self._finer = mesh, lights_of_shape, assets, finer
+        self._placed: dict[Quality, PlacedMethod] = {}
         self.scattered: Scattered | None = None
 
     def quality(self, material: Material) -> Quality:
-        """Return layers and resolution."""
+        """Return the layers and resolution of the scheme for a material."""
         return self._assets.quality(self.scheme.settings, dipoles(material), self._mesh, sharp_light=True)
 
     def exitance(self, light: str, material: Material) -> Evaluate:
-        """Run transport; `stages.timings` then tells of the stages that had to be run."""
-        placed, lights = self._place(self.quality(material)), self._lamps(light, material.eta)
+        """Run transport, and return M of its result; `stages.timings` then has the times of the stages that ran."""
+        placed, lights = self._place(self.quality(material)), self._lights_of_shape(light, material.eta)
         entering = self._entering(placed, light, lights)
         solid, matter = WholeObject(self._mesh, placed.samples), (dipoles(material), media(material))
         lit = EnteringFlux(solid, placed.grid, placed.coordinates, entering.flux, (entering,), *matter)
@@ -157,7 +159,7 @@ class Run:
         self.scattered = placed.transport.scatter(lit, self.stages)
         return exitance_in(self.scattered, lights)
 
-    def _place(self, quality: Quality) -> Placed:
+    def _place(self, quality: Quality) -> PlacedMethod:
         if quality not in self._placed:
             mesh = self._mesh
             spacing = sample_spacing(mesh, self.scheme.settings, quality.resolution * self._finer)
@@ -165,10 +167,10 @@ class Run:
             transport = make_transport(replace(quality, resolution=quality.resolution * self._finer))
             grid = transport.grid(mesh, place_camera(CAMERA, mesh.radius, (256, 256)).rotation)
             coordinates = grid.coordinates(samples.points).astype(np.float32)
-            self._placed[quality] = Placed(transport, grid, samples, coordinates, {})
+            self._placed[quality] = PlacedMethod(transport, grid, samples, coordinates, {})
         return self._placed[quality]
 
-    def _entering(self, placed: Placed, light: str, lights: RayLights) -> EnteringLight:
+    def _entering(self, placed: PlacedMethod, light: str, lights: RayLights) -> EnteringLight:
         key = light, lights.eta
         if key not in placed.entering:
             samples, (direction,) = placed.samples, lights.directions()
@@ -196,30 +198,30 @@ def material_of(name: str) -> Material:
 def transport_rows(
     schemes: Sequence[Scheme], shapes: Mapping[str, Callable[[], Mesh]], material_names: Sequence[str], photons: int
 ) -> Iterator[TransportRow]:
-    """Run every combination with both lights; rows come as they are ready.
+    """Yield a row for every combination with both lights.
 
-    From one run of a method to the next either the light or the material changes, never both.
+    From one run of a method to the next either the light or the material changes, not both.
     """
     for shape, make in shapes.items():
         mesh, assets = make(), Assets(keep=4)
-        lamps = Lamps(mesh)
-        runs = [Run(scheme, mesh, lamps, assets) for scheme in schemes]
-        fine = Run(Scheme("diffusion"), mesh, lamps, assets, FINER)
+        lights_of_shape = ShapeLights(mesh)
+        runs = [MethodRun(scheme, mesh, lights_of_shape, assets) for scheme in schemes]
+        fine = MethodRun(Scheme("diffusion"), mesh, lights_of_shape, assets, FINER)
         changed = ALL
         for i, name in enumerate(material_names):
             material = material_of(name)
             for light in list(LIGHTS)[:: -1 if i % 2 else 1]:
                 beam = Beam(LIGHTS[light])
-                truth = photon_reference(mesh, material, [beam], REGIONS, photons)
+                reference = photon_reference(mesh, material, [beam], N_REGIONS, photons)
                 for run in runs:
                     evaluate = run.exitance(light, material)
                     ms = sum(run.stages.timings.values())
-                    error = transport_error(truth, evaluate)
+                    error = transport_error(reference, evaluate)
                     resolution = run.quality(material).resolution
                     row = TransportRow(run.scheme, shape, name, light, error, changed, ms, resolution)
                     scattered = run.scattered
                     if scattered is not None and run.scheme.settings.facts.solves:
-                        surface = truth.regions.samples
+                        surface = reference.regions.samples
                         row = replace(
                             row,
                             products=max(scattered.convolutions),
@@ -232,7 +234,7 @@ def transport_rows(
 
 
 def numerical_error(evaluate: Evaluate, finer: Evaluate, surface: SurfaceSamples) -> tuple[float, ...]:
-    """Return the rms over the surface of the difference, over the rms of the finer one, (3,)."""
+    """Return the rms difference over the surface, over the rms of the finer solution, (3,)."""
     points, normals = surface.points.astype(np.float64), surface.normals.astype(np.float64)
     coarse, fine = evaluate(points, normals), finer(points, normals)
     areas = surface.areas[:, None].astype(np.float64)

@@ -1,6 +1,6 @@
-"""Tables and a CSV file of the error against transport: of the model, of its numbers, and what each method costs.
+"""Report of errors relative to photons: model error, numerical error and cost of each method, and a CSV file.
 
-Shapes that constants of `diffusion` were fitted to or chosen on, and shapes kept out of that, have a mean each.
+Means are separate for shapes that constants of `diffusion` were fitted to or chosen on, and for held-out shapes.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,17 +10,17 @@ import numpy as np
 
 from milkglass.core.provenance import constants
 from milkglass.core.transport.diffusion.constants import CONSTANTS
-from milkglass.viewer.bench.report import Report
+from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.transport import ALBEDOS, ALL, FINER, LIGHT, LIGHTS, MATERIAL, TransportRow, is_in_sample
 
-Text = Callable[[TransportRow, int], str]  # of a channel
+Text = Callable[[TransportRow, int], str]  # text of a channel
 Value = Callable[[TransportRow, int], float]
 Worst = Callable[[TransportRow], int]  # channel
 Key = tuple[str, str, int | None]  # shape, material, channel; None: the worst
 
 
-def report_transport(report: Report, rows: Sequence[TransportRow]) -> None:
+def report_transport(report: BenchReport, rows: Sequence[TransportRow]) -> None:
     """Report the rms and the flux of the dark side by shape and medium; then cost, and the constants of `diffusion`."""
     schemes = list(dict.fromkeys(r.scheme for r in rows))
     lights = " / ".join(light for light in LIGHTS if any(r.light == light for r in rows))
@@ -63,7 +63,7 @@ def report_transport(report: Report, rows: Sequence[TransportRow]) -> None:
 
 
 def csv_row(row: TransportRow) -> dict[str, object]:
-    """One run; the README says what the columns are."""
+    """Return the columns of a run in transport.csv."""
     channels = {**asdict(row.error), "numerical": row.numerical}
     return {
         "transport": row.scheme.method,
@@ -86,7 +86,7 @@ def csv_row(row: TransportRow) -> dict[str, object]:
 
 
 def rms_text(row: TransportRow, channel: int) -> str:
-    """Rms in per cent; below the noise of the photons an upper limit."""
+    """Return the rms in per cent, or an upper limit where it is below the noise of the photons."""
     rms, error = row.error.rms[channel], row.error.rms_error[channel]
     return f"< {100.0 * error:.1f}" if rms < error else f"{100.0 * rms:.1f}"
 
@@ -115,7 +115,7 @@ def _largest_dark(row: TransportRow) -> int:
 def _means(
     rows: Sequence[TransportRow], keys: Sequence[Key], schemes: Sequence[Scheme], solved: Sequence[Scheme]
 ) -> list[list[str]]:
-    """Return the last lines of the first table: means over the lines of shapes in the fit, and of those kept out."""
+    """Return the last lines of the first table: means over the shapes in the fit, and over held-out shapes."""
     lines = []
     for in_sample, name in ((True, "in the fit"), (False, "kept out of it")):
         chosen = [key for key in keys if is_in_sample(key[0]) == in_sample]
@@ -130,15 +130,15 @@ def _means(
 def _mean(
     rows: Sequence[TransportRow], scheme: Scheme, keys: Sequence[Key], value: Value, worst: Worst, digits: int = 1
 ) -> str:
-    """Return the mean over lines in per cent, light by light."""
-    found = [
+    """Return the mean over lines, in per cent, of each light."""
+    values = [
         [value(row, worst(row) if key[2] is None else key[2]) for row in _of_lights(rows, scheme, key)] for key in keys
     ]
-    return " / ".join(f"{100.0 * mean:.{digits}f}" for mean in np.nanmean(found, axis=0))
+    return " / ".join(f"{100.0 * mean:.{digits}f}" for mean in np.nanmean(values, axis=0))
 
 
 def _keys(rows: Sequence[TransportRow]) -> list[Key]:
-    """Lines of the tables: a material's worst channel, but each of the albedos."""
+    """Return the lines of the tables: the worst channel of a material, and each of the albedos."""
     pairs = dict.fromkeys((r.shape, r.material) for r in rows)
     return [(*pair, channel) for pair in pairs for channel in (range(3) if pair[1] == ALBEDOS.name else (None,))]
 
@@ -149,17 +149,17 @@ def _name(key: Key) -> str:
 
 
 def _cell(rows: Sequence[TransportRow], scheme: Scheme, key: Key, text: Text, worst: Worst) -> str:
-    found = _of_lights(rows, scheme, key)
-    return " / ".join(text(row, worst(row) if key[2] is None else key[2]) for row in found)
+    values = _of_lights(rows, scheme, key)
+    return " / ".join(text(row, worst(row) if key[2] is None else key[2]) for row in values)
 
 
 def _of_lights(rows: Sequence[TransportRow], scheme: Scheme, key: Key) -> list[TransportRow]:
-    found = {r.light: r for r in rows if (r.scheme, r.shape, r.material) == (scheme, *key[:2])}
-    return [found[light] for light in LIGHTS if light in found]
+    values = {r.light: r for r in rows if (r.scheme, r.shape, r.material) == (scheme, *key[:2])}
+    return [values[light] for light in LIGHTS if light in values]
 
 
 def _costs(rows: Sequence[TransportRow]) -> list[str]:
-    times = ([r.ms for r in rows if r.changed == what] for what in (LIGHT, MATERIAL, ALL))
+    times = ([r.ms for r in rows if r.changed == change] for change in (LIGHT, MATERIAL, ALL))
     nodes, products = [r.resolution for r in rows], [r.products for r in rows]
     return [
         *(f"{np.median(ms):.0f}" if ms else "" for ms in times),

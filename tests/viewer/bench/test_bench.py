@@ -22,7 +22,7 @@ from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.bench import run as bench
 from milkglass.viewer.bench import solving as bench_solving
 from milkglass.viewer.bench import window as bench_window
-from milkglass.viewer.bench.error import Run, Target, error_rows, megabytes
+from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
 from milkglass.viewer.bench.error_report import scheme_times
 from milkglass.viewer.bench.lights import LIGHTS, Directional, sky_pixels
 from milkglass.viewer.bench.plot import pareto
@@ -52,7 +52,7 @@ def coarse_reference(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.gl
 def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_reference):
-    monkeypatch.setattr("milkglass.viewer.bench.chain.IMAGE", 64)
+    monkeypatch.setattr("milkglass.viewer.bench.chain.IMAGE_SIDE", 64)
     plan = replace(
         NOTHING, convolutions=(2,), frames=(SMALL,), schemes=(SMALL, DEFAULT), picture_schemes=(SMALL,),
         pictures=(("plate", "skim milk", "back"),), photographs=(64,),
@@ -104,9 +104,9 @@ def test_window_is_measured_and_reported(tmp_path, capsys):
         bench_window.ORBIT, bench_window.ORBIT_DRAFT, bench_window.PLAIN, bench_window.FIRST, bench_window.SETTLED,
         bench_window.EXPOSURE, bench_window.REST, bench_window.PANEL,
     ]  # fmt: skip
-    assert len(rows) == bench_window.COUNT
+    assert len(rows) == bench_window.ROWS_A_SETTING
     first, settled = (float(next(r for r in rows if r["what"] == what)["median_ms"]) for what in SETTLING)
-    assert 0.0 < first < settled < 1e3 * bench_window.LIMIT
+    assert 0.0 < first < settled < 1e3 * bench_window.TIMEOUT
     assert "of the rate without scattering" in capsys.readouterr().out
 
 
@@ -205,7 +205,7 @@ def test_the_sky_lights_by_normals_and_not_the_ground_side():
 
 
 def test_the_sky_is_no_sharp_light_for_the_error_target(coarse_reference):
-    run = Run(DEFAULT, Target.of(SHAPES["plate"](), 5))
+    run = SchemeRun(DEFAULT, Target.of(SHAPES["plate"](), 5))
     soft, sharp = (run.quality(LIGHTS[name], materials.lookup("jade")) for name in ("environment", "front"))
     assert soft.resolution < sharp.resolution
 
@@ -226,7 +226,7 @@ def test_memory_counts_each_array_once_and_views_by_what_they_show():
     stages.run(Stage.DEPOSIT, [base], lambda: [base[10:20], base.reshape(500, 500)])
     stages.run(Stage.FLUX, [], lambda: {"own": np.zeros(500_000)})
     assert megabytes(stages) == pytest.approx(5.0)
-    assert megabytes(stages, leave_out=[base]) == pytest.approx(4.0)
+    assert megabytes(stages, excluded=[base]) == pytest.approx(4.0)
 
 
 def test_pareto_front_is_what_nothing_beats():
@@ -236,7 +236,7 @@ def test_pareto_front_is_what_nothing_beats():
 
 def test_solutions_of_diffusion_are_timed_to_their_end(tmp_path, monkeypatch):
     monkeypatch.setattr("milkglass.viewer.bench.solving.NODES", (16,))
-    monkeypatch.setattr("milkglass.viewer.bench.solving.SAMPLES", 500)
+    monkeypatch.setattr("milkglass.viewer.bench.solving.MIN_SAMPLES", 500)
     bench.run_plan(replace(NOTHING, solved=("ball",), solved_repeats=1), tmp_path)
     rows = rows_of(tmp_path / "solving.csv")
     assert_finite(rows)

@@ -12,7 +12,7 @@ from milkglass.core.reference.regions import find_regions
 from milkglass.core.reference.transport_error import TransportError
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.bench import run as bench
-from milkglass.viewer.bench.report import Report
+from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import ball, bolt, bowl, gear, gyroid
 from milkglass.viewer.bench.transport import (
@@ -125,7 +125,7 @@ def test_both_means_are_told(capsys):
 
     rms = {"ball, 4 mm": (0.01, 0.02), "cube, 8 mm": (0.03, 0.05), "gear, 5 mm": (0.06, 0.08)}
     rows = [row(shape, *pair) for shape, both in rms.items() for pair in zip(LIGHTS, both, strict=True)]
-    report_transport(Report(None), rows)
+    report_transport(BenchReport(None), rows)
     lines = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
     assert ["", "cube, 8 mm; marble", "yes", "3.0 / 5.0", "0.00 / 0.00", ""] in lines
     assert ["", "mean of 2 shapes in the fit", "yes", "2.0 / 3.5", "0.00 / 0.00", ""] in lines
@@ -134,7 +134,7 @@ def test_both_means_are_told(capsys):
 
 
 def test_a_model_is_compared_with_photons_where_it_is_closed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bench.bench_transport, "REGIONS", 12)
+    monkeypatch.setattr(bench.bench_transport, "N_REGIONS", 12)
     monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))
     plan = replace(NOTHING, methods=SMALL[1:], solids=(), media=("albedos",), photons=500)
     block = trimesh.creation.box()
@@ -164,7 +164,7 @@ def test_below_the_noise_there_is_an_upper_limit():
 
 @pytest.mark.slow
 def test_tables_and_file_are_written(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bench.bench_transport, "REGIONS", 12)
+    monkeypatch.setattr(bench.bench_transport, "N_REGIONS", 12)
     monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))
     plan = replace(NOTHING, methods=SMALL, solids=("ball, 4 mm",), media=("albedos", "skim milk"), photons=500)
     bench.run_plan(plan, tmp_path)
