@@ -20,14 +20,11 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Int32, Ints
 from milkglass.core.geometry.boxes import group_bounds, overlapping_boxes
-from milkglass.core.geometry.mesh import Ints, Mesh, face_cross, half_edges, position_groups, repeats_vertex
+from milkglass.core.geometry.mesh import Mesh, face_cross, half_edges, position_groups, repeats_vertex
 from milkglass.core.geometry.normals import vertex_normals
 from milkglass.core.geometry.rays import RayMesh
-
-Bools = npt.NDArray[np.bool_]
-Int32 = npt.NDArray[np.int32]
 
 TOUCHING_DISTANCE = 2e-5  # of the longest side, inwards from a surface: anything nearer to it touches it
 VOTING_RAYS = 5  # rays that vote on whether a point lies inside

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-Ints = npt.NDArray[np.int64]
+from milkglass.core.arrays import Ints
 
 PAIRS_AT_A_TIME = 1 << 20
 

@@ -11,15 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.mesh import Mesh, face_cross, group_keys
 from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import barycentric
 from milkglass.core.geometry.texture import Texture
 from milkglass.core.threads import computed_once
-
-Int32 = npt.NDArray[np.int32]
 
 FACE_REACH = 1e-4  # of the bounding sphere's radius: how far from a point its face is searched
 MIN_NORMAL_HEIGHT = 1e-3  # smallest component of a normal across its surface

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from skimage.measure import label, marching_cubes
 
-from milkglass.core.arrays import Array
-from milkglass.core.geometry.mesh import Bools, Ints
+from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.geometry.normals import vertex_normals
 
 # (n,) values at, or (3, n) coordinates of, points: float32, which halves the time and is good to 1e-6 of the size.

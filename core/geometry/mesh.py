@@ -10,12 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.threads import computed_once
-
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 

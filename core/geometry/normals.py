@@ -7,8 +7,8 @@ polygonal facets"): the result does not depend on how a flat part is cut into tr
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
-from milkglass.core.geometry.mesh import Bools, Ints, face_cross, half_edges
+from milkglass.core.arrays import Array, Bools, Ints
+from milkglass.core.geometry.mesh import face_cross, half_edges
 
 # Edges whose faces turn by more than this are hard: above a scan's noise and a coarse sphere's facets (up to
 # 42 deg on an icosahedron), below a cube's 90 deg.

@@ -5,11 +5,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from milkglass.core.arrays import Array
-
-Bools = npt.NDArray[np.bool_]
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.floating]
+from milkglass.core.arrays import Array, Bools, Floats, Ints
 
 MAX_HITS = 1024  # of one ray
 

@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Int32
 from milkglass.core.geometry.mesh import Mesh
-
-Ints = npt.NDArray[np.int32]
 
 MAX_FACES = 200_000  # limit of refinement; the mesh itself may have more
 # Corners (0, 1, 2) and middles of the edges from them to the next (3, 4, 5) of the pieces, by which edges are halved.
@@ -53,7 +51,7 @@ class Level:
         Bit mask of the halved edges; empty in the last level.
     """
 
-    faces: Ints
+    faces: Int32
     first: npt.NDArray[np.int64]
     halved: npt.NDArray[np.uint8]
 
@@ -74,10 +72,10 @@ class Refined:
     """
 
     mesh: Mesh
-    sources: Ints
+    sources: Int32
     levels: tuple[Level, ...]
 
-    def locate(self, points: npt.NDArray[np.floating], faces: Ints) -> tuple[Ints, npt.NDArray[np.float32]]:
+    def locate(self, points: npt.NDArray[np.floating], faces: Int32) -> tuple[Int32, npt.NDArray[np.float32]]:
         """Return vertices (n, 3) and weights (n, 3) that interpolate at points (n, 3) on original faces (n,)."""
         current = np.asarray(faces, np.int64)
         # Coordinates by rows: columns of three are several times slower.
@@ -123,7 +121,7 @@ class Refined:
 
 
 def interpolated(
-    corners: Ints, weights: npt.NDArray[np.float32], values: npt.NDArray[np.float32]
+    corners: Int32, weights: npt.NDArray[np.float32], values: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
     """Return values of vertices (m, k) interpolated at n points, (n, k), with what `Refined.locate` returns."""
     # A sparse product takes a third of the time of three lookups.
@@ -160,7 +158,7 @@ def refined(mesh: Mesh, longest: float) -> Refined:
     return Refined(mesh if len(levels) == 1 else Mesh(vertices, normals, faces), sources, tuple(levels))
 
 
-def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np.int64]]:
+def _split(six: Int32, long: npt.NDArray[np.bool_]) -> tuple[Int32, npt.NDArray[np.int64]]:
     """Return the pieces of faces, given by corners and middles (m, 6), cut at long edges (m, 3), and their starts."""
     count = 1 + long.sum(axis=1)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
@@ -172,7 +170,7 @@ def _split(six: Ints, long: npt.NDArray[np.bool_]) -> tuple[Ints, npt.NDArray[np
     return pieces, first
 
 
-def barycentric(vertices: npt.NDArray[np.float32], corners: Ints, points: npt.NDArray[np.floating]) -> Array:
+def barycentric(vertices: npt.NDArray[np.float32], corners: Int32, points: npt.NDArray[np.floating]) -> Array:
     """Return barycentric coordinates (n, 3) of points in the planes of faces, given by their corners (n, 3)."""
     a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))
     normal = np.cross(b - a, c - a)

@@ -12,9 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.geometry.implicit import Coordinates, Primitive, Values, polygonise, smooth_max, smooth_min
-from milkglass.core.geometry.mesh import Ints
 
 SPACING = 1.0 / 110.0
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # the angle between seeds, and between the petals' small differences

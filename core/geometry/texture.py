@@ -7,9 +7,7 @@ have their origin at the lower left, u to the right and v up, and repeat beyond 
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32
-
-Bytes = npt.NDArray[np.uint8]
+from milkglass.core.arrays import Bytes, Float32
 
 COLOUR, NORMAL = "colour", "normal"
 MAX_TEXELS = 1024  # texels along a side of the finest level held as floats: samples are no denser

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.boxes import group_bounds
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.threads import computed_once
-
-Ints = npt.NDArray[np.int64]
 
 BORDER_NODES = 1  # nodes around a crop that repeat its edge: no filter reaches the next crop
 CROP_MULTIPLE = 4  # sizes of crops are multiples of it, so that similar bodies share plans and kernels

@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Bytes, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import barycentric
-from milkglass.core.light.visibility import Bytes, Sight, blocks, direction_set, pattern_directions
+from milkglass.core.light.visibility import Sight, blocks, direction_set, pattern_directions
 
 # Directions over the sphere, half of them above a horizon: DIRECTIONS, more while all rays are at most MIN_RAYS, fewer
 # where they are more than MAX_RAYS. On the dragon, Uffizi: 256 leave 2.8 % rms, 512 2.0, 1024 1.5, 4096 1.3.
@@ -30,8 +30,6 @@ TEST_DIRECTIONS = 64  # over the sphere, for these tests
 COPLANAR = 1e-4  # 1 - cosine between the faces of a vertex up to which they are one plane
 THREADS = 8
 
-Progress = Callable[[float], object]
-
 
 class BakeCancelled(Exception):  # noqa: N818  (not an error)
     """Raised where a bake was cancelled."""
@@ -47,7 +45,9 @@ def directions_for(n: int) -> int:
     return count
 
 
-def bake(mesh: Mesh, progress: Progress = lambda _: None, cancelled: threading.Event | None = None) -> Sight:
+def bake(
+    mesh: Mesh, progress: Callable[[float], object] = lambda _: None, cancelled: threading.Event | None = None
+) -> Sight:
     """Return the directions in which rays from every vertex leave the mesh; cast in a thread for each processor.
 
     A ray above the horizon of the shading normal but below the plane of the adjacent faces, where these are coplanar,

@@ -16,9 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, zoom
 
-from milkglass.core.arrays import Array
-
-Bools = npt.NDArray[np.bool_]
+from milkglass.core.arrays import Array, Bools
 
 # Chosen by 2,162 photogrammetry points of the Buddha's head, by rendered pictures, and by eye: see viewer/README.md.
 RESHAPING = 0.2  # share of the height that follows luminance: 0 leaves the inflated outline

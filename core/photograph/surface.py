@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from milkglass.core.arrays import Array
-from milkglass.core.geometry.mesh import Ints, Mesh, compact
+from milkglass.core.arrays import Array, Bools, Ints
+from milkglass.core.geometry.mesh import Mesh, compact
 from milkglass.core.geometry.normals import vertex_normals
 from milkglass.core.photograph.depth import harmonic
-
-Bools = npt.NDArray[np.bool_]
 
 BLOCK_SQUARES = 4  # squares along a side of a block that the back triangulates coarsely; even
 RIM_COVERAGE = 0.25  # smoothed coverage at the rim, 0.7 nodes beyond the outline, which cuts it

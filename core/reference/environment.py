@@ -6,13 +6,11 @@ It is independent of the bake: other directions, other origins of rays, no spher
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Floats
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.light.maps import resample_latlong
 from milkglass.core.material import fresnel
-
-Floats = npt.NDArray[np.floating]
 
 HEIGHT = 60  # rows to which a probe is averaged: 3,600 rays above each horizon
 LIFT = 1e-4  # height of the origins of rays above their face, in radii of the object

@@ -14,10 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.profiles.base import Profile
-
-Ints = npt.NDArray[np.int64]
 
 MAX_LEVELS = 20  # cells of a millionth of the side
 MAX_LEAF_SOURCES = 8  # nodes with no more sources are not divided

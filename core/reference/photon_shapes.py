@@ -10,13 +10,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
-
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 CLOSED_TOLERANCE = 1e-4  # sum of the area vectors over the area: 0 if closed, even where triangles share no vertices
 RAY_OFFSET = 2e-6  # bounding spheres' radii, 30 steps of float32: rays must not hit their origin, nor start outside
@@ -160,7 +157,7 @@ class Sphere:
         return np.asarray(np.minimum(0.5 * n * (1.0 - normals[2]), n - 1), np.int64)
 
 
-class Solid:
+class ClosedMesh:
     """Solid of a closed mesh with flat faces, of one or several parts that do not overlap, with or without cavities.
 
     Parameters

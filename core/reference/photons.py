@@ -21,13 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import MAX_ETA, MIN_ETA
 from milkglass.core.reference.photon_shapes import Arrivals, Hits, Shape, isotropic
-
-Ints = npt.NDArray[np.int64]
 
 BATCHES = 32  # independent batches of the photons, for the standard error
 POOL_SIZE = 1 << 14  # photons in flight at a time, which the caches hold

@@ -9,11 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
-
-Ints = npt.NDArray[np.int64]
 
 FACES_ACROSS_REGION = 4.0  # at least: clusters of faces are then about round
 SAMPLES_ACROSS_REGION = 8.0

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Bools
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.library import Material
-from milkglass.core.reference.photon_shapes import Solid
+from milkglass.core.reference.photon_shapes import ClosedMesh
 from milkglass.core.reference.photons import BATCHES, walk
 from milkglass.core.reference.regions import Regions, find_regions
-
-Bools = npt.NDArray[np.bool_]
 
 N_REGIONS = 300
 N_PHOTONS = 1_000_000  # for each light and sigma_t': 7 to 20 s and a noise of 2 to 6 % a region on 20 mm of marble
@@ -115,7 +113,7 @@ def photon_reference(
         If the mesh is not closed, or a channel is nearly clear.
     """
     regions = find_regions(mesh, n_regions)
-    solid = Solid(regions.mesh, regions.of_face)
+    solid = ClosedMesh(regions.mesh, regions.of_face)
     batches, entered = np.zeros((BATCHES, len(regions.areas), 3)), np.zeros((len(regions.areas), 3))
     walks = [(light, float(sigma)) for light in lights for sigma in np.unique(material.sigma_t_prime) if sigma > 0.0]
     lost = 0.0

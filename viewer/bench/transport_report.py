@@ -17,7 +17,7 @@ from milkglass.viewer.bench.transport import ALBEDOS, ALL, FINER, LIGHT, LIGHTS,
 Text = Callable[[TransportRow, int], str]  # text of a channel
 Value = Callable[[TransportRow, int], float]
 Worst = Callable[[TransportRow], int]  # channel
-Key = tuple[str, str, int | None]  # shape, material, channel; None: the worst
+TableLine = tuple[str, str, int | None]  # shape, material, channel; None: the worst
 
 
 def report_transport(report: BenchReport, rows: Sequence[TransportRow]) -> None:
@@ -113,7 +113,7 @@ def _largest_dark(row: TransportRow) -> int:
 
 
 def _means(
-    rows: Sequence[TransportRow], keys: Sequence[Key], schemes: Sequence[Scheme], solved: Sequence[Scheme]
+    rows: Sequence[TransportRow], keys: Sequence[TableLine], schemes: Sequence[Scheme], solved: Sequence[Scheme]
 ) -> list[list[str]]:
     """Return the last lines of the first table: means over the shapes in the fit, and over held-out shapes."""
     lines = []
@@ -128,7 +128,7 @@ def _means(
 
 
 def _mean(
-    rows: Sequence[TransportRow], scheme: Scheme, keys: Sequence[Key], value: Value, worst: Worst, digits: int = 1
+    rows: Sequence[TransportRow], scheme: Scheme, keys: Sequence[TableLine], value: Value, worst: Worst, digits: int = 1
 ) -> str:
     """Return the mean over lines, in per cent, of each light."""
     values = [
@@ -137,23 +137,23 @@ def _mean(
     return " / ".join(f"{100.0 * mean:.{digits}f}" for mean in np.nanmean(values, axis=0))
 
 
-def _keys(rows: Sequence[TransportRow]) -> list[Key]:
+def _keys(rows: Sequence[TransportRow]) -> list[TableLine]:
     """Return the lines of the tables: the worst channel of a material, and each of the albedos."""
     pairs = dict.fromkeys((r.shape, r.material) for r in rows)
     return [(*pair, channel) for pair in pairs for channel in (range(3) if pair[1] == ALBEDOS.name else (None,))]
 
 
-def _name(key: Key) -> str:
+def _name(key: TableLine) -> str:
     shape, material, channel = key
     return f"{shape}; {material if channel is None else f'albedo {ALBEDOS.alpha_prime[channel]:g}'}"
 
 
-def _cell(rows: Sequence[TransportRow], scheme: Scheme, key: Key, text: Text, worst: Worst) -> str:
+def _cell(rows: Sequence[TransportRow], scheme: Scheme, key: TableLine, text: Text, worst: Worst) -> str:
     values = _of_lights(rows, scheme, key)
     return " / ".join(text(row, worst(row) if key[2] is None else key[2]) for row in values)
 
 
-def _of_lights(rows: Sequence[TransportRow], scheme: Scheme, key: Key) -> list[TransportRow]:
+def _of_lights(rows: Sequence[TransportRow], scheme: Scheme, key: TableLine) -> list[TransportRow]:
     values = {r.light: r for r in rows if (r.scheme, r.shape, r.material) == (scheme, *key[:2])}
     return [values[light] for light in LIGHTS if light in values]
 

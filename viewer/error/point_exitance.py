@@ -7,9 +7,8 @@ import copy
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Bools
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
@@ -18,7 +17,6 @@ from milkglass.core.transport.base import LightAtPoints, Scattered
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
 
-Bools = npt.NDArray[np.bool_]
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
 
 

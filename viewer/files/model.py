@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.errors import InputError
-from milkglass.core.geometry.mesh import Ints, Mesh, check_size, compact, place_in_world, up_rotation
+from milkglass.core.geometry.mesh import Mesh, check_size, compact, place_in_world, up_rotation
 from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.sculpture import sculpture
 from milkglass.viewer.files.model_condition import all_degenerate, condition

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import (
     Flaws,
-    Ints,
     Mesh,
     compact,
     find_flaws,

@@ -15,15 +15,14 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.detail import MeshDetail, TextureSet
-from milkglass.core.geometry.mesh import Ints, Mesh
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
 
-Int32 = npt.NDArray[np.int32]
 Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
 
 MAX_TEXELS = 8192  # texels a side; larger textures of a file are averaged to fit
@@ -32,7 +31,7 @@ TROUBLES = ("image", "materials", "texture")  # words of what trimesh logs where
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class MaterialLook:
     """One material of a file: a factor, linear RGB, and pictures of Pillow that are not decoded yet."""
 
     factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -51,7 +50,7 @@ class Look:
     coordinates, colours : (k, 2) and (k, 3) float32
     material : (m,) int32
         Of each face.
-    materials : tuple of Material
+    materials : tuple of MaterialLook
     mapped : bool
         Whether there are texture coordinates.
     """
@@ -60,7 +59,7 @@ class Look:
     coordinates: Float32
     colours: Float32
     material: Int32
-    materials: tuple[Material, ...]
+    materials: tuple[MaterialLook, ...]
     mapped: bool
 
     @computed_once
@@ -81,7 +80,7 @@ class LookParts:
     def __init__(self, suffix: str) -> None:
         self._linear = suffix in LINEAR_SUFFIXES
         self._tables: list[Table] = []
-        self._materials: list[Material] = []
+        self._materials: list[MaterialLook] = []
         self._starts = [0]
         self._mapped = False
 
@@ -108,7 +107,7 @@ class LookParts:
             return None
         materials = tuple(self._materials)
         if plain and not pictures:  # a single colour
-            materials, colours = tuple(Material() for _ in materials), np.ones_like(colours)
+            materials, colours = tuple(MaterialLook() for _ in materials), np.ones_like(colours)
         return Look(rows.astype(np.int32), coordinates, colours, part.astype(np.int32), materials, self._mapped)
 
     def _table(self, part: trimesh.Trimesh, faces: Ints) -> tuple[Table, Ints]:
@@ -201,7 +200,7 @@ def texture_troubles() -> Iterator[list[str]]:
         logger.level, logger.propagate = before
 
 
-def _material(given: Any) -> Material:
+def _material(given: Any) -> MaterialLook:
     """Return a material of trimesh as factor and pictures."""
     parts = getattr(given, "materials", None)  # of several, the first
     given = parts[0] if parts else given
@@ -213,9 +212,9 @@ def _material(given: Any) -> Material:
         factor = (getattr(given, "kwargs", None) or {}).get("kd")
     normal = getattr(given, "normalTexture", None)
     if factor is None or np.shape(factor) != (3,):
-        return Material(colour=colour, normal=normal)
+        return MaterialLook(colour=colour, normal=normal)
     red, green, blue = np.clip(np.asarray(factor, np.float64), 0.0, 1.0).tolist()
-    return Material((red, green, blue), colour, normal)
+    return MaterialLook((red, green, blue), colour, normal)
 
 
 def _texture_corners(part: trimesh.Trimesh, faces: int) -> Float32 | None:

@@ -9,7 +9,7 @@ import trimesh
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material import fresnel
-from milkglass.core.reference.photon_shapes import Slab, Solid, Sphere, isotropic
+from milkglass.core.reference.photon_shapes import ClosedMesh, Slab, Sphere, isotropic
 from milkglass.core.reference.photons import BATCHES, Tally, walk
 from tests.support.shapes import ball, cube, plate, torus_knot
 from tests.support.solids import block, mesh_of, sheet
@@ -161,7 +161,7 @@ def z_of(one: Tally, other: Tally) -> np.ndarray:
 @pytest.mark.parametrize("direction", [UP, None])
 def test_ball_of_triangles_glows_like_the_sphere(direction) -> None:
     mesh = ball(10.0, subdivisions=5)
-    of_mesh = walk(Solid(mesh, zones(mesh)), 1.0, [0.9, 0.99], 1.3, direction, 40_000)
+    of_mesh = walk(ClosedMesh(mesh, zones(mesh)), 1.0, [0.9, 0.99], 1.3, direction, 40_000)
     of_sphere = walk(Sphere(5.0), 1.0, [0.9, 0.99], 1.3, direction, 40_000, seed=1)
     assert of_mesh.lost < 1e-3
     assert of_mesh.entered.sum() == pytest.approx(of_sphere.entered.sum(), rel=0.01)
@@ -174,7 +174,7 @@ def test_wide_plate_is_a_slab() -> None:
     centre = mesh.vertices[mesh.faces].mean(axis=1)
     middle = (np.abs(centre[:, :2]) < 160.0).all(axis=1)
     bins = np.where(middle, np.where(centre[:, 2] < 0.0, 0, 1), 2)
-    of_mesh = walk(Solid(mesh, bins), 1.0, [0.99], 1.5, DOWN, 60_000)
+    of_mesh = walk(ClosedMesh(mesh, bins), 1.0, [0.99], 1.5, DOWN, 60_000)
     of_slab = walk(Slab(2.0), 1.0, [0.99], 1.5, DOWN, 60_000, seed=1)
     assert of_mesh.lost < 1e-3
     error = np.hypot(of_mesh.standard_error[:2], of_slab.standard_error)
@@ -184,7 +184,7 @@ def test_wide_plate_is_a_slab() -> None:
 @pytest.mark.parametrize("shape", [cube, torus_knot])
 def test_nothing_is_lost_in_meshes(shape) -> None:
     """Sharp edges, thin and long; without absorption all that enters must leave."""
-    tally = walk(Solid(shape()), 2.0, [1.0], 1.5, (0.3, 0.4, 1.0), 20_000)
+    tally = walk(ClosedMesh(shape()), 2.0, [1.0], 1.5, (0.3, 0.4, 1.0), 20_000)
     left = (tally.scattered[..., 0] + tally.ballistic).sum(axis=1)
     assert tally.lost < 1e-3
     assert left.mean() == pytest.approx(tally.entered.sum(), abs=4.0 * left.std(ddof=1) / np.sqrt(BATCHES))
@@ -194,7 +194,7 @@ def test_what_lies_in_shadow_gets_no_light() -> None:
     """A block before another: the light that enters is that of the front, and all the hidden one sends out is none."""
     mesh = mesh_of(block((4.0, 4.0, 1.0), (0.0, 0.0, 3.0)), block((2.0, 2.0, 1.0), (0.0, 0.0, -3.0)))
     behind = mesh.vertices[mesh.faces].mean(axis=1)[:, 2] < 0.0
-    tally = walk(Solid(mesh, behind.astype(int)), 1.0, [0.9], 1.3, UP, 10_000)
+    tally = walk(ClosedMesh(mesh, behind.astype(int)), 1.0, [0.9], 1.3, UP, 10_000)
     assert tally.entered[0] == pytest.approx(16.0 * fresnel.transmittance(1.3, 1.0), rel=0.05)
     assert tally.entered[1] == 0.0
     assert not tally.scattered[:, 1].any()
@@ -233,7 +233,7 @@ def test_progress_rises_to_one_and_may_stop_the_walk() -> None:
         ({"direction": (0.0, np.inf, 0.0)}, "direction"),
         ({"n_photons": 0}, "photons"),
         ({"shape": Slab(1.0), "direction": UP}, "z < 0"),
-        ({"shape": Solid(cube()), "sigma_t_prime": 1e3}, "skin"),
+        ({"shape": ClosedMesh(cube()), "sigma_t_prime": 1e3}, "skin"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, problem) -> None:
@@ -254,7 +254,7 @@ def test_open_and_inverted_meshes_are_refused() -> None:
     inverted.invert()
     for mesh in (mesh_of(sheet(0.0)), mesh_of(inverted)):
         with pytest.raises(InputError, match="closed"):
-            Solid(mesh)
+            ClosedMesh(mesh)
 
 
 def test_holes_that_cancel_are_found_by_the_light_they_lose() -> None:
@@ -262,4 +262,4 @@ def test_holes_that_cancel_are_found_by_the_light_they_lose() -> None:
     across = np.abs(box.normals[box.faces[:, 0], 0]) > 0.5
     tube = Mesh(box.vertices, box.normals, box.faces[~across])
     with pytest.raises(InputError, match="holes"):
-        walk(Solid(tube), 0.5, [0.9], 1.3, UP, 2_000)
+        walk(ClosedMesh(tube), 0.5, [0.9], 1.3, UP, 2_000)

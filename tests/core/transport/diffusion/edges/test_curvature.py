@@ -6,7 +6,7 @@ import trimesh
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.medium import Medium
-from milkglass.core.reference.photon_shapes import Solid
+from milkglass.core.reference.photon_shapes import ClosedMesh
 from milkglass.core.reference.photons import walk
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.edges.curvature import curvature
@@ -96,7 +96,7 @@ def test_light_around_a_cavity_against_photons():
     """A shell of 3 mean free paths, lit from all around: with a flat surface's A its cavity is 5 to 7 % too bright."""
     mesh, albedos = shell(10.0, 7.0), (0.97, 0.99, 0.999)
     each = np.repeat([0, 1], len(mesh.faces) // 2)
-    found = walk(Solid(mesh, each), 1.0, albedos, 1.3, None, 60_000, seed=1)
+    found = walk(ClosedMesh(mesh, each), 1.0, albedos, 1.3, None, 60_000, seed=1)
     truth = found.exitance / (found.entered[0] / found.areas[0])
     samples = samples_of(mesh)
     flux = samples.areas * (np.linalg.norm(samples.points, axis=1) > 8.5)
