@@ -180,7 +180,7 @@ class _Components:
 
 
 def _components(faces: Ints, proper: Ints, n: int) -> tuple[Ints, int]:
-    """Connected component of each face (m, 3) of n vertices; how many hold a `proper` face, with three corners."""
+    """Return the component of each face (m, 3) of n vertices, and the number of those with a `proper` face."""
     n_connected, of_vertex = _connected(faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel(), n)
     used = np.unique(of_vertex[faces[proper, 0]])
     number = np.zeros(n_connected, np.int64)

@@ -93,13 +93,13 @@ def _leaning(distance: Callable[[Coordinates], Values]) -> Callable[[Coordinates
 
 
 def _scaled(factor: float, distance: Values) -> Values:
-    """Shorten distances that were measured in stretched space, so that none is too large."""
+    """Return distances measured in stretched space, times a factor that makes none too large."""
     shorter: Values = np.float32(factor) * distance
     return shorter
 
 
 def _foot(p: Coordinates) -> Values:
-    """Turned foot: a rounded disc that rises to the lantern."""
+    """Return distances to the turned foot: a rounded disc that rises to the lantern."""
     r, y = np.hypot(p[0], p[2]), p[1]
     disc = smooth_max(r - 0.245, np.abs(y + 0.50) - 0.03, 0.03)
     cone = (r - 0.085 - 1.2 * np.maximum(-0.39 - y, 0.0)) / 1.5
@@ -107,7 +107,7 @@ def _foot(p: Coordinates) -> Values:
 
 
 def _lantern(p: Coordinates) -> Values:
-    """Hollow onion woven of two families of strands at 45 degrees, whole at its poles."""
+    """Return distances to a hollow onion woven of two families of strands at 45 degrees, whole at its poles."""
     x, y, z = p[0], (p[1] + 0.315) / 0.85, p[2]
     height = np.sqrt(x * x + y * y + z * z) - LANTERN_RADIUS
     # In Mercator's map, longitude against atanh(sin latitude), such strands are straight and evenly spaced.
@@ -122,28 +122,28 @@ def _lantern(p: Coordinates) -> Values:
 
 
 def _pearl(p: Coordinates) -> Values:
-    """Pearl on a post inside the lantern."""
+    """Return distances to a pearl on a post inside the lantern."""
     r, y = np.hypot(p[0], p[2]), p[1] + 0.315
     post = smooth_max(r - 0.024, np.abs(y) - 0.135, 0.01)
     return smooth_min(np.hypot(r, y) - 0.078, post, 0.02)
 
 
 def _neck(p: Coordinates) -> Values:
-    """Collared stem from the lantern to the bloom."""
+    """Return distances to the collared stem from the lantern to the bloom."""
     r, y = np.hypot(p[0], p[2]), p[1]
     stem = smooth_max(r - 0.05, np.abs(y + 0.13) - 0.07, 0.02)
     return smooth_min(stem, np.hypot(r - 0.062, y + 0.148) - 0.02, 0.012)
 
 
 def _beads(p: Coordinates) -> Values:
-    """Ring of beads on the foot."""
+    """Return distances to a ring of beads on the foot."""
     x, z = _first_sector(p, 30)
     bead: Values = np.sqrt((x - 0.222) ** 2 + z * z + (p[1] + 0.466) ** 2) - 0.0195
     return bead
 
 
 def _first_sector(p: Coordinates, count: int) -> tuple[Values, Values]:
-    """Turn every point about y by a multiple of 360 / count degrees to the sector about +x: x and z."""
+    """Return x and z of points turned about y by a multiple of 360 / count degrees into the sector about +x."""
     angle = _to_sector(np.arctan2(p[2], p[0]), count)
     r = np.hypot(p[0], p[2])
     return r * np.cos(angle), r * np.sin(angle)
@@ -156,12 +156,12 @@ def _to_sector(angle: Values, count: int) -> Values:
 
 
 def _receptacle(p: Coordinates) -> Values:
-    """The thick cup that carries the petals."""
+    """Return distances to the thick cup that carries the petals."""
     return _scaled(0.8, np.sqrt(p[0] ** 2 + ((p[1] - 0.03) / 0.8) ** 2 + p[2] ** 2) - 0.10)
 
 
 def _seed_head(p: Coordinates) -> Values:
-    """Solid head with seeds along a golden spiral."""
+    """Return distances to a solid head with seeds along a golden spiral."""
     q = np.stack([p[0], (p[1] - 0.15) / 1.25, p[2]])
     squared = (q * q).sum(axis=0)
     i = np.arange(55) + 0.5
@@ -175,7 +175,7 @@ def _seed_head(p: Coordinates) -> Values:
 
 
 def _stamens(p: Coordinates) -> Values:
-    """Filaments that end in beads, around the seed head."""
+    """Return distances to filaments that end in beads, around the seed head."""
     x, z = _first_sector(p, 18)
     x0, y0, x1, y1 = 0.08, 0.04, 0.185, 0.245
     dx, dy = x1 - x0, y1 - y0
@@ -187,7 +187,7 @@ def _stamens(p: Coordinates) -> Values:
 
 
 def _petal(ring: Ring, index: int, p: Coordinates) -> Values:
-    """Thin curled sheet; `_along` gives the place along its spine and the height above it."""
+    """Return distances to a petal, a thin curled sheet along its spine, see `_along`."""
     chance = math.modf(0.5 + index * 0.618034)[0] - 0.5  # -0.5 .. 0.5, evenly spread
     azimuth = math.radians(ring.phase + 360.0 * (index + 0.15 * chance) / ring.count)
     c, s = math.cos(azimuth), math.sin(azimuth)
@@ -211,13 +211,13 @@ def _petal(ring: Ring, index: int, p: Coordinates) -> Values:
 
 
 def _sheet(height: Values, edge: Values, half: Values | float) -> Values:
-    """Sheet of half thickness `half` with a round rim, from distances to its middle and past its outline."""
+    """Return distances to a sheet of half thickness `half` with a round rim, by height and distance past the edge."""
     sheet: Values = np.hypot(height, np.maximum(edge + half, 0.0)) - half
     return sheet
 
 
 def _along(ring: Ring, heading_deg: float, x: Values, y: Values) -> tuple[Values, Values, Values]:
-    """Place along a petal's spine (0 at its foot, 1 at its tip), height above it, distance beyond its tip."""
+    """Return the position along a petal's spine (0 at its foot, 1 at its tip), height above it, distance past it."""
     (r1, a1), (r2, a2) = ((r, math.radians(a)) for r, a in ring.arcs)
     length = r1 * abs(a1) + r2 * abs(a2)
     heading = math.radians(heading_deg)
@@ -231,7 +231,7 @@ def _along(ring: Ring, heading_deg: float, x: Values, y: Values) -> tuple[Values
 
 
 def _arc_centre(start: tuple[float, float], heading: float, radius: float) -> tuple[float, float]:
-    """Centre of an arc; a negative radius puts it on the right side."""
+    """Return the centre of an arc, on its right side for a negative radius."""
     return start[0] - radius * math.sin(heading), start[1] + radius * math.cos(heading)
 
 
@@ -243,7 +243,7 @@ def _arc_end(start: tuple[float, float], heading: float, radius: float, sweep: f
 def _arc(
     x: Values, y: Values, start: tuple[float, float], heading: float, radius: float, sweep: float
 ) -> tuple[Values, Values]:
-    """Length along an arc from its start, and height on its left side."""
+    """Return the length along an arc from its start, and the height on its left side."""
     side = math.copysign(1.0, sweep)
     centre = _arc_centre(start, heading, side * radius)
     dx, dy = x - centre[0], y - centre[1]

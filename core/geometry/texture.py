@@ -70,7 +70,7 @@ class Texture:
         return found
 
     def _finest(self, power: float) -> Float32:
-        """Decode, and average so that no side exceeds `LARGEST`; by bands, since floats take much memory."""
+        """Return the finest level, averaged so that no side exceeds `MAX_TEXELS`; by bands, to save memory."""
         table = _decoding(self.kind) ** np.float32(power) if self.kind == COLOUR else _decoding(self.kind)
         height, width = self.pixels.shape[:2]
         step = max(1, max(height, width) // (2 * MAX_TEXELS))  # two texels a side make a mean; more would be slow

@@ -36,7 +36,7 @@ def preset(name: str, height: int = HEIGHT) -> Radiance:
 
 
 def _studio(directions: Array, d_omega: Array) -> Array:
-    """A key light from the left, a broad weak fill from the right, a rim light from behind, in a dark room."""
+    """Return a dark room with a key light from the left, a broad weak fill from the right, a rim light from behind."""
     panel = partial(_panel, directions, d_omega)
     return (
         _gradient(directions, (0.008, 0.008, 0.009), (0.03, 0.03, 0.033))
@@ -47,7 +47,7 @@ def _studio(directions: Array, d_omega: Array) -> Array:
 
 
 def _backlight(directions: Array, d_omega: Array) -> Array:
-    """A low warm sun in mist behind the object, a cool rim light opposite, almost nothing in front."""
+    """Return a low warm sun in mist behind the object, a cool rim light opposite, almost nothing in front."""
     panel = partial(_panel, directions, d_omega)
     return (
         _gradient(directions, (0.008, 0.009, 0.012), (0.02, 0.024, 0.034))
@@ -58,7 +58,7 @@ def _backlight(directions: Array, d_omega: Array) -> Array:
 
 
 def _window(directions: Array, d_omega: Array) -> Array:
-    """Two tall windows on the left, a little behind the object, in a room with warm walls and a wooden floor."""
+    """Return two tall windows on the left, a little behind the object, in a room with warm walls and a wooden floor."""
     panel = partial(_panel, directions, d_omega)
     return np.asarray(
         _gradient(directions, (0.05, 0.04, 0.03), (0.07, 0.066, 0.06))
@@ -69,7 +69,7 @@ def _window(directions: Array, d_omega: Array) -> Array:
 
 
 def _overcast(directions: Array, d_omega: Array) -> Array:
-    """The sky of the International Commission on Illumination, L = L_z (1 + 2 sin elevation) / 3, over grey ground."""
+    """Return the CIE overcast sky, L = L_z (1 + 2 sin elevation) / 3, over grey ground."""
     sine = directions[..., 1]
     sky = np.maximum(1.0 + 2.0 * sine, 1.0) / 3.0
     horizontal = np.pi * 7.0 / 9.0  # irradiance of that sky on the ground, over L_z

@@ -104,7 +104,7 @@ def _saturated(flux: Float32, weight: Float32) -> tuple[Float32, Float32]:
 
 
 def _halved(values: Float32) -> Float32:
-    """Sums of two by two."""
+    """Return sums over blocks of two by two."""
     h, w = values.shape[:2]
     if h % 2 or w % 2:
         values = np.pad(values, ((0, h % 2), (0, w % 2), (0, 0)))
