@@ -7,7 +7,7 @@ from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import Occluder, direct_exitance
-from milkglass.core.reference.hierarchical import LEAF, build_tree, hierarchical_exitance, tree_exitance
+from milkglass.core.reference.hierarchical import MAX_LEAF_SOURCES, build_tree, hierarchical_exitance, tree_exitance
 from tests.support.rendering import BACK, FRONT, relative_rms
 from tests.support.shapes import ball, plate, torus_knot
 
@@ -110,5 +110,5 @@ def test_children_share_out_what_their_parent_holds(lit):
         assert tree.n_sources[children].sum() == tree.n_sources[node]
         assert tree.first_source[children][0] == tree.first_source[node]
     leaves = tree.n_children == 0
-    assert tree.n_sources[leaves].max() <= LEAF
+    assert tree.n_sources[leaves].max() <= MAX_LEAF_SOURCES
     assert tree.n_sources[leaves].sum() == len(tree.sources)

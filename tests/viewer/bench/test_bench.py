@@ -199,7 +199,7 @@ def test_the_sky_lights_by_normals_and_not_the_ground_side():
     np.testing.assert_allclose(found[few], expected, rtol=0.01)
     up = samples.normals[:, 1]
     assert found[up > 0.9].mean() > 3.0 * found[up < -0.9].mean()
-    thickness, other_side = sky.across(Target.of(mesh, 1).rays, samples, 1.3, 1.0)
+    thickness, other_side = sky.far_irradiance(Target.of(mesh, 1).rays, samples, 1.3, 1.0)
     assert not thickness.any()
     assert not other_side.any()
 
@@ -290,7 +290,7 @@ def test_light_across_a_plate_has_its_thickness_and_the_irradiance_of_the_other_
     inner = np.abs(target.points.points[:, :2]).max(axis=1) < 8.5
     front = (target.points.normals[:, 2] > 0.5) & inner
     assert front.sum() > 15
-    thickness, other_side = light.across(target.rays, target.points, 1.5, reach)
+    thickness, other_side = light.far_irradiance(target.rays, target.points, 1.5, reach)
     np.testing.assert_allclose(thickness[front], 1.0, rtol=1e-4)
     sources = surface_samples(target.mesh, 0.6)
     lit = light.irradiance(target.occluder, sources, 1.5)[sources.normals[:, 2] < -0.5]
@@ -300,7 +300,7 @@ def test_light_across_a_plate_has_its_thickness_and_the_irradiance_of_the_other_
 def test_the_far_side_of_a_ball_is_no_sheet():
     """At the edge of the light both sides are close, but not parallel."""
     target = Target.of(ball(subdivisions=4), 200)
-    _, other_side = Directional("behind", (0.2, 0.1, -1.0)).across(target.rays, target.points, 1.5, 4.0)
+    _, other_side = Directional("behind", (0.2, 0.1, -1.0)).far_irradiance(target.rays, target.points, 1.5, 4.0)
     assert other_side.max() < 0.01
 
 

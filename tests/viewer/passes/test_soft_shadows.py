@@ -9,7 +9,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
-from milkglass.core.reference.sources import Sources
+from milkglass.core.reference.sources import SourcePieces
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.error.report import obstacle
 from milkglass.viewer.error.visible import Illumination
@@ -193,7 +193,7 @@ def test_the_highlight_of_a_disc_is_whole_and_smooth(renderer_of, model, shinine
 def test_reports_cast_rays_to_all_of_a_light(renderer_of, shapes, name):
     """What the error of a picture is measured against has the light that pictures have."""
     places = Places(shapes["knot"], 300)
-    sources = Sources(places.points, places.normals, places.face_normals, np.ones(300))
+    sources = SourcePieces(places.points, places.normals, places.face_normals, np.ones(300))
     expected = area_lights.irradiance(shapes["knot"], places, SIZED[name], ETA)
     found = Illumination.of((SIZED[name],), ETA).irradiance(Occluder(shapes["knot"]), sources, ETA)
     assert np.abs(found[:, 0] - expected).mean() < 0.02 * expected.mean()
