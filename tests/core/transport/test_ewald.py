@@ -65,7 +65,7 @@ def test_window_has_unit_integral_and_no_low_moments():
     w = ewald.window(t, S)
     moments = [np.trapezoid(w * (t / S) ** n, t) for n in range(6)]
     np.testing.assert_allclose(moments, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-12)
-    assert abs(ewald.window(ewald.REACH * S, S)) < 1e-10 * ewald.window(0.0, S)
+    assert abs(ewald.window(ewald.WINDOW_WIDTHS * S, S)) < 1e-10 * ewald.window(0.0, S)
 
 
 def test_window_is_flat_in_fourier_space():
