@@ -77,6 +77,11 @@ class Live:
         self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
 
     @property
+    def lit(self) -> LitScene | None:
+        """The lighting of the scene last drawn, of a draft perhaps; None before there is any."""
+        return self._lit
+
+    @property
     def loading(self) -> bool:
         """Whether files are being read or sampled."""
         return self._load is not None

@@ -155,7 +155,7 @@ def test_old_volume_keeps_the_picture_alive_until_the_new_one_is_there(driver, m
         assert driver.view.picture is not None
     gate.set()
     driver.settle()
-    assert live.finished.lit.profiles == live._lit.profiles
+    assert live.finished.lit.profiles == live.lit.profiles
     assert np.abs(driver.picture().astype(int) - headless_picture(driver.session.scene, PICTURE)).max() <= 1
 
 
@@ -184,7 +184,7 @@ def test_an_unforeseen_error_is_shown_and_the_window_goes_on(driver, monkeypatch
     assert driver.app.messages == ["the driver has a bad day"]
     driver.session.edit("material", name="ketchup")
     driver.settle()
-    assert driver.view.live.is_settled(driver.view._sized(driver.session.scene))
+    assert driver.view.live.is_settled(driver.view.shown)
 
 
 def test_file_deleted_while_open_does_not_matter(driver, model, tmp_path):
@@ -206,7 +206,7 @@ def test_moved_slider_is_drawn_with_fewer_texels_and_settles_to_all(driver):
     live = driver.view.live
     live._cost = (5.0, 256, 24)  # as if transport were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
-    drafts = live._lit.quality.resolution
+    drafts = live.lit.quality.resolution
     driver.settle()
     assert drafts < 256
     assert live.finished.lit.quality.resolution == 256

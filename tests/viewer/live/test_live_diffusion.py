@@ -63,7 +63,7 @@ class Steps:
     """Holds a solution between its steps until it may go on, and keeps all residuals that were reached."""
 
     def __init__(self, monkeypatch, live) -> None:
-        monkeypatch.setattr(diffusion, "ROUND", 1)  # of two products one round would often be all
+        monkeypatch.setattr(diffusion, "ROUND_PRODUCTS", 1)  # of two products one round would often be all
         self._live, self.gate = live, threading.Semaphore(0)
         self.residuals: list[float] = []
         scatter = live.renderer.scatter
@@ -144,7 +144,7 @@ def test_newer_light_ends_a_solution_that_may_be_seen_and_it_is_no_rest(driver, 
     turn_light(driver, -1.0, 0.3, -0.5)
     driver.frames(2)
     steps.wait()
-    first, learnt = live._lit, live._cost
+    first, learnt = live.lit, live._cost
     turn_light(driver, 1.0, 0.3, -0.5)
     driver.frames(2)
     while live._job is not None and live._job._lit is first:
@@ -157,7 +157,7 @@ def test_newer_light_ends_a_solution_that_may_be_seen_and_it_is_no_rest(driver, 
     assert not live.finished.complete
     assert TOLERANCE < max(live.finished.scattered.residuals) <= PRESENTABLE
     assert live._cost == learnt  # from solutions that were carried through alone
-    assert not live.is_settled(driver.view._sized(driver.session.scene))
+    assert not live.is_settled(driver.view.shown)
     steps.end()
     assert is_as_rendered(driver)
     assert live._cost != learnt
@@ -252,7 +252,7 @@ def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(dr
     kept = live.finished.scattered.boundary
     live._cost = (20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
-    assert live._lit.quality.resolution < 64
+    assert live.lit.quality.resolution < 64
     driver.settle()
     assert live.finished.scattered.boundary is kept
     assert is_as_rendered(driver)
@@ -349,14 +349,14 @@ def test_the_split_view_compares_two_methods(driver):
 
 
 def test_light_that_comes_back_in_a_drag_is_solved_after_all(driver, monkeypatch):
-    live, scene = driver.view.live, driver.view._sized(driver.session.scene)
+    live, scene = driver.view.live, driver.view.shown
     steps = Steps(monkeypatch, live)
     moved, further = (apply_set(scene, [*OWN[::2], f"material.sigma_a=[{x},0.2,0.3]"]) for x in (0.5, 0.9))
     live.draw(moved, Detail(draft=True))
     steps.wait()
-    lit = live._lit
+    lit = live.lit
     live.draw(further, Detail(draft=True))
-    assert live._lit is lit  # the worker has the processor
+    assert live.lit is lit  # the worker has the processor
     steps.end()
     live.wait()
     live.draw(moved, Detail(draft=True))

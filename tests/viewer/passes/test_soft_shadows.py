@@ -263,16 +263,16 @@ def test_while_a_light_is_dragged_it_has_few_sub_lights(driver):
     live, session = driver.view.live, driver.session
     session.edit_lights([SphereLight((100.0, 120.0, 150.0), radius_mm=60.0)])
     driver.settle()
-    whole = len(live._lit.sources[0].shadow.lights)
+    whole = len(live.lit.sources[0].shadow.lights)
     scene = session.scene
     moved = replace(scene, lights=(replace(scene.lights[0], position_mm=(90.0, 120.0, 150.0)),))
     live.renderer.stages.begin()  # with no allowance: all at once
     live._light(apply_set(moved, []), Detail(draft=True))
-    assert len(live._lit.sources[0].shadow.lights) < whole
+    assert len(live.lit.sources[0].shadow.lights) < whole
     live._light(moved, Detail(draft=False))
-    assert len(live._lit.sources[0].shadow.lights) == whole
+    assert len(live.lit.sources[0].shadow.lights) == whole
     live._light(apply_set(moved, ["material.name=ketchup"]), Detail(draft=True))
-    assert len(live._lit.sources[0].shadow.lights) == whole  # a material leaves shadows alone
+    assert len(live.lit.sources[0].shadow.lights) == whole  # a material leaves shadows alone
 
 
 def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkeypatch):
@@ -306,9 +306,9 @@ def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkey
     for _ in range(3):
         frame()
     assert live.working
-    assert len(live._lit.sources[0].shadow.lights) == few  # meanwhile a draft is up
+    assert len(live.lit.sources[0].shadow.lights) == few  # meanwhile a draft is up
     session.edit_lights([second])
-    while not drawn or len(live._lit.sources[0].shadow.lights) != whole or live._lit_for[2]:
+    while not drawn or len(live.lit.sources[0].shadow.lights) != whole or live._lit_for[2]:
         frame()
         assert len(drawn) < 60
     driver.settle()

@@ -68,10 +68,10 @@ def close_to(picture: np.ndarray, other: np.ndarray) -> bool:
     return bool(difference.max() <= 12 and (difference > 3).mean() < 0.01)
 
 
-def test_the_window_shows_what_edit_writes(window) -> None:
+def test_the_window_shows_what_edit_writes(window, context) -> None:
     shown = window()
     work, picture = work_of(shown), shown.picture()
-    written = edit(work.photo, SCENE, shown._context, samples=4, parts=False)
+    written = edit(work.photo, SCENE, context, samples=4, parts=False)
     assert close_to(picture, Compositor(written).picture())
     still, _ = shown.view.subject.still(shown.view.live)
     assert close_to(picture, still)
@@ -85,13 +85,13 @@ def test_the_window_shows_what_edit_writes(window) -> None:
     assert not alone[work.photo.mask == 0][:20].any()
 
 
-def test_steep_parts_are_filled_without_steps(window) -> None:
+def test_steep_parts_are_filled_without_steps(window, context) -> None:
     """Of a ball read four times as deep most is too steep to be trusted."""
     deep = replace(SCENE, photo=replace(SCENE.photo, depth_strength=4.0))
     shown = window(deep)
     picture = shown.picture().astype(int)
     work = work_of(shown)
-    written = Compositor(edit(work.photo, deep, shown._context, samples=4, parts=False)).picture().astype(int)
+    written = Compositor(edit(work.photo, deep, context, samples=4, parts=False)).picture().astype(int)
     inside = work.photo.coverage(Region(0, 0, *work.photo.size)) == 1.0
     for axis in (0, 1):
         pairs = np.minimum(inside, np.roll(inside, -1, axis)).astype(bool)
@@ -100,12 +100,12 @@ def test_steep_parts_are_filled_without_steps(window) -> None:
     assert np.abs(picture - written)[inside].mean() < 3.7
 
 
-def test_light_by_hand_is_as_bright_as_edit_makes_it(window) -> None:
+def test_light_by_hand_is_as_bright_as_edit_makes_it(window, context) -> None:
     lamp = DirectionalLight((0.0, 0.6, 0.8), (40.0, 40.0, 40.0))
     by_hand = replace(SCENE, lights=(lamp,), environment=replace(EnvironmentSettings(), intensity=0.0))
     shown = window(by_hand)
     shown.settle()
-    written = edit(work_of(shown).photo, by_hand, shown._context, samples=4)
+    written = edit(work_of(shown).photo, by_hand, context, samples=4)
     assert developed(shown).exposure == pytest.approx(written.exposure, rel=0.1)
 
 
