@@ -46,8 +46,8 @@ class PixelEquation:
         Inside, to the normal, of the first row: of light that grazes. The last row's is 1.
     diffuse_cosine : float
         That serves for light from all around.
-    own, across : (rows, m, 3) float32
-        Factors on irradiance.
+    front, across : (rows, m, 3) float32
+        Factors on the irradiance of the pixel and of the far side of the sheet.
     coupling : (m, 4) float32
         f of R, G and B, and k.
     diagonal, doubled : (3,) float64
@@ -61,7 +61,7 @@ class PixelEquation:
     reach: float
     least_cosine: float
     diffuse_cosine: float
-    own: Float32
+    front: Float32
     across: Float32
     coupling: Float32
     diagonal: Array
@@ -75,7 +75,7 @@ NO_EQUATION = PixelEquation(
     reach=0.0,
     least_cosine=0.0,
     diffuse_cosine=1.0,
-    own=_NO_FACTORS,
+    front=_NO_FACTORS,
     across=_NO_FACTORS,
     coupling=np.zeros((1, 4), np.float32),
     diagonal=np.ones(3),

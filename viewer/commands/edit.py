@@ -111,4 +111,4 @@ def _save(edited: "Edited", outputs: list[str], depth_output: str | None, backgr
     for output in outputs:
         write_picture(output, contents)
     if depth_output is not None:
-        depth_format_of(Path(depth_output)).write(Path(depth_output), edited.geometry.depth_mm(photo.whole))
+        depth_format_of(Path(depth_output)).write(Path(depth_output), edited.geometry.depth_mm(photo.full_region))

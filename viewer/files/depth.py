@@ -15,7 +15,7 @@ from milkglass.viewer.files.images import read_channels, read_photo, write_exr, 
 
 @dataclass(frozen=True)
 class DepthFormat:
-    """One format.
+    """A format of depth maps: how it is read and written.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ class PictureContents:
 
 @dataclass(frozen=True)
 class PictureFormat:
-    """One format.
+    """A format of pictures: how it is written, and what it holds.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ _FORMATS |= {".tif": "tiff", ".tiff": "tiff", ".webp": "webp", ".bmp": "bmp"}
 
 
 def read_radiance(path: str | os.PathLike[str]) -> Pixels32:
-    """Read a light probe.
+    """Return the radiance of a light probe's file.
 
     Parameters
     ----------
@@ -273,13 +273,13 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.ND
     if output is None:
         raise RuntimeError(f"this OpenImageIO cannot write {suffix} files: {oiio.geterror()}")
     try:
-        done, top = output.open(str(temporary), spec), 0
-        for band in bands if done else ():
-            done = done and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
+        written, top = output.open(str(temporary), spec), 0
+        for band in bands if written else ():
+            written = written and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
             top += len(band)
-        done = output.close() and done
+        written = output.close() and written
         output.geterror()  # fetched so that it is not printed at exit
-        if not done or not is_complete(temporary, spec.height):
+        if not written or not is_complete(temporary, spec.height):
             raise InputError(f"{path} could not be written: check the free space and the permissions.")
         os.replace(temporary, target)
     except OSError as error:

@@ -86,12 +86,12 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
         raise InputError(f"{path} has no faces (points or lines only); export it as a triangle mesh.")
     _check_vertices(path, vertices, faces)
     corners = vertices[faces]
-    apart = ~(corners == corners[:, [1, 2, 0]]).all(axis=2).any(axis=1)
-    used, kept = compact(faces[apart], len(vertices))
-    if len(kept) == 0:
+    distinct = ~(corners == corners[:, [1, 2, 0]]).all(axis=2).any(axis=1)
+    used, triangles = compact(faces[distinct], len(vertices))
+    if len(triangles) == 0:
         raise InputError(all_degenerate(path))
     placed = place_in_world(vertices[used], size_mm, up)
-    mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, kept, rows[apart])
+    mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, triangles, rows[distinct])
     warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
     return FileModel(mesh, warnings, looks.look(rows))
 

@@ -43,22 +43,22 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
     found = find_flaws(vertices[first], group[faces])
     if found.inverted:
         faces, corners = faces[:, ::-1], corners[:, ::-1]
-    whole = ~repeats_vertex(group[faces]) & ~has_no_area(vertices, faces)
-    faces, corners = faces[whole], corners[whole]
+    valid = ~repeats_vertex(group[faces]) & ~has_no_area(vertices, faces)
+    faces, corners = faces[valid], corners[valid]
     if len(faces) == 0:
         raise InputError(all_degenerate(path))
-    given = np.isfinite(normals[faces]).all(axis=(1, 2))
-    if given.any():
+    has_normals = np.isfinite(normals[faces]).all(axis=(1, 2))
+    if has_normals.any():
         sound = found.closed and found.non_manifold_edges == 0 and found.inconsistent_edges == 0
         before = faces[:, 0].copy()
-        faces[given], normals = _reconcile(vertices, normals, faces[given], sound)
+        faces[has_normals], normals = _reconcile(vertices, normals, faces[has_normals], sound)
         corners = np.where((faces[:, 0] != before)[:, None], corners[:, ::-1], corners)
         if not sound:
             left = find_flaws(vertices[first], group[faces])
             found = replace(found, inconsistent_edges=left.inconsistent_edges)
-    parts = [_merge_given(group, vertices, normals, faces[given])] if given.any() else []
-    if not given.all():
-        used, renumbered = compact(group[faces[~given]], len(first))
+    parts = [_merge_given(group, vertices, normals, faces[has_normals])] if has_normals.any() else []
+    if not has_normals.all():
+        used, renumbered = compact(group[faces[~has_normals]], len(first))
         parts.append(crease_normals(vertices[first[used]], renumbered))
     offsets = np.cumsum([0] + [len(part[0]) for part in parts])
     mesh = Mesh.of(
@@ -66,7 +66,7 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
         np.concatenate([part[1] for part in parts]),
         np.concatenate([part[2] + offset for part, offset in zip(parts, offsets, strict=False)]),
     )
-    return mesh, np.concatenate([corners[given], corners[~given]]), _warning(path, found)
+    return mesh, np.concatenate([corners[has_normals], corners[~has_normals]]), _warning(path, found)
 
 
 def _reconcile(vertices: Array, normals: Array, faces: Ints, sound: bool) -> tuple[Ints, Array]:

@@ -117,19 +117,23 @@ class LookParts:
             rows = np.repeat(np.arange(len(faces))[:, None], 3, axis=1)
             return (np.zeros((len(colours), 2), np.float32), colours), rows
         uv = getattr(visual, "uv", None)
-        given = visual.vertex_colors if visual.kind == "vertex" else None
+        vertex_colours = visual.vertex_colors if visual.kind == "vertex" else None
         if visual.kind == "texture":
-            given = visual.vertex_attributes.get("color")
+            vertex_colours = visual.vertex_attributes.get("color")
         raw = _texture_corners(part, len(faces))
         if raw is not None:
             self._mapped = True
             return (raw, np.ones((len(raw), 3), np.float32)), np.arange(3 * len(faces)).reshape(-1, 3)
         mapped = uv is not None and np.asarray(uv).shape == (n, 2)
-        if not mapped and (given is None or len(given) != n):
+        if not mapped and (vertex_colours is None or len(vertex_colours) != n):
             return (np.zeros((1, 2), np.float32), np.ones((1, 3), np.float32)), np.zeros_like(faces)
         self._mapped |= mapped
         coordinates = _finite(np.asarray(uv)) if mapped else np.zeros((n, 2), np.float32)
-        colours = np.ones((n, 3), np.float32) if given is None or len(given) != n else self._colours(given)
+        colours = (
+            np.ones((n, 3), np.float32)
+            if vertex_colours is None or len(vertex_colours) != n
+            else self._colours(vertex_colours)
+        )
         return (coordinates, colours), faces
 
     def _colours(self, values: npt.NDArray[Any]) -> Float32:
@@ -154,7 +158,7 @@ def detail_of(
             raise InputError(f"model.{key} needs texture coordinates, which {name} does not have; unwrap it first")
     if look is None:
         return None, ()
-    given = None if texture is None or not colours else Texture(_picture(texture, "texture"))
+    picture = None if texture is None or not colours else Texture(_picture(texture, "texture"))
     bumps = None if normal_map is None or not relief else Texture(_picture(normal_map, "normal_map"), NORMAL)
     troubles: list[str] = []
     decoded: dict[tuple[int, str], Texture | None] = {}  # materials may share a picture
@@ -168,7 +172,7 @@ def detail_of(
     texture_sets = []
     for material in look.materials:
         tinted = colours and texture is None
-        colour = given if texture is not None else decode(material.colour, COLOUR) if tinted else None
+        colour = picture if texture is not None else decode(material.colour, COLOUR) if tinted else None
         normal = bumps if normal_map is not None else decode(material.normal, NORMAL) if relief else None
         texture_sets.append(TextureSet(material.factor if tinted else (1.0, 1.0, 1.0), colour, normal))
     tints = look.colours if colours and texture is None else np.ones_like(look.colours)
@@ -200,17 +204,17 @@ def texture_troubles() -> Iterator[list[str]]:
         logger.level, logger.propagate = before
 
 
-def _material(given: Any) -> MaterialLook:
+def _material(source: Any) -> MaterialLook:
     """Return a material of trimesh as factor and pictures."""
-    parts = getattr(given, "materials", None)  # of several, the first
-    given = parts[0] if parts else given
-    colour = getattr(given, "baseColorTexture", None) or getattr(given, "image", None)
-    factor = getattr(given, "baseColorFactor", None)
+    parts = getattr(source, "materials", None)  # of several, the first
+    source = parts[0] if parts else source
+    colour = getattr(source, "baseColorTexture", None) or getattr(source, "image", None)
+    factor = getattr(source, "baseColorFactor", None)
     if factor is not None:
         factor = np.asarray(factor, np.float64)[:3] / (255.0 if np.asarray(factor).dtype.kind == "u" else 1.0)
     elif colour is None:  # exporters write any Kd beside a picture
-        factor = (getattr(given, "kwargs", None) or {}).get("kd")
-    normal = getattr(given, "normalTexture", None)
+        factor = (getattr(source, "kwargs", None) or {}).get("kd")
+    normal = getattr(source, "normalTexture", None)
     if factor is None or np.shape(factor) != (3,):
         return MaterialLook(colour=colour, normal=normal)
     red, green, blue = np.clip(np.asarray(factor, np.float64), 0.0, 1.0).tolist()

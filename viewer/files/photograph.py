@@ -69,7 +69,7 @@ class Photo:
         return self.pixels.shape[0], self.pixels.shape[1]
 
     @property
-    def whole(self) -> Region:
+    def full_region(self) -> Region:
         """The region of the whole photograph."""
         return Region(0, 0, *self.size)
 
@@ -165,8 +165,8 @@ def _mask(pixels: PixelsInt) -> PixelsInt:
 
 def _levels(pixels: PixelsInt) -> Float32:
     """Every value that the type has, in [0, 1]."""
-    most = int(np.iinfo(pixels.dtype).max)
-    return (np.arange(most + 1) / most).astype(np.float32)
+    maximum = int(np.iinfo(pixels.dtype).max)
+    return (np.arange(maximum + 1) / maximum).astype(np.float32)
 
 
 def _cut(plane: PixelsInt, region: Region) -> PixelsInt:

@@ -35,8 +35,8 @@ class MeshBuffers:
     def visible(self, program: Program, values: dict[str, tuple[moderngl.Buffer, str]]) -> moderngl.VertexArray:
         """Bind a program that reads more of each vertex: buffers by attribute, with their formats."""
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
-        more = [(buffer, layout, name) for name, (buffer, layout) in values.items()]
-        return self._bound(program, content + more, None)
+        attributes = [(buffer, layout, name) for name, (buffer, layout) in values.items()]
+        return self._bound(program, content + attributes, None)
 
     def _bound(
         self, program: Program, content: list[tuple[moderngl.Buffer, str, str]], bodies: moderngl.Buffer | None

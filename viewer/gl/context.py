@@ -110,11 +110,11 @@ def _made_headless() -> moderngl.Context:
         raise InputError(
             f"cannot create an OpenGL 3.3 context ({reason}); install a driver, on Debian and Ubuntu: {INSTALL_HINT}"
         ) from None
-    made = egl.binding()
-    if options and (made is None or made == before):
+    bound = egl.binding()
+    if options and (bound is None or bound == before):
         raise InputError(OCCUPIED)
     prepare_context(context)
-    context.extra.before, context.extra.handle = before, made and made.context
+    context.extra.before, context.extra.handle = before, bound and bound.context
     _leave(context)  # making it made it current
     return context
 
@@ -253,22 +253,25 @@ def read_rgba(texture: moderngl.Texture) -> npt.NDArray[np.float32]:
     return values[::-1]
 
 
-def checked(context: moderngl.Context, allocate: Callable[[], T], what: str) -> T:
-    """Allocate on the GPU, after what was dropped; what fails becomes an `InputError`, of memory if it is that."""
+def checked(context: moderngl.Context, allocate: Callable[[], T], purpose: str) -> T:
+    """Return what a function allocates on the GPU, after dropped objects are freed; a failure raises `InputError`.
+
+    `purpose` names the allocation in the message, which says so where memory is out.
+    """
     free_dropped(context)
     try:
         result = allocate()
     except Exception as problem:  # moderngl.Error and what drivers add
         if context.error == "GL_OUT_OF_MEMORY":
-            raise InputError(_no_memory(what)) from None
-        raise InputError(f"the GPU cannot make {what}: {problem}") from None
+            raise InputError(_no_memory(purpose)) from None
+        raise InputError(f"the GPU cannot make {purpose}: {problem}") from None
     if context.error == "GL_OUT_OF_MEMORY":
-        raise InputError(_no_memory(what))
+        raise InputError(_no_memory(purpose))
     return result
 
 
-def _no_memory(what: str) -> str:
-    return f"the GPU has no memory left for {what}; ask for fewer pixels, layers or texels"
+def _no_memory(purpose: str) -> str:
+    return f"the GPU has no memory left for {purpose}; ask for fewer pixels, layers or texels"
 
 
 def latlong_texture(context: moderngl.Context, pixels: npt.NDArray[np.float32]) -> moderngl.Texture:
@@ -299,8 +302,10 @@ def volume_texture(context: moderngl.Context, values: npt.NDArray[np.floating]) 
     """Upload a volume (components, layers, height, width), read trilinearly, clamped at its edges."""
     components, n_layers, height, width = values.shape
     data = np.ascontiguousarray(np.moveaxis(values, 0, -1), np.float32)
-    what = f"{n_layers} layers of {width} x {height}"
-    texture = checked(context, lambda: context.texture3d((width, height, n_layers), components, data, dtype="f4"), what)
+    purpose = f"{n_layers} layers of {width} x {height}"
+    texture = checked(
+        context, lambda: context.texture3d((width, height, n_layers), components, data, dtype="f4"), purpose
+    )
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = texture.repeat_z = False
     return texture

@@ -57,10 +57,10 @@ class CompositePass:
         specular: SpecularSettings,
         camera: Camera,
         weight: float,
-        out: Composite,
+        target: Composite,
     ) -> None:
         """Add one sample of every pixel, times `weight`; the caller clears `out.framebuffer` before the first."""
-        out.framebuffer.use()
+        target.framebuffer.use()
         program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlight_uniforms(specular)
         program.set(
@@ -80,4 +80,4 @@ class CompositePass:
                 "u_weight": weight,
             }
         )
-        draw_over_object(self._context, triangle, out.framebuffer.depth_attachment is not None)
+        draw_over_object(self._context, triangle, target.framebuffer.depth_attachment is not None)

@@ -73,11 +73,11 @@ class DetailPass:
         return DetailBuffer(colour, shading, self._context.framebuffer([colour, shading], depth))
 
     def render(
-        self, buffers: DetailBuffers, world_to_clip: npt.NDArray[np.float64], strength: float, out: DetailBuffer
+        self, buffers: DetailBuffers, world_to_clip: npt.NDArray[np.float64], strength: float, target: DetailBuffer
     ) -> None:
         """Draw the mesh through a world-to-clip matrix (4, 4), row vectors; slopes of relief are times `strength`."""
-        out.framebuffer.use()
-        out.framebuffer.clear(depth=1.0)
+        target.framebuffer.use()
+        target.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
         attributes = ("a_position", "a_normal", "a_coordinates", "a_colour", "a_tangent")
         content = [(buffers.vertices, "3f 3f 2f 3f 4f", *attributes)]

@@ -16,8 +16,8 @@ from milkglass.viewer.passes.detail import DetailBuffer, DetailBuffers
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """Surface samples on CPU and GPU, with factors (n, 3) on irradiance where there are colours or relief."""
+class SampledSurface:
+    """SampledSurface samples on CPU and GPU, with factors (n, 3) on irradiance where there are colours or relief."""
 
     samples: SurfaceSamples
     buffers: SampleBuffers

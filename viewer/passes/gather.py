@@ -16,7 +16,7 @@ class TableTextures:
 
     tables: PixelTables
     local: moderngl.Texture
-    own: moderngl.Texture
+    front: moderngl.Texture
     across: moderngl.Texture
     coupling: moderngl.Texture
     depths: moderngl.Texture3D
@@ -24,17 +24,17 @@ class TableTextures:
 
     @classmethod
     def upload(cls, context: moderngl.Context, tables: PixelTables) -> "TableTextures":
-        """Upload all tables."""
+        """Return the tables as textures of an OpenGL context."""
         equation, nothing = tables.equation, np.zeros((3, 1, 1, 1), np.float32)
         local = table_texture(context, tables.local.factors)
-        own, across, coupling = (
-            clamped_texture(context, table) for table in (equation.own, equation.across, equation.coupling[None])
+        front, across, coupling = (
+            clamped_texture(context, table) for table in (equation.front, equation.across, equation.coupling[None])
         )
         depths, bending = (
             volume_texture(context, nothing if volume is None else volume)
             for volume in (equation.depths, equation.bending)
         )
-        return cls(tables, local, own, across, coupling, depths, bending)
+        return cls(tables, local, front, across, coupling, depths, bending)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Gather:
             "t_sheet": textures.local,
             "u_sheet_reach": tables.local.reach,
             "u_diffusion": tables.solves,
-            "t_own": textures.own,
+            "t_own": textures.front,
             "t_across": textures.across,
             "u_least_cosine": tables.equation.least_cosine,
             "u_diffuse_cosine": tables.equation.diffuse_cosine,

@@ -63,7 +63,7 @@ class GBufferPass:
         self,
         buffers: MeshBuffers,
         world_to_clip: npt.NDArray[np.float64],
-        out: GBuffer,
+        target: GBuffer,
         bodies: moderngl.Buffer | None = None,
         occlusion: Occlusion | None = None,
         behind: moderngl.Buffer | None = None,
@@ -74,8 +74,8 @@ class GBufferPass:
         `bodies` holds the body of each vertex where there are several; of its mesh if there is an `occlusion`. Of an
         occlusion, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted.
         """
-        out.framebuffer.use()
-        out.framebuffer.clear(depth=1.0)
+        target.framebuffer.use()
+        target.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
         program = self._program if bodies is None else self._bodies_program
         if occlusion is not None:

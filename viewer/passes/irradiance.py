@@ -82,7 +82,7 @@ class PixelIrradiancePass:
         specular: SpecularSettings,
         highlights: moderngl.Texture,
         camera: Camera,
-        out: "PixelLight",
+        target: "PixelLight",
         sample: int = 0,
         samples: int = 1,
     ) -> Steps[None]:
@@ -91,7 +91,7 @@ class PixelIrradiancePass:
         `highlights` is the environment prefiltered with the lobe, any texture without one. A step of a light with a
         size is a band of the picture.
         """
-        framebuffer, drawn = out.framebuffer, 0
+        framebuffer, drawn = target.framebuffer, 0
         framebuffer.use()
         framebuffer.clear()
         for source in sources:
@@ -111,11 +111,11 @@ class PixelIrradiancePass:
                 **highlight_uniforms(specular),
                 "t_highlights": highlights,
             }
-            each = source.sub_lights // samples or 1 if source.is_soft else 0
+            tests = source.sub_lights // samples or 1 if source.is_soft else 0
             width, height = framebuffer.size
-            rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, each))))
+            rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, tests))))
             for low in range(0, height, rows):
-                cost = each * width * rows
+                cost = tests * width * rows
                 if drawn > 0 and drawn + cost > PIXELS_A_STEP:
                     yield
                     drawn = 0

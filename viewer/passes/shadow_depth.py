@@ -31,9 +31,9 @@ class DepthTiles:
         """Texture of one texel that stands for the bodies where they are not told apart."""
         return float_texture(self._context, (1, 1), 1)
 
-    def texture(self, size: tuple[int, int], what: str) -> moderngl.Texture:
-        """Allocate a depth texture that is read texel by texel; `what` names it in the error if there is no memory."""
-        texture = checked(self._context, lambda: self._context.depth_texture(size), what)
+    def texture(self, size: tuple[int, int], purpose: str) -> moderngl.Texture:
+        """Allocate a depth texture that is read texel by texel; `purpose` names it in the error where memory is out."""
+        texture = checked(self._context, lambda: self._context.depth_texture(size), purpose)
         texture.compare_func = ""
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
@@ -48,11 +48,11 @@ class DepthTiles:
         buffers: MeshBuffers,
         bodies: moderngl.Buffer | None,
     ) -> Steps[moderngl.Texture]:
-        """Draw the mesh by each matrix, row by row of `columns` tiles of `side` texels; returns the bodies seen."""
-        program, seen, colours = self._program, self.no_bodies, []
+        """Draw the mesh by each matrix, in rows of `columns` tiles of `side` texels; return the body at each texel."""
+        program, body_texture, colours = self._program, self.no_bodies, []
         if bodies is not None:
-            program, seen = self._bodies_program, float_texture(self._context, texture.size, 1)
-            colours = [seen]
+            program, body_texture = self._bodies_program, float_texture(self._context, texture.size, 1)
+            colours = [body_texture]
         framebuffer = self._context.framebuffer(colours, texture)
         framebuffer.use()
         framebuffer.clear(depth=1.0)
@@ -68,4 +68,4 @@ class DepthTiles:
             leave_framebuffer(self._context)
         vertices.release()
         framebuffer.release()
-        return seen
+        return body_texture

@@ -122,27 +122,27 @@ def soft_views(mesh: Mesh, lights: SubLights) -> SoftViews:
     corners = _corners(mesh)
     distance = np.linalg.norm(lights.vectors, axis=1)
     far = 1.01 * (float(distance.max()) + mesh.radius)
-    least = 1e-3 * far
+    min_depth = 1e-3 * far
     cone = _cone_tangent(lights) if lights.shape == SHAPE_CONE else np.inf
-    views = [_around_object(corners, eye, least) for eye in lights.vectors]
+    views = [_around_object(corners, eye, min_depth) for eye in lights.vectors]
     widest = max(np.inf if view is None else view.tangent for view in views)
     if cone < min(widest, MAX_CONE_TANGENT):
-        near = max(0.99 * (float(distance.min()) - mesh.radius), least)
+        near = max(0.99 * (float(distance.min()) - mesh.radius), min_depth)
         axes = _axes(np.array(lights.axis))
         matrices = [_perspective(eye, axes, cone, near, far) for eye in lights.vectors]
         return SoftViews(np.array(matrices)[:, None], 2.0 * cone, (near, far))
     if widest > MAX_VIEW_TANGENT:
         cubes = [
-            [_perspective(eye, _axes(np.array(forward, float), np.array(up, float)), 1.0, least, far)
+            [_perspective(eye, _axes(np.array(forward, float), np.array(up, float)), 1.0, min_depth, far)
              for forward, up in CUBE_FACES]
             for eye in lights.vectors
         ]  # fmt: skip
-        return SoftViews(np.array(cubes), 2.0, (least, far))
-    seen = [view for view in views if view is not None]
-    near = max(0.99 * min(view.nearest for view in seen), least)
+        return SoftViews(np.array(cubes), 2.0, (min_depth, far))
+    framed = [view for view in views if view is not None]
+    near = max(0.99 * min(view.nearest for view in framed), min_depth)
     matrices = [
         _perspective(eye, view.axes, widest, near, far, view.middle)
-        for eye, view in zip(lights.vectors, seen, strict=True)
+        for eye, view in zip(lights.vectors, framed, strict=True)
     ]
     return SoftViews(np.array(matrices)[:, None], 2.0 * widest, (near, far))
 
@@ -160,23 +160,23 @@ class _View:
 def _corners(mesh: Mesh) -> Array:
     """Vertices that bound the object from wherever it is seen: (n, 3), of its convex hull."""
     try:
-        kept = ConvexHull(mesh.vertices).vertices
+        hull = ConvexHull(mesh.vertices).vertices
     except QhullError:  # it is flat, or a line
-        kept = np.arange(len(mesh.vertices))
-    return np.asarray(mesh.vertices[kept], np.float64)
+        hull = np.arange(len(mesh.vertices))
+    return np.asarray(mesh.vertices[hull], np.float64)
 
 
-def _around_object(corners: Array, eye: Array, least: float) -> _View | None:
+def _around_object(corners: Array, eye: Array, min_depth: float) -> _View | None:
     """Aim a view from a place at the object and fit it; None where it is all around, or nearer than `least` mm."""
     offsets = corners - eye
-    aim = np.mean(offsets / np.maximum(np.linalg.norm(offsets, axis=1), least)[:, None], axis=0)
+    aim = np.mean(offsets / np.maximum(np.linalg.norm(offsets, axis=1), min_depth)[:, None], axis=0)
     for _ in range(2):  # the second time at the middle of what the first one saw
         if np.linalg.norm(aim) < 1e-6:
             return None
         axes = _axes(aim)
         x, y, z = np.einsum("nc,ck->kn", offsets, axes)
         nearest = -float(z.max())
-        if nearest < least:
+        if nearest < min_depth:
             return None
         slopes = np.stack([x, y]) / -z
         low, high = slopes.min(axis=1), slopes.max(axis=1)

@@ -114,10 +114,10 @@ class ShadowsPass:
             matrices, texel = cube_views(mesh, light.vector, side)
         size = side * tiles[0], side * tiles[1]
         texture = self._texture(size)
-        seen = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))
+        body_texture = exhausted(self._tiles.steps(texture, tiles[0], side, matrices, buffers, bodies))
         padded = np.zeros((CUBE_VIEWS, 4, 4))
         padded[: len(matrices)] = matrices
-        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, seen, bodies is not None)
+        return ShadowMap(texture, self._depths(texture), padded, len(matrices), texel, body_texture, bodies is not None)
 
     def _texture(self, size: tuple[int, int]) -> moderngl.Texture:
         texture = self._tiles.texture(size, "a shadow map")

@@ -136,11 +136,11 @@ class SoftShadowsPass:
         matrices, texel = placed.tiles(side)
         size = side * tiles[0], side * tiles[1]
         texture = self._tiles.texture(size, "the shadow maps of a light")
-        seen = yield from self._tiles.steps(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
+        body_texture = yield from self._tiles.steps(texture, columns, side, matrices.reshape(-1, 4, 4), buffers, bodies)
         table = self._table(lights, matrices)
         widest = MIN_WALL * longest_side(mesh)
         tells_bodies = bodies is not None
-        return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, seen, tells_bodies)
+        return SoftShadow(lights, texture, table, views, tiles, texel, placed.range, widest, body_texture, tells_bodies)
 
     def _table(self, lights: SubLights, matrices: Array) -> moderngl.Texture:
         """(n, 1 + 8 views, 4): see shadows_soft.glsl."""

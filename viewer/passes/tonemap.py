@@ -50,7 +50,7 @@ class TonemapPass:
         display: DisplaySettings,
         background: Background,
         camera: Camera,
-        out: moderngl.Framebuffer,
+        target: moderngl.Framebuffer,
         directions: bool = False,
     ) -> None:
         """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.
@@ -59,7 +59,7 @@ class TonemapPass:
         """
         # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
         exposure = display.key / log_average if log_average > 0.0 else 0.0
-        out.use()
+        target.use()
         self._context.enable_only(moderngl.NOTHING)
         to_probe = np.eye(4)
         to_probe[:3, :3] = world_to_probe(background.rotation_deg)

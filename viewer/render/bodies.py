@@ -19,7 +19,7 @@ MOST_SEPARATE = 64  # bodies by default: each takes 15 ms, so that more are bett
 
 
 class BodyMarks:
-    """Which body each vertex is of, on the CPU and the GPU.
+    """The body that each vertex belongs to, as an index on the CPU and the GPU.
 
     Attributes
     ----------
@@ -40,11 +40,11 @@ class Separation:
         self._kept: dict[tuple[Quality, Bodies, SurfaceSamples], OfBodies] = {}
 
     def release(self) -> None:
-        """Let go of transports."""
+        """Release the transports of bodies that later pictures could use again."""
         self._kept.clear()
 
     def marks(self, mesh: Mesh, bodies: Bodies) -> BodyMarks:
-        """Upload the body of each vertex."""
+        """Return the index of the body of each vertex, uploaded."""
         return self._run(Stage.BODY_MARKS, [mesh, bodies], lambda: BodyMarks(self._context, mesh, bodies))
 
     def of_bodies(

@@ -15,20 +15,22 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.gl.context import volume_texture
 from milkglass.viewer.passes.detail import DetailBuffers, DetailPass
-from milkglass.viewer.passes.detail_uniforms import Drawn, Surface, SurfaceDetail
+from milkglass.viewer.passes.detail_uniforms import Drawn, SampledSurface, SurfaceDetail
 from milkglass.viewer.scene.scene import Scene
 
 NEAR_NODES = 48  # along the object's longest side, where the colour of the other side of a sheet is looked up
 
 
 class DetailStages:
-    """Makes detail ready in one OpenGL context; a step runs only when what it depends on has changed."""
+    """Uploads colours and relief in one OpenGL context; a step runs only when what it depends on has changed."""
 
     def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
         self._context, self._run, self._assets = context, stages.run, assets
 
-    def surface(self, scene: Scene, samples: SurfaceSamples) -> tuple[Surface, SurfaceDetail | None, tuple[str, ...]]:
-        """Upload samples, with the colours and relief that the scene wants of its model; and say what failed."""
+    def surface(
+        self, scene: Scene, samples: SurfaceSamples
+    ) -> tuple[SampledSurface, SurfaceDetail | None, tuple[str, ...]]:
+        """Return the uploaded samples, the colours and relief of the model if any, and sentences on what failed."""
         detail, troubles = self._assets.detail(scene.model, scene.detail)
         if detail is None:
             return self._uploaded(samples, samples, None), None, troubles
@@ -43,18 +45,18 @@ class DetailStages:
         )
         tints = run(Stage.SAMPLE_TINTS, [pieces, before], lambda: _tints(detail, pieces, before))
         weights = run(Stage.SAMPLE_WEIGHTS, [tints, factors], lambda: tints * factors[:, None])
-        made = run(
+        surface_detail = run(
             Stage.NODE_TINTS,
             [buffers, tints, before, after, strength],
             lambda: self._detail(buffers, samples, tints, (before, after), strength),
         )
-        return self._uploaded(samples, turned, weights), made, troubles
+        return self._uploaded(samples, turned, weights), surface_detail, troubles
 
-    def _uploaded(self, samples: SurfaceSamples, lit: SurfaceSamples, weights: Float32 | None) -> Surface:
+    def _uploaded(self, samples: SurfaceSamples, lit: SurfaceSamples, weights: Float32 | None) -> SampledSurface:
         """Upload samples with the normals that light meets."""
         context = self._context
         return self._run(
-            Stage.SAMPLE_BUFFERS, [lit, weights], lambda: Surface(samples, SampleBuffers(context, lit), weights)
+            Stage.SAMPLE_BUFFERS, [lit, weights], lambda: SampledSurface(samples, SampleBuffers(context, lit), weights)
         )
 
     def _detail(
@@ -79,16 +81,16 @@ class DrawnDetail:
         self._pass: DetailPass | None = None  # most models need none
 
     def draw(self, detail: SurfaceDetail | None, clip: npt.NDArray[np.float64], size: tuple[int, int]) -> Drawn | None:
-        """Draw what pixels show of it."""
+        """Draw the colours and relief of the surface at every pixel, and return them with their buffer."""
         if detail is None:
             return None
         if self._pass is None:
             self._pass = DetailPass(self._context)
-        made, strength = self._pass, detail.strength
-        out = self._run(Stage.DETAIL_TARGETS, [size], lambda: made.targets(size))
-        depends = [detail.buffers, strength, clip.tobytes(), out]
-        self._run(Stage.PIXEL_DETAIL, depends, lambda: made.render(detail.buffers, clip, strength, out))
-        return detail, out
+        detail_pass, strength = self._pass, detail.strength
+        buffer = self._run(Stage.DETAIL_TARGETS, [size], lambda: detail_pass.targets(size))
+        depends = [detail.buffers, strength, clip.tobytes(), buffer]
+        self._run(Stage.PIXEL_DETAIL, depends, lambda: detail_pass.render(detail.buffers, clip, strength, buffer))
+        return detail, buffer
 
 
 def _tints(detail: MeshDetail, pieces: FacePieces, power: float) -> Float32:

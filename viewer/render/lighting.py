@@ -17,7 +17,7 @@ from milkglass.viewer.assets.keeper import Assets, shape_of
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import volume_texture
-from milkglass.viewer.passes.detail_uniforms import Surface
+from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.gather import Gather, TableTextures
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
@@ -26,7 +26,7 @@ from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_d
 from milkglass.viewer.render.detail import DetailStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.sources import Lamps, Surround, casts_shadows
+from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
@@ -43,7 +43,7 @@ class Lighting:
         self._assets = assets
         self._effort = effort
         self._solvers: dict[Quality, SeparableTransport] = {}  # a drag's and the picture's
-        self._lamps = Lamps(context, stages)
+        self._lamps = LampSources(context, stages)
         self._irradiance = SampleIrradiancePass(context)
         self._surround = Surround(context, stages, assets, self._lamps)
         self._layers = LayersPass(context)
@@ -98,21 +98,27 @@ class Lighting:
         say("casting shadows")
         on_model = model.mesh, model.buffers
         environment = scene.environment
-        if draft and self._occlusions.known(environment, model.mesh):
+        if draft and self._occlusions.is_available(environment, model.mesh):
             # Its windows and lamps stay in it: a turn is then a product, not a shadow map for each of them.
             environment = replace(environment, extract=False)
         occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
-        around, lobes = self._surround.sources(environment, material.eta, *on_model, marks, occlusion, draft)
+        environment_sources, lobes = self._surround.sources(
+            environment, material.eta, *on_model, marks, occlusion, draft
+        )
         lamps = enumerate(scene.effective_lights(), start=1)
         sources = (
             *(self._lamps.source(light, Stage.LIGHT.of(i), *on_model, marks, draft) for i, light in lamps),
-            *around,
+            *environment_sources,
         )
 
         say("lighting the surface")
-        each = self._irradiances(surface, sources, material.eta)
-        flux = run(Stage.FLUX, [surface, *each], lambda: _total(each, len(samples)) * surface.samples.areas[:, None])
-        lights = self._entering(surface, sources, each) if quality.facts.takes_each_light else ()
+        irradiances = self._irradiances(surface, sources, material.eta)
+        flux = run(
+            Stage.FLUX,
+            [surface, *irradiances],
+            lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
+        )
+        lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = scatters, grid, profiles, coordinates, flux, lights, media(material), samples
         return LitScene(
@@ -165,7 +171,7 @@ class Lighting:
         mesh, warnings = self._assets.mesh(settings)
         return Model(mesh, MeshBuffers(self._context, mesh), warnings)
 
-    def _irradiances(self, surface: Surface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
+    def _irradiances(self, surface: SampledSurface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """Return E of each light at every sample, (n, 3) float32."""
         return [
             self._spread(
@@ -176,12 +182,12 @@ class Lighting:
             for i, source in enumerate(sources, start=1)
         ]
 
-    def _irradiance_of(self, surface: Surface, source: LightSource, eta: float) -> Steps[Float32]:
+    def _irradiance_of(self, surface: SampledSurface, source: LightSource, eta: float) -> Steps[Float32]:
         entering = surface.weighted((yield from self._irradiance.steps(surface.buffers, source, eta)))
         return self._occlusions.occluded(entering, source.occlusion, surface.samples)
 
     def _entering(
-        self, surface: Surface, sources: tuple[LightSource, ...], irradiances: list[Float32]
+        self, surface: SampledSurface, sources: tuple[LightSource, ...], irradiances: list[Float32]
     ) -> tuple[EnteringLight, ...]:
         """Return each light's flux at every sample, and where it comes from."""
         areas = surface.samples.areas[:, None]

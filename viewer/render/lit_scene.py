@@ -22,7 +22,7 @@ from milkglass.viewer.scene.camera import Camera
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A loaded mesh, on the CPU and the GPU, and what is wrong with it."""
+    """A loaded mesh, on the CPU and the GPU, with warnings of its flaws."""
 
     mesh: Mesh
     buffers: MeshBuffers

@@ -29,8 +29,8 @@ class OcclusionStages:
     def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets) -> None:
         self._context, self._run, self._assets = context, stages.run, assets
 
-    def known(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
-        """Whether what keeps an environment's light from a mesh is wanted, and there or to be waited for."""
+    def is_available(self, environment: EnvironmentSettings, mesh: Mesh) -> bool:
+        """Whether occlusion of an environment by a mesh is needed, and is baked or may be baked now."""
         return needs_visibility(environment) and (self._assets.bakes or self._assets.has(VisibilityOf(mesh)))
 
     def of(
@@ -41,11 +41,11 @@ class OcclusionStages:
         buffers: MeshBuffers,
         say: Callable[[str], None],
     ) -> Occlusion | None:
-        """What keeps the environment's light from the surface of a mesh, if that is wanted and known.
+        """Return the occlusion of an environment by a mesh, or None where it is not needed or not baked.
 
         `rest` gives the probe without what shines as lamps, which have shadow maps.
         """
-        if not self.known(environment, mesh):
+        if not self.is_available(environment, mesh):
             return None
 
         def report(share: float) -> None:

@@ -19,7 +19,7 @@ from milkglass.viewer.passes.composite import Composite
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A frame on the GPU."""
+    """A picture on the GPU, tone-mapped, with the textures that it is composed of."""
 
     composite: Composite
     image: moderngl.Framebuffer

@@ -10,7 +10,7 @@ from milkglass.viewer.scene.scene import Scene
 
 
 def beyond_object(scene: Scene) -> str | None:
-    """Say that the mean free path is longer than the object, with what the picture then misses."""
+    """Return a sentence if the mean free path is longer than the object, with what the picture then misses."""
     size, material = scene.model.size_mm, _material(scene, scene.transport.facts)
     if material is None or not (named := _named(material, material.mean_free_path > size)):
         return None
@@ -21,7 +21,7 @@ def beyond_object(scene: Scene) -> str | None:
 
 
 def below_nodes(scene: Scene, lit: LitScene) -> str | None:
-    """Say that the mean free path is shorter than the grid can follow, with what the picture then misses."""
+    """Return a sentence if the mean free path is shorter than the grid resolves, with what the picture then misses."""
     method, spacing = lit.quality.facts, max(lit.grid.texel, lit.grid.layer_distance)
     material = _material(scene, method)
     if material is None or not (named := _named(material, material.mean_free_path < spacing)):

@@ -57,7 +57,7 @@ class Shading:
         exposure_for: float | None = None,
         quick: bool = False,
     ) -> Picture:
-        """Draw a scene seen through its camera.
+        """Draw a scene through its camera and return the tone-mapped picture on the GPU.
 
         Parameters
         ----------
@@ -84,8 +84,8 @@ class Shading:
         """
         display = scene.display
         composite = self._pixels(scene, lit, gather, offsets, parts, quick)
-        shown = composite.textures[show]
-        average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(shown))
+        texture = composite.textures[show]
+        average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if exposure_for is None else exposure_for
         background = self._background(scene, lighting)
         image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
@@ -93,7 +93,7 @@ class Shading:
             Stage.TONE_MAP,
             [composite, show, exposed, display, scene.environment, scene.camera, image],
             lambda: self._tonemap.render(
-                shown, exposed, display, background, lit.camera, image, directions=show == "normal"
+                texture, exposed, display, background, lit.camera, image, directions=show == "normal"
             ),
         )
         return self._picture(scene, lit, composite, image, average)
@@ -127,7 +127,7 @@ class Shading:
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
-        """Draw some of what `shade` will ask for, so that no frame waits for all of it; True when all is there."""
+        """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
             self._pixels(scene, lit, gather, offsets, parts)
         except Unfinished:
@@ -135,7 +135,7 @@ class Shading:
         return True
 
     def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
-        """Draw what lies at the middle of every pixel and read it back, top row first.
+        """Return the surface at the middle of every pixel, read back from the GPU, top row first.
 
         Returns
         -------
@@ -172,8 +172,8 @@ class Shading:
         """Return the targets of the pixels, and everything that these depend on."""
         size = scene.display.image_size
         depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
-        made = [size, parts, depth]
-        targets = self._run(Stage.COMPOSITE_TARGETS, made, lambda: self._composite.targets(size, parts, depth))
+        key = [size, parts, depth]
+        targets = self._run(Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts, depth))
         volume = gather.volume, gather.fluence, gather.tables, gather.eta
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
@@ -186,8 +186,8 @@ class Shading:
         occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
         parts = occlusion is not None, lobes is not None
         depth = run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
-        made = [size, parts, depth]
-        gbuffer = self._seen = run(Stage.GBUFFER_TARGETS, made, lambda: self._gbuffer.targets(size, *parts, depth))
+        key = [size, parts, depth]
+        gbuffer = self._seen = run(Stage.GBUFFER_TARGETS, key, lambda: self._gbuffer.targets(size, *parts, depth))
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[i], size)
         marks = None if lit.body_marks is None else lit.body_marks.buffer
@@ -203,8 +203,8 @@ class Shading:
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
-        seen = gbuffer, lit.sources, gather, scene.specular, highlights, camera
-        yield from self._irradiance.steps(*seen, light, i, sharing)
+        inputs = gbuffer, lit.sources, gather, scene.specular, highlights, camera
+        yield from self._irradiance.steps(*inputs, light, i, sharing)
         self._composite.render(gbuffer, light, gather, scene.specular, camera, 1.0 / len(offsets), targets)
 
     def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
@@ -249,6 +249,6 @@ class Shading:
         return Background(texture, environment.rotation_deg, environment.intensity)
 
     def _image(self, size: tuple[int, int]) -> moderngl.Framebuffer:
-        what = f"a picture of {size[0]} x {size[1]} pixels"
-        texture = checked(self._context, lambda: self._context.texture(size, 4), what)
+        purpose = f"a picture of {size[0]} x {size[1]} pixels"
+        texture = checked(self._context, lambda: self._context.texture(size, 4), purpose)
         return self._context.framebuffer([texture])

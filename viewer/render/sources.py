@@ -24,7 +24,7 @@ MAX_IRRADIANCE = 1e9  # of a directional light
 SHADOWS = {Stage.LIGHT: Stage.LIGHT_SHADOW, Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW}
 
 
-class Lamps:
+class LampSources:
     """Makes light sources of the lights of a scene, with their shadow maps, in one OpenGL context."""
 
     def __init__(self, context: moderngl.Context, stages: Stages) -> None:
@@ -70,7 +70,7 @@ class Lamps:
 class Surround:
     """Makes the light sources of an environment, in one OpenGL context."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, lamps: Lamps) -> None:
+    def __init__(self, context: moderngl.Context, stages: Stages, assets: Assets, lamps: LampSources) -> None:
         self._context, self._run = context, stages.run
         self._assets, self._lamps = assets, lamps
 
@@ -114,12 +114,12 @@ class Surround:
             [rest, eta],
             lambda: latlong_texture(self._context, irradiance_table(rest.sh, eta)),
         )
-        around = run(
+        ambient = run(
             Stage.ENVIRONMENT_LIGHT,
             [table, environment, occlusion],
             lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
-        return [*found, around], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
+        return [*found, ambient], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
 
 
 def shines(environment: EnvironmentSettings) -> bool:

@@ -3,7 +3,7 @@
 A pixel solves the equation of `core.transport.diffusion.channel` for its own point, where the volume O and K_L 1 stand
 for everything that the nodes carry:
 
-    (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + own E + across E'
+    (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + front E + across E'
 
 with M = phi / (2 A), A that of a flat surface and b as `core.material.medium.Medium.bending` has it. Dashes are the
 other side of a sheet of thickness T, where the same holds with the sides changed, so that both are known from the light
@@ -84,7 +84,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
     cosines = np.maximum(np.linspace(least, 1.0, COSINES), 1e-3)
     zero = np.zeros((COSINES, len(thickness)))
     entering = [_entering(m, s, cosines, thickness) if not m.is_black else (zero, zero) for m in media]
-    own, across = zip(*entering, strict=True)
+    front, across = zip(*entering, strict=True)
     coupling = np.zeros((len(thickness), 4))
     if thin:
         for i, medium in enumerate(media):
@@ -100,7 +100,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
         reach=reach,
         least_cosine=least,
         diffuse_cosine=mean_cosine(eta),
-        own=np.stack(own, axis=-1).astype(np.float32),
+        front=np.stack(front, axis=-1).astype(np.float32),
         across=np.stack(across, axis=-1).astype(np.float32),
         coupling=coupling.astype(np.float32),
         diagonal=np.array(diagonal),
@@ -121,10 +121,10 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
     thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
     depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
     below = depths * medium.mean_free_path * cosine.ravel()[:, None]
-    own = np.sum(weights * local_green(medium, s, below), axis=-1)
+    front = np.sum(weights * local_green(medium, s, below), axis=-1)
     left = np.minimum(np.abs(thick.ravel()[:, None] - below), 1e3 * s)
     across = np.sum(weights * local_green(medium, s, left), axis=-1)
-    return medium.albedo * own.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
+    return medium.albedo * front.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
 
 
 def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:

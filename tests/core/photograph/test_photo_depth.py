@@ -132,7 +132,7 @@ def test_a_real_head_has_depth_where_photogrammetry_found_it(data_dir: Path) -> 
     photo = load_photo(folder / "buddha_head.png", folder / "buddha_head_mask.png")
     geometry = make_geometry(photo, frame_object(photo, 100.0), 3.0, strength=1.0, smoothing=SMOOTHING)
     x, y, depth = np.genfromtxt(folder / "buddha_head_points.csv", delimiter=",", skip_header=1).T
-    height = map_coordinates(geometry.depth_mm(photo.whole), [y - 0.5, x - 0.5], order=1)
+    height = map_coordinates(geometry.depth_mm(photo.full_region), [y - 0.5, x - 0.5], order=1)
     assert spearmanr(height, -depth)[0] > 0.9
     # What is near a point, and what of it is nearer: the relief, which the outline knows nothing of.
     tree = cKDTree(np.stack([x, y], axis=1))

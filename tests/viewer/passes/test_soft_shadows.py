@@ -20,7 +20,7 @@ from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.soft_shadows import SoftShadow
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.render.sources import Lamps
+from milkglass.viewer.render.sources import LampSources
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import apply_set
@@ -45,7 +45,7 @@ SIZED = {  # for an object of 20 mm
 @pytest.fixture(scope="module")
 def irradiance_of(context):
     """Return E of a light at samples of a mesh, (n, 3)."""
-    lamps, run = Lamps(context, Stages()), SampleIrradiancePass(context)
+    lamps, run = LampSources(context, Stages()), SampleIrradiancePass(context)
 
     def irradiance(mesh, samples, light, draft=False):
         source = lamps.source(light, Stage.LIGHT.of(1), mesh, MeshBuffers(context, mesh), None, draft)

@@ -168,7 +168,7 @@ def test_photographs_of_all_sorts_are_read(tmp_path: Path) -> None:
     for name in ("cmyk.jpg", "palette.png", "grey.png", "turned.jpg"):
         photo = load_photo(tmp_path / name, painted)
         assert photo.pixels.shape == (64, 64, 3)
-        assert np.abs(photo.linear(photo.whole).mean(axis=2) - picture.mean(axis=2)).mean() < 0.05
+        assert np.abs(photo.linear(photo.full_region).mean(axis=2) - picture.mean(axis=2)).mean() < 0.05
     cut_out = np.dstack([np.zeros((64, 64, 3), np.uint8), np.rint(mask * 255).astype(np.uint8)])
     write_png(tmp_path / "cut_out.png", cut_out)  # a mask may be the object on transparent
     np.testing.assert_array_equal(load_photo(path, tmp_path / "cut_out.png").mask, cut_out[..., 3])
