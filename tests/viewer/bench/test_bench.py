@@ -45,7 +45,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def coarse_reference(monkeypatch):
     monkeypatch.setattr("milkglass.core.reference.sources.EDGE_OVER_MEAN_FREE_PATH", 0.8)
-    monkeypatch.setattr("milkglass.core.reference.sources.SHARE", 0.4)
+    monkeypatch.setattr("milkglass.core.reference.sources.EDGE_OVER_DISTANCE", 0.4)
     monkeypatch.setattr("milkglass.viewer.bench.rivals.SAMPLE_EDGE", 0.6)
 
 
