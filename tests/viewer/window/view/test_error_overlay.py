@@ -165,7 +165,7 @@ def of(rms, target, predicted, method="ewald"):
     """A measurement with these errors."""
     ones = np.ones((2, 3))
     deviation = SimpleNamespace(rms=rms, p99=rms, rms_together=1.0)
-    error = SimpleNamespace(reference=ones, seen=SimpleNamespace(exitance=ones), deviation=deviation)
+    error = SimpleNamespace(reference=ones, points=SimpleNamespace(exitance=ones), deviation=deviation)
     return SimpleNamespace(
         error=error, quality=Quality(method, None, 40, predicted_error=predicted, error_target=target), is_dark=False
     )
