@@ -1,7 +1,8 @@
 """Threads of the numerics: one pool of them for the process, BLAS kept from making more, and what they share.
 
-Work in the pool must not wait for the pool: with every thread waiting, none would be left to work. `each` is therefore
-safe anywhere, one item after another where it is called by such work; asking the pool itself for more there is refused.
+Work in the pool must not wait for the pool: with every thread waiting, none would be left to work. `pool_map` is
+therefore safe anywhere, one item after another where it is called by such work; asking the pool itself for more there
+is refused.
 """
 
 import functools
@@ -49,7 +50,7 @@ class Pool(ThreadPoolExecutor):
             If work in the pool asks for it.
         """
         if self.is_here:
-            raise RuntimeError("work in the thread pool must not wait for the thread pool; use core.threads.each")
+            raise RuntimeError("work in the thread pool must not wait for the thread pool; use core.threads.pool_map")
         return super().submit(one_blas_thread()(work), *args, **kwargs)
 
     def _mark(self) -> None:
@@ -118,7 +119,7 @@ def thread_pool() -> Pool:
     return _pool
 
 
-def each(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
+def pool_map(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
     """Return what work gives for each item, in their order: side by side, or one after another within the pool."""
     items = list(items)
     if len(items) < 2 or _pool.is_here:

@@ -20,7 +20,7 @@ import pyfftw
 
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import each
+from milkglass.core.threads import pool_map
 
 Complex64 = npt.NDArray[np.complex64]
 
@@ -89,7 +89,7 @@ class LayerConvolver:
             for item in items[w::n]:
                 task(self._workers[w], item)
 
-        each(share, range(n))
+        pool_map(share, range(n))
 
 
 def _even_slices(count: int, largest: int, threads: int) -> list[slice]:

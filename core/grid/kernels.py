@@ -7,7 +7,7 @@ from typing import Any
 from milkglass.core.arrays import Float32
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import each
+from milkglass.core.threads import pool_map
 
 Spectra = tuple[Float32, ...]
 Kernel = tuple[Any, ConvolutionShape, float, float]  # source, shape, texel and layer distance, mm
@@ -50,7 +50,7 @@ class Kernels:
             source, shape, *_ = kernel
             return prepared(shape, make(source, shape))
 
-        self._spectra |= zip(missing, each(prepare, missing), strict=True)
+        self._spectra |= zip(missing, pool_map(prepare, missing), strict=True)
         for kernel in kernels:  # most recently used last
             if kernel is not None:
                 self._spectra[kernel] = self._spectra.pop(kernel)

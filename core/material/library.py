@@ -114,7 +114,7 @@ def names() -> tuple[str, ...]:
     return tuple(material.name for material in library())
 
 
-def lookup(name: str, more: Sequence[Material] = ()) -> Material:
+def lookup(name: str, additional: Sequence[Material] = ()) -> Material:
     """Return a material by name, ignoring case, spaces, hyphens and underscores: of the library, else of `more`.
 
     Raises
@@ -122,7 +122,7 @@ def lookup(name: str, more: Sequence[Material] = ()) -> Material:
     InputError
         Naming the nearest materials, where there is none of that name.
     """
-    by_key = {key_of(material.name): material for material in more} | _by_key()
+    by_key = {key_of(material.name): material for material in additional} | _by_key()
     found = by_key.get(key_of(name))
     if found is not None:
         return found

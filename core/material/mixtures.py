@@ -19,10 +19,10 @@ WATER = Material("Water", (0.0, 0.0, 0.0), (2.644e-4, 5.65e-5, 9.79e-6), 1.333, 
 LEAST_WATER = -1e5  # lower bound of `water`, beyond any measured dilution
 
 
-def mix(one: Material, other: Material, share: float) -> Material:
+def mix(first: Material, second: Material, share: float) -> Material:
     """Return the mixture of two materials, `share` in [0, 1] of the volume being the other."""
-    name = f"{one.name} with {100.0 * share:.4g} % {other.name}"
-    return _weighted(name, (one, 1.0 - share), (other, share), one.eta + share * (other.eta - one.eta))
+    name = f"{first.name} with {100.0 * share:.4g} % {second.name}"
+    return _weighted(name, (first, 1.0 - share), (second, share), first.eta + share * (second.eta - first.eta))
 
 
 def dilute(material: Material, water: float) -> Material:
@@ -50,10 +50,10 @@ def dilute(material: Material, water: float) -> Material:
     )
 
 
-def _weighted(name: str, one: tuple[Material, float], other: tuple[Material, float], eta: float) -> Material:
+def _weighted(name: str, first: tuple[Material, float], second: tuple[Material, float], eta: float) -> Material:
     def summed(key: str) -> tuple[float, float, float]:
-        pairs = zip(getattr(one[0], key), getattr(other[0], key), strict=True)
-        red, green, blue = (one[1] * a + other[1] * b for a, b in pairs)
+        pairs = zip(getattr(first[0], key), getattr(second[0], key), strict=True)
+        red, green, blue = (first[1] * a + second[1] * b for a, b in pairs)
         return red, green, blue
 
     eta = min(MAX_ETA, max(MIN_ETA, eta))  # rounding

@@ -125,18 +125,18 @@ class BetterDipole:
         finite = np.where(np.isfinite(rho), rho, 1.0)
         near, far = np.hypot(self.mean_free_path, finite), np.hypot(self.z_v, finite)
         # d_v - d_r without cancellation
-        apart = (self.z_v**2 - self.mean_free_path**2) / (far + near)
-        value = phi * _difference(near, apart, np.asarray(self.sigma_tr))
+        separation = (self.z_v**2 - self.mean_free_path**2) / (far + near)
+        value = phi * _difference(near, separation, np.asarray(self.sigma_tr))
         for z, distance in ((self.mean_free_path, near), (self.z_v, far)):
             value = value + flux * z / distance * np.exp(-distance * self.sigma_tr)
         return np.where(np.isfinite(rho), 0.5 * value, 0.0)
 
 
-def _difference(near: npt.ArrayLike, apart: npt.ArrayLike, q: Array) -> Array:
+def _difference(near: npt.ArrayLike, separation: npt.ArrayLike, q: Array) -> Array:
     """Return (exp(-near q) - exp(-(near + apart) q)) / q, which is `apart` at q = 0."""
-    near, apart = np.asarray(near, np.float64), np.asarray(apart, np.float64)
+    near, separation = np.asarray(near, np.float64), np.asarray(separation, np.float64)
     safe = np.where(q > 0.0, q, 1.0)
-    return np.where(q > 0.0, np.exp(-near * q) * -np.expm1(-apart * q) / safe, apart + 0.0 * q)
+    return np.where(q > 0.0, np.exp(-near * q) * -np.expm1(-separation * q) / safe, separation + 0.0 * q)
 
 
 def _channel(material: Material, channel: int) -> BetterDipole:

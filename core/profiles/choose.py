@@ -57,7 +57,7 @@ def reflectance(albedo: float, eta: float, name: str = DIPOLE) -> float:
 
 
 @functools.lru_cache(maxsize=4096)
-def albedo_for(wanted: float, eta: float, name: str = DIPOLE) -> float:
+def albedo_for(target: float, eta: float, name: str = DIPOLE) -> float:
     """Return the reduced albedo whose `reflectance` is the wanted one, to 1e-9.
 
     Raises
@@ -65,15 +65,15 @@ def albedo_for(wanted: float, eta: float, name: str = DIPOLE) -> float:
     InputError
         If no albedo reaches it.
     """
-    most = reflectance(1.0, eta, name)
-    if not 0.0 <= wanted <= most + 1e-9:
-        raise InputError(f"a diffuse reflectance of {wanted:g} is out of reach of {name}: from 0 to {most:.4g}")
-    if wanted == 0.0:
+    highest = reflectance(1.0, eta, name)
+    if not 0.0 <= target <= highest + 1e-9:
+        raise InputError(f"a diffuse reflectance of {target:g} is out of reach of {name}: from 0 to {highest:.4g}")
+    if target == 0.0:
         return 0.0
-    if wanted >= most:
+    if target >= highest:
         return 1.0
     # Near a' = 1 reflectance falls with sqrt(1 - a'), in which it is smooth.
-    root = brentq(lambda t: reflectance(1.0 - t * t, eta, name) - wanted, 0.0, 1.0, xtol=1e-13, rtol=1e-12)
+    root = brentq(lambda t: reflectance(1.0 - t * t, eta, name) - target, 0.0, 1.0, xtol=1e-13, rtol=1e-12)
     return float(1.0 - root * root)
 
 
@@ -97,9 +97,9 @@ def material_of_colour(
         Naming the channel, if its reflectance is out of reach.
     """
     albedos = []
-    for channel, wanted in zip(CHANNELS, colour, strict=True):
+    for channel, target in zip(CHANNELS, colour, strict=True):
         try:
-            albedos.append(albedo_for(float(wanted), eta, name))
+            albedos.append(albedo_for(float(target), eta, name))
         except InputError as error:
             raise InputError(f"{channel}: {error}") from None
     scattering, absorption = np.array(albedos) / length, (1.0 - np.array(albedos)) / length
@@ -119,14 +119,14 @@ def mean_free_paths(
         Naming the channel, if its reflectance is out of reach, or that of a material without absorption.
     """
     lengths = []
-    for channel, wanted, length in zip(CHANNELS, colour, diffuse, strict=True):
+    for channel, target, length in zip(CHANNELS, colour, diffuse, strict=True):
         try:
-            path = length * math.sqrt(3.0 * (1.0 - albedo_for(float(wanted), eta, name)))
+            path = length * math.sqrt(3.0 * (1.0 - albedo_for(float(target), eta, name)))
         except InputError as error:
             raise InputError(f"{channel}: {error}") from None
         if path * MAX_COEFFICIENT < 1.0:
             raise InputError(
-                f"{channel}: with a diffuse reflectance of {wanted:g} hardly anything is absorbed, and no scattering "
+                f"{channel}: with a diffuse reflectance of {target:g} hardly anything is absorbed, and no scattering "
                 f"makes the diffuse mean free path {length:g} mm; lower the colour or give mean_free_path_mm"
             )
         lengths.append(path)

@@ -93,8 +93,8 @@ class Gaussians:
 
 def skin(channel: int, reflectance: float) -> Gaussians:
     """Return the six-Gaussian skin of a channel (0, 1, 2) for a diffuse reflectance in [0, 1]."""
-    whole = sum(row[1 + channel] for row in SKIN)
-    weights = tuple(reflectance * row[1 + channel] / whole for row in SKIN)
+    total = sum(row[1 + channel] for row in SKIN)
+    weights = tuple(reflectance * row[1 + channel] / total for row in SKIN)
     return Gaussians(weights, tuple(row[0] for row in SKIN))
 
 

@@ -55,7 +55,7 @@ class Solid(Protocol):
 
     @property
     def mesh(self) -> Mesh:
-        """Return the surface."""
+        """Return the surface of the object or body as a triangle mesh."""
 
     @property
     def samples(self) -> SurfaceSamples:
@@ -260,12 +260,12 @@ class SeparableTransport(Transport, Protocol):
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
         """Tabulate what pixels need where the volume is an atlas of several bodies; None for a dark one."""
 
-    def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> Transport:
+    def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> Transport:
         """Return the transport in one body of an object, which shares all kernels.
 
         Parameters
         ----------
-        whole : Mesh
+        object_mesh : Mesh
         crop : callable
             Gives the body's part of the whole object's grid.
         """

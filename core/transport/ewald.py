@@ -35,8 +35,8 @@ from milkglass.core.transport.quality import (
     SAMPLE_EDGE,
     SURVEY,
     TAIL,
-    Asked,
     Quality,
+    QualityRequest,
     survey_spacing,
 )
 
@@ -112,13 +112,13 @@ def tail_reach(profile: Profile, area: float, tail: float) -> float:
     """
     if profile.is_black:
         return 0.0
-    enough = tail * float(profile.total(0.0)) / area
+    threshold = tail * float(profile.total(0.0)) / area
     low, high = 0.0, np.sqrt(area)
-    while float(profile.radial(high)) > enough:
+    while float(profile.radial(high)) > threshold:
         high *= 2.0
     for _ in range(30):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if float(profile.radial(middle)) > enough else (low, middle)
+        low, high = (middle, high) if float(profile.radial(middle)) > threshold else (low, middle)
     return float(high)
 
 
@@ -206,31 +206,34 @@ NEAR_TARGET = 2.0  # times the target: an error that still passes for meeting it
 
 
 def choose_quality(
-    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
     """See `core.transport.quality.choose_quality`: nodes from the error to expect, by `core.transport.accuracy`."""
     assert shape is not None
     longest = longest_side(mesh)
     law, lit_law = (SHINING, LIT) if sharp_light else (SURROUNDED, SURROUNDED)
-    target = None if asked.resolution is not None else asked.error_target or DEFAULT_ERROR_TARGET
-    has_target = target is not None and asked.error_target is not None
+    target = None if request.resolution is not None else request.error_target or DEFAULT_ERROR_TARGET
+    has_target = target is not None and request.error_target is not None
 
     def quality(resolution: int, assignment: str, tail: float = TAIL) -> Quality:
-        grid = EwaldTransport(resolution=resolution, n_layers=asked.layers).grid(mesh, np.eye(3))
+        grid = EwaldTransport(resolution=resolution, n_layers=request.layers).grid(mesh, np.eye(3))
         spacing = max(grid.texel, grid.layer_distance)
-        worst, lit = (predicted_error(each, profiles, spacing, shape, assignment) for each in (law, lit_law))
+        worst, lit = (predicted_error(error_law, profiles, spacing, shape, assignment) for error_law in (law, lit_law))
         return Quality(
-            asked.method, asked.layers, resolution, assignment, worst, min(lit, worst), target, has_target, tail
+            request.method, request.layers, resolution, assignment, worst, min(lit, worst), target, has_target, tail
         )
 
-    if asked.resolution is not None:
-        chosen = quality(asked.resolution, asked.assignment or TSC)
+    if request.resolution is not None:
+        chosen = quality(request.resolution, request.assignment or TSC)
         return replace(chosen, tail=TAIL if chosen.error <= NEAR_TARGET * DEFAULT_ERROR_TARGET else LOOSE_TAIL)
     assert target is not None
-    orders = (TENT, TSC) if asked.assignment is None else (asked.assignment,)
-    most = _most_nodes(asked, profiles, mesh, TAIL, NODES if asked.error_target is None else NODES_ASKED_FOR)
-    wanted = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
-    found = [quality(int(np.clip(STEP * np.ceil(n / STEP), COARSEST, most)), order) for order, n in wanted.items()]
+    orders = (TENT, TSC) if request.assignment is None else (request.assignment,)
+    max_nodes = _most_nodes(request, profiles, mesh, TAIL, NODES if request.error_target is None else NODES_ASKED_FOR)
+    nodes_by_order = {order: longest / spacing_for(target, law, profiles, shape, order) + 2.0 for order in orders}
+    found = [
+        quality(int(np.clip(STEP * np.ceil(n / STEP), COARSEST, max_nodes)), order)
+        for order, n in nodes_by_order.items()
+    ]
     # Tents are read and written in a third of the time: theirs, where they need no finer grid.
     good = [q for q in found if q.error <= target]
     if good:
@@ -238,8 +241,8 @@ def choose_quality(
     best = min(found, key=lambda q: q.error)
     if best.error <= NEAR_TARGET * target:
         return best
-    budget = NODES_OUT_OF_REACH if asked.error_target is None else NODES_ASKED_FOR
-    return quality(_most_nodes(asked, profiles, mesh, LOOSE_TAIL, budget), orders[-1], LOOSE_TAIL)
+    budget = NODES_OUT_OF_REACH if request.error_target is None else NODES_ASKED_FOR
+    return quality(_most_nodes(request, profiles, mesh, LOOSE_TAIL, budget), orders[-1], LOOSE_TAIL)
 
 
 def make_transport(quality: Quality, kernels: Kernels) -> EwaldTransport:
@@ -253,24 +256,24 @@ def make_transport(quality: Quality, kernels: Kernels) -> EwaldTransport:
     )
 
 
-def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
+def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
     """See `core.transport.quality.sample_spacing`.
 
     The samples of `SURVEY` nodes serve every coarser grid, and finer ones come in steps: a material that changes the
     grid keeps its samples.
     """
-    if asked.resolution is not None:
-        return SAMPLE_EDGE * longest_side(mesh) / (asked.resolution - 1)
+    if request.resolution is not None:
+        return SAMPLE_EDGE * longest_side(mesh) / (request.resolution - 1)
     steps = max(0, int(np.ceil(2.0 * np.log2(resolution / SURVEY))))
     return float(survey_spacing(mesh) * 2.0 ** (-0.5 * steps))
 
 
-def _most_nodes(asked: Asked, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
+def _most_nodes(request: QualityRequest, profiles: Profiles, mesh: Mesh, tail: float, budget: int) -> int:
     """Return the largest resolution whose padded grid keeps within a budget, by bisection."""
     low, high = COARSEST, FINEST + 1
     while high - low > 1:
         middle = (low + high) // 2
-        transport = EwaldTransport(resolution=middle, n_layers=asked.layers, tail=tail)
+        transport = EwaldTransport(resolution=middle, n_layers=request.layers, tail=tail)
         fits = padded_nodes(transport, profiles, mesh) <= budget
         low, high = (middle, high) if fits else (low, middle)
     return low // STEP * STEP

@@ -22,7 +22,7 @@ from milkglass.core.grid.layers import LayerGrid, deposit, gather
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.profiles.base import Profile, Profiles
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.threads import each, one_blas_thread
+from milkglass.core.threads import one_blas_thread, pool_map
 from milkglass.core.transport.base import EnteringFlux, GoOn, Scattered, SurfaceLights
 from milkglass.core.transport.pixels import LocalTerm, PixelTables
 
@@ -79,16 +79,17 @@ class FftTransport(ABC):
         def convolve() -> Float32:
             lit = [i for i, spectrum in enumerate(spectra) if spectrum is not None and layers[i].any()]
             twins = {i: _twin(i, lit, layers, spectra) for i in lit}
-            known = {i: _known(i, layers, spectra, before) for i in lit if twins[i] == i}
+            reusable = {i: _known(i, layers, spectra, before) for i in lit if twins[i] == i}
 
             def convolved(i: int) -> Float32:
-                spectrum, done = spectra[i], known[i]
+                spectrum, result = spectra[i], reusable[i]
                 assert spectrum is not None
-                return convolvers[i].convolve(layers[i], spectrum) if done is None else done
+                return convolvers[i].convolve(layers[i], spectrum) if result is None else result
 
             # Layers that mix pair by pair have all threads in one convolution; others are convolved side by side.
             shared = convolvers[0].shape.mixes_pairs
-            found = dict(zip(known, map(convolved, known) if shared else each(convolved, known), strict=True))
+            results = map(convolved, reusable) if shared else pool_map(convolved, reusable)
+            found = dict(zip(reusable, results, strict=True))
             dark = np.zeros_like(layers[0])
             return np.stack([found[twins[i]] if i in twins else dark for i in range(len(layers))])
 
@@ -102,7 +103,7 @@ class FftTransport(ABC):
         """Tabulate the local term, which is the same for all bodies."""
         return PixelTables(self.local(atlas.grid, lit.profiles))
 
-    def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "FftTransport":
+    def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "FftTransport":
         """Return itself: it keeps nothing of a body, and its grid is handed to it."""
         return self
 

@@ -17,7 +17,7 @@ from milkglass.core.profiles.base import Profile, Profiles
 from milkglass.core.transport.accuracy import Roughness
 from milkglass.core.transport.fft import FftTransport
 from milkglass.core.transport.pixels import LocalTerm
-from milkglass.core.transport.quality import SAMPLE_EDGE, Asked, Quality
+from milkglass.core.transport.quality import SAMPLE_EDGE, Quality, QualityRequest
 
 DEFAULT_LAYERS, DEFAULT_RESOLUTION = 8, 128
 
@@ -65,11 +65,11 @@ class LayeredTransport(FftTransport):
 
 
 def choose_quality(
-    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
     """See `core.transport.quality.choose_quality`: no error is predicted."""
-    layers, resolution = asked.layers or DEFAULT_LAYERS, asked.resolution or DEFAULT_RESOLUTION
-    return Quality(asked.method, layers, resolution, TENT)
+    layers, resolution = request.layers or DEFAULT_LAYERS, request.resolution or DEFAULT_RESOLUTION
+    return Quality(request.method, layers, resolution, TENT)
 
 
 def make_transport(quality: Quality, kernels: Kernels) -> LayeredTransport:
@@ -77,6 +77,6 @@ def make_transport(quality: Quality, kernels: Kernels) -> LayeredTransport:
     return LayeredTransport(n_layers=quality.layers or 1, resolution=quality.resolution, kernels=kernels)
 
 
-def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
+def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
     """See `core.transport.quality.sample_spacing`."""
-    return SAMPLE_EDGE * longest_side(mesh) / ((asked.resolution or DEFAULT_RESOLUTION) - 1)
+    return SAMPLE_EDGE * longest_side(mesh) / ((request.resolution or DEFAULT_RESOLUTION) - 1)

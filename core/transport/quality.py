@@ -27,7 +27,7 @@ SAMPLE_EDGE = 1.5  # longest edge of a surface sample's piece, in texels: about 
 TAIL, LOOSE_TAIL = 1e-4, 0.02
 
 
-class Asked(Protocol):
+class QualityRequest(Protocol):
     """What a scene asks of its transport, as `viewer.scene.settings.TransportSettings` has it; None leaves it open."""
 
     @property
@@ -157,19 +157,19 @@ class Quality:
 
 
 def choose_quality(
-    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
     """Fill in what a scene leaves open, for a material's profiles, an object and its light.
 
     Parameters
     ----------
-    asked, profiles, mesh
+    request, profiles, mesh
     shape : from `core.transport.accuracy.roughness`
         None will do where the method needs no roughness.
     sharp_light : bool
         Whether a light casts shadows; an environment alone does not.
     """
-    quality: Quality = _home(asked.method).choose_quality(asked, profiles, mesh, shape, sharp_light)
+    quality: Quality = _home(request.method).choose_quality(request, profiles, mesh, shape, sharp_light)
     return quality
 
 
@@ -180,9 +180,9 @@ def make_transport(quality: Quality, effort: str = "FFTW_ESTIMATE", keep: int = 
     return transport
 
 
-def sample_spacing(mesh: Mesh, asked: Asked, resolution: int = SURVEY) -> float:
+def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int = SURVEY) -> float:
     """Return the longest edge of a surface sample's triangle, mm, for a resolution that `choose_quality` found."""
-    return float(_home(asked.method).sample_spacing(mesh, asked, resolution))
+    return float(_home(request.method).sample_spacing(mesh, request, resolution))
 
 
 def survey_spacing(mesh: Mesh) -> float:

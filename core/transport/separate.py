@@ -53,9 +53,9 @@ class Body:
     """
 
     def __init__(
-        self, whole: Mesh, faces: Ints, samples: SurfaceSamples, chosen: Ints, area: float, transport: Transport
+        self, object_mesh: Mesh, faces: Ints, samples: SurfaceSamples, chosen: Ints, area: float, transport: Transport
     ) -> None:
-        self._whole, self._faces, self._of_whole, self.chosen = whole, faces, samples, chosen
+        self._whole, self._faces, self._of_whole, self.chosen = object_mesh, faces, samples, chosen
         self.area, self.transport, self.stages = area, transport, Stages()
 
     @computed_once
@@ -67,9 +67,9 @@ class Body:
     @computed_once
     def samples(self) -> SurfaceSamples:
         """Return the body's surface samples, which name faces of its mesh."""
-        whole, chosen = self._of_whole, self.chosen
-        faces = np.searchsorted(self._faces, whole.faces[chosen]).astype(np.int32)
-        return SurfaceSamples(whole.points[chosen], whole.normals[chosen], whole.areas[chosen], faces)
+        samples, chosen = self._of_whole, self.chosen
+        faces = np.searchsorted(self._faces, samples.faces[chosen]).astype(np.int32)
+        return SurfaceSamples(samples.points[chosen], samples.normals[chosen], samples.areas[chosen], faces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,31 +97,35 @@ class ScatteredInBodies:
     waiting: bool = False
 
     @property
-    def known(self) -> list[Scattered]:
+    def lit_parts(self) -> list[Scattered]:
         """Return the parts of bodies that are not dark."""
         return [part for part in self.parts if part is not None]
 
     @property
     def boundaries(self) -> tuple[object, ...]:
         """Return the surfaces of lit bodies as they lie on the grid."""
-        return tuple(boundary for part in self.known for boundary in part.boundaries)
+        return tuple(boundary for part in self.lit_parts for boundary in part.boundaries)
 
     @property
     def residuals(self) -> tuple[float, ...]:
         """Return the relative residual of each channel in the worst body; 1, that of no solution, while some wait."""
         if self.waiting:
             return 1.0, 1.0, 1.0
-        return tuple(max(each) for each in zip((0.0, 0.0, 0.0), *(part.residuals for part in self.known), strict=True))
+        return tuple(
+            max(channel) for channel in zip((0.0, 0.0, 0.0), *(part.residuals for part in self.lit_parts), strict=True)
+        )
 
     @property
     def convolutions(self) -> tuple[int, ...]:
         """Return of each channel the most convolutions that a body took."""
-        return tuple(max(each) for each in zip((0, 0, 0), *(part.convolutions for part in self.known), strict=True))
+        return tuple(
+            max(channel) for channel in zip((0, 0, 0), *(part.convolutions for part in self.lit_parts), strict=True)
+        )
 
     @property
     def is_solved(self) -> bool:
         """Whether all bodies are solved."""
-        return not self.waiting and all(part.is_solved for part in self.known)
+        return not self.waiting and all(part.is_solved for part in self.lit_parts)
 
     @computed_once
     def volume(self) -> Float32:
@@ -156,10 +160,10 @@ class ScatteredInBodies:
         bodies = self.transport.bodies
         found, body = np.zeros((len(points), 3)), bodies_at(self.transport.mesh, bodies, points)
         for i, part in enumerate(self.parts):
-            here = body == i
-            if part is not None and here.any():
+            on_this = body == i
+            if part is not None and on_this.any():
                 on_body = lights.on_body(bodies.of_face == i)
-                found[here] = part.exitance(points[here], normals[here], on_body, tables)
+                found[on_this] = part.exitance(points[on_this], normals[on_this], on_body, tables)
         return found
 
     def on_layers(self) -> Float32:
@@ -221,12 +225,12 @@ class OfBodies:
         """Return the bodies' parts of the whole object's layers."""
         with self._lock:  # lighting asks too, perhaps in another thread
             atlas = self._atlases.get(grid) or fit_atlas(grid, self.smooth, self.mesh.vertices, self._of_vertex)
-            others = [(key, kept) for key, kept in self._atlases.items() if key != grid]
-            self._atlases = {**dict(others[1 - ATLASES :]), grid: atlas}
+            older = [(key, atlas_kept) for key, atlas_kept in self._atlases.items() if key != grid]
+            self._atlases = {**dict(older[1 - ATLASES :]), grid: atlas}
         return atlas
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> ScatteredInBodies:
-        """See `core.transport.base.Transport.scatter`: `go_on` is told all bodies together.
+        """See `core.transport.base.Transport.scatter`: `go_on` is called with all bodies together.
 
         `stages` keep what the bodies have in common; times of the bodies' own steps are added to theirs.
         """
@@ -240,13 +244,13 @@ class OfBodies:
         key = self, atlas, places, fluxes, *shares, *self.material(lit)
         if stages.has(Stage.BODIES, key):
             return stages.run(Stage.BODIES, key, lambda: self._dark(lit))
-        each = [
+        entering = [
             replace(lit, solid=body, grid=crop, coordinates=place, flux=flux, lights=tuple(filter(None, lights)))
             for body, crop, place, flux, *lights in zip(self._bodies, atlas.crops, places, fluxes, *shares, strict=True)
         ]
         for body in self._bodies:
             body.stages.begin()
-        scattered = self._scatter(lit, each, go_on)
+        scattered = self._scatter(lit, entering, go_on)
         for body in self._bodies:
             for name, milliseconds in body.stages.timings.items():
                 stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
@@ -261,9 +265,9 @@ class OfBodies:
             body.stages.clear()
         self.whole.release()
 
-    def _scatter(self, lit: EnteringFlux, each: Sequence[EnteringFlux], go_on: GoOn | None) -> ScatteredInBodies:
+    def _scatter(self, lit: EnteringFlux, entering: Sequence[EnteringFlux], go_on: GoOn | None) -> ScatteredInBodies:
         """Scatter body by body, all of them on coarse nodes first where somebody looks."""
-        shining = [i for i, part in enumerate(each) if part.flux.any()]
+        shining = [i for i, part in enumerate(entering) if part.flux.any()]
         parts: dict[int, Scattered] = {}
         newest = replace(self._dark(lit), waiting=bool(shining))
 
@@ -275,19 +279,19 @@ class OfBodies:
 
         rounds = (True, False) if go_on is not None else (False,)
         for coarse, i in [(coarse, i) for coarse in rounds for i in shining]:
-            body, grid, ended = self._bodies[i], each[i].grid, False
+            body, grid, stopped = self._bodies[i], entering[i].grid, False
             if (known := parts.get(i)) is not None and known.is_solved and known.grid == grid:
                 continue
 
-            def told(part: Scattered, i: int = i, coarse: bool = coarse, grid: LayerGrid = grid) -> bool:
-                nonlocal ended
+            def notify(part: Scattered, i: int = i, coarse: bool = coarse, grid: LayerGrid = grid) -> bool:
+                nonlocal stopped
                 take(i, part)
-                ended = go_on is not None and not go_on(newest)
+                stopped = go_on is not None and not go_on(newest)
                 enough = coarse and part.grid != grid and part.is_solved
-                return not ended and not enough
+                return not stopped and not enough
 
-            take(i, body.transport.scatter(each[i], body.stages, None if go_on is None else told))
-            if ended:
+            take(i, body.transport.scatter(entering[i], body.stages, None if go_on is None else notify))
+            if stopped:
                 break
         return newest
 

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import computed_once, each, one_blas_thread, thread_pool
+from milkglass.core.threads import computed_once, one_blas_thread, pool_map, thread_pool
 
 
 def blas_threads():
@@ -20,18 +20,18 @@ def blas_threads():
 
 
 def test_each_keeps_the_order_and_uses_the_pool():
-    found = each(lambda i: (i, get_ident()), range(20))
+    found = pool_map(lambda i: (i, get_ident()), range(20))
     assert [i for i, _ in found] == list(range(20))
     assert get_ident() not in {thread for _, thread in found}
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_single_item_needs_no_thread(count):
-    assert each(lambda i: (i, get_ident()), range(count)) == [(i, get_ident()) for i in range(count)]
+    assert pool_map(lambda i: (i, get_ident()), range(count)) == [(i, get_ident()) for i in range(count)]
 
 
 def test_within_the_pool_each_goes_through_its_items_by_itself():
-    inner = each(lambda i: each(lambda k: (i, k, get_ident()), range(5)), range(16))
+    inner = pool_map(lambda i: pool_map(lambda k: (i, k, get_ident()), range(5)), range(16))
     for i, found in enumerate(inner):
         assert [(a, b) for a, b, _ in found] == [(i, k) for k in range(5)]
         assert len({thread for *_, thread in found}) == 1
@@ -41,7 +41,7 @@ def test_work_in_the_pool_that_asks_the_pool_for_more_is_refused():
     """With all threads waiting like that, they would wait for good."""
     pool = thread_pool()
     for ask in (lambda _: list(pool.map(str, range(3))), lambda _: pool.submit(str, 1).result()):
-        with pytest.raises(RuntimeError, match=r"must not wait for the thread pool; use core\.threads\.each$"):
+        with pytest.raises(RuntimeError, match=r"must not wait for the thread pool; use core\.threads\.pool_map$"):
             list(pool.map(ask, range(32)))
     assert list(pool.map(str, range(3))) == ["0", "1", "2"]
 
@@ -60,7 +60,7 @@ def test_convolutions_that_share_threads_may_run_side_by_side():
 
 def test_a_failure_is_the_callers():
     with pytest.raises(ZeroDivisionError):
-        each(lambda i: 1 / i, range(-2, 3))
+        pool_map(lambda i: 1 / i, range(-2, 3))
 
 
 # Properties
@@ -83,7 +83,7 @@ class Counted:
 
     @computed_once
     def shared(self):
-        return each(lambda i: get_ident(), range(8))
+        return pool_map(lambda i: get_ident(), range(8))
 
 
 def test_a_property_is_computed_once_by_whichever_thread_is_first():
@@ -182,11 +182,11 @@ def test_a_forked_child_has_a_pool_of_its_own_and_blas_as_it_was():
 import os, threading
 import numpy as np
 from threadpoolctl import threadpool_info
-from milkglass.core.threads import each, one_blas_thread
+from milkglass.core.threads import pool_map, one_blas_thread
 def blas():
     return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
 before = blas()
-each(str, range(8))
+pool_map(str, range(8))
 entered, end = threading.Event(), threading.Event()
 def hold():
     with one_blas_thread():
@@ -197,7 +197,7 @@ holder.start()
 entered.wait()
 child = os.fork()
 if child == 0:
-    same = each(str, range(8)) == [str(i) for i in range(8)] and blas() == before
+    same = pool_map(str, range(8)) == [str(i) for i in range(8)] and blas() == before
     with one_blas_thread():
         same = same and set(blas()) == {1}
     os._exit(0 if same and blas() == before else 1)

@@ -139,7 +139,7 @@ class Sheet:
 
     Attributes
     ----------
-    patches, others : (m,) int
+    patches, opposite : (m,) int
         Indices of a patch and of the one across the slab.
     thickness : (m,) float64
         mm.
@@ -148,7 +148,7 @@ class Sheet:
     """
 
     patches: npt.NDArray[np.intp]
-    others: npt.NDArray[np.intp]
+    opposite: npt.NDArray[np.intp]
     thickness: Array
     share: Array
 
@@ -160,14 +160,14 @@ def find_sheet(patches: Patches, thickness: Array, reach: float) -> Sheet:
         return Sheet(thin, thin, np.empty(0), np.empty(0))
     across = patches.on_surface[thin] - thickness[thin, None] * patches.face_normals[thin]
     # Nearest in place and in normal: on the thinnest slabs a neighbour on the same side would be nearer.
-    known = np.hstack([patches.on_surface, reach * patches.face_normals])
-    others = cKDTree(known).query(np.hstack([across, -reach * patches.face_normals[thin]]))[1]
-    facing = -np.einsum("ij,ij->i", patches.face_normals[thin], patches.face_normals[others])
+    search_points = np.hstack([patches.on_surface, reach * patches.face_normals])
+    opposite = cKDTree(search_points).query(np.hstack([across, -reach * patches.face_normals[thin]]))[1]
+    facing = -np.einsum("ij,ij->i", patches.face_normals[thin], patches.face_normals[opposite])
     limits = CONSTANTS.sheets
     share = rising(facing, limits.least_parallel, limits.parallel)
     share *= np.clip(2.0 - 2.0 * thickness[thin] / reach, 0.0, 1.0)
     used = share > 0.0
-    return Sheet(thin[used], others[used], thickness[thin[used]], share[used])
+    return Sheet(thin[used], opposite[used], thickness[thin[used]], share[used])
 
 
 def place(grid: LayerGrid, patches: Patches) -> tuple[csc_array, Float32]:
@@ -224,8 +224,8 @@ def put_on_grid(
     thickness = depths.along(patches, np.arange(len(patches)), -patches.face_normals, grid.texel)
     sheet = find_sheet(patches, thickness, reach)
     weights, slopes = place(grid, patches)
-    unknown = np.empty(0, np.float32), np.empty(0)
-    unplaced = Boundary(grid, patches, weights, slopes, *unknown, thickness, sheet, reach)
+    unset = np.empty(0, np.float32), np.empty(0)
+    unplaced = Boundary(grid, patches, weights, slopes, *unset, thickness, sheet, reach)
     deposited = unplaced.layer_assignment(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
     constant = convolve(deposited.reshape(grid.shape))
     diagonal = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)

@@ -66,7 +66,7 @@ class Channel:
         # it is taken off there.
         self._across = sheet.share * (
             local_green(medium, s, sheet.thickness) / (2.0 * medium.extrapolation_factor)
-            + bending[sheet.others] * local_slope(medium, s, sheet.thickness)
+            + bending[sheet.opposite] * local_slope(medium, s, sheet.thickness)
         )
         self._diagonal = 0.5 + boundary.double_layer_diagonal
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
@@ -141,7 +141,7 @@ class Channel:
         """Return the part of the operator without nodes: diagonal, and coupling of the two sides of thin slabs."""
         product = self._diagonal * two_A_M
         sheet = self.boundary.sheet
-        product[sheet.patches] += self._across * two_A_M[sheet.others]
+        product[sheet.patches] += self._across * two_A_M[sheet.opposite]
         return np.asarray(product)
 
     def _gathered(self, volume: Float32) -> Array:
@@ -160,10 +160,10 @@ def lit(
     """Return the `Channel` of the i-th colour of the entries of all lights."""
     deposited, local = np.zeros(int(np.prod(boundary.grid.shape)), np.float32), np.zeros(len(boundary.patches))
     crossed = crossing(boundary.edges, medium, i, entries)
-    kept = np.ones(len(local)) if crossed is None else crossed.kept
+    retained = np.ones(len(local)) if crossed is None else crossed.kept
     for entry in entries:
-        at_nodes, at_patches = sources(entry, boundary, medium, i, s, kept)
+        at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained)
         deposited += at_nodes
         local += at_patches
-    flight = last_flight(boundary, depths, medium, s, entries, i, kept)
+    flight = last_flight(boundary, depths, medium, s, entries, i, retained)
     return Channel(boundary, medium, s, convolve, deposited, local, crossed, flight)

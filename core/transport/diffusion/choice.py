@@ -8,7 +8,7 @@ from milkglass.core.grid.kernels import Kernels
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
-from milkglass.core.transport.quality import COARSEST, DEFAULT_ERROR_TARGET, Asked, Quality, survey_spacing
+from milkglass.core.transport.quality import COARSEST, DEFAULT_ERROR_TARGET, Quality, QualityRequest, survey_spacing
 
 # Nodes at the default target, and how they grow: the error falls with the square of their distance, or nearly, and no
 # law foretells it for a shape. With three to spare 62 are 65, and half of them 33, whose transforms of 128 and 64 take
@@ -17,12 +17,12 @@ DIFFUSION_NODES, DIFFUSION_POWER, DIFFUSION_FINEST = 62, 0.55, 160
 
 
 def choose_quality(
-    asked: Asked, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
     """See `core.transport.quality.choose_quality`: no error is predicted."""
-    tighter = DEFAULT_ERROR_TARGET / (asked.error_target or DEFAULT_ERROR_TARGET)
+    tighter = DEFAULT_ERROR_TARGET / (request.error_target or DEFAULT_ERROR_TARGET)
     nodes = int(np.clip(round(DIFFUSION_NODES * tighter**DIFFUSION_POWER), COARSEST, DIFFUSION_FINEST))
-    return Quality(asked.method, asked.layers, asked.resolution or nodes, TSC)
+    return Quality(request.method, request.layers, request.resolution or nodes, TSC)
 
 
 def make_transport(quality: Quality, kernels: Kernels) -> DiffusionTransport:
@@ -30,6 +30,6 @@ def make_transport(quality: Quality, kernels: Kernels) -> DiffusionTransport:
     return DiffusionTransport(n_layers=quality.layers, resolution=quality.resolution, kernels=kernels)
 
 
-def sample_spacing(mesh: Mesh, asked: Asked, resolution: int) -> float:
+def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
     """See `core.transport.quality.sample_spacing`: samples are merged into patches."""
     return min(survey_spacing(mesh), longest_side(mesh) / (resolution - 1))

@@ -107,7 +107,7 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
 
 
 def sources(
-    entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, kept: Array
+    entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, retained: Array
 ) -> tuple[Float32, Array]:
     """Return the first scattering of one channel: assigned to the nodes, and its local part at the patches.
 
@@ -120,16 +120,16 @@ def sources(
     local : (n,) float64
         a' E sum w rho(depth) at every patch, for what the nodes are too coarse for.
     """
-    depths, strength = first_sources(entry, medium, channel, kept)
+    depths, strength = first_sources(entry, medium, channel, retained)
     start = boundary.patches.points[entry.patches]
     share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
-    deposited = _reflected_sources(entry, boundary, medium, kept[entry.patches] * entry.flux[:, channel])
+    deposited = _reflected_sources(entry, boundary, medium, retained[entry.patches] * entry.flux[:, channel])
     local = np.zeros(len(boundary.patches))
     index = np.full(len(local), -1)  # of each patch in the entry
     index[entry.patches] = np.arange(len(entry.patches))
     sheet = boundary.sheet
-    lit = np.flatnonzero(index[sheet.others] >= 0)  # thin slabs that light enters on the other side
-    across = index[sheet.others[lit]]
+    lit = np.flatnonzero(index[sheet.opposite] >= 0)  # thin slabs that light enters on the other side
+    across = index[sheet.opposite[lit]]
     for node in range(2):
         points = start + entry.stretch * depths[:, node, None] * entry.rays
         deposited += _at_nodes(boundary, points, strength[:, node])
@@ -140,10 +140,10 @@ def sources(
     return deposited, local
 
 
-def first_sources(entry: Entry, medium: Medium, channel: int, kept: Array) -> tuple[Array, Array]:
+def first_sources(entry: Entry, medium: Medium, channel: int, retained: Array) -> tuple[Array, Array]:
     """Return depths of first scattering along the rays, mm, and its a' E dA, (m, 2) each; `kept` as in `sources`."""
     depths, shares = first_scattering(entry.chords_in(medium))
-    flux = kept[entry.patches] * entry.flux[:, channel]
+    flux = retained[entry.patches] * entry.flux[:, channel]
     return medium.mean_free_path * depths, medium.albedo * flux[:, None] * shares
 
 

@@ -90,11 +90,11 @@ def green_spectrum(medium: Medium, s: float, grid: LayerGrid, shape: Convolution
 
 def _sharpened(kernel: Array, axis: int) -> Array:
     """Return a kernel sharpened along an axis: `assignment.influence` of TSC, 1 + t^2 / 4 + t^4 / 30, t = k h."""
-    even = np.moveaxis(kernel, axis, 0)
-    even = np.concatenate([even[2:0:-1], even, even[-2:-4:-1]])
-    second = even[2:] - 2.0 * even[1:-1] + even[:-2]
+    mirrored = np.moveaxis(kernel, axis, 0)
+    mirrored = np.concatenate([mirrored[2:0:-1], mirrored, mirrored[-2:-4:-1]])
+    second = mirrored[2:] - 2.0 * mirrored[1:-1] + mirrored[:-2]
     fourth = second[2:] - 2.0 * second[1:-1] + second[:-2]
-    return np.moveaxis(even[2:-2] - second[1:-1] / 4.0 + 13.0 / 240.0 * fourth, 0, axis)
+    return np.moveaxis(mirrored[2:-2] - second[1:-1] / 4.0 + 13.0 / 240.0 * fourth, 0, axis)
 
 
 def _halves(r: Array, sigma: float, s: float, bell: Array) -> tuple[Array, Array]:

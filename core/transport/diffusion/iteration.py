@@ -165,16 +165,16 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     """
     boundary = channel.boundary
     before = None if last is None else last.channels[i]
-    kept, ratio = None, 1.0
+    start, ratio = None, 1.0
     if last is not None and before is not None and last.boundary is boundary:
         # Of 2 A M at the same exitance.
         ratio = channel.medium.extrapolation_factor / before.medium.extrapolation_factor
-        kept = ratio * last.two_A_M[i]
+        start = ratio * last.two_A_M[i]
     if coarse is None:
-        return fitted(channel, [] if kept is None else [kept])
+        return fitted(channel, [] if start is None else [start])
     guess = _prolonged(coarse, i, boundary, samples)
-    if kept is not None and last is not None and last.coarse is not None:
-        guess += kept - ratio * _prolonged(last.coarse, i, boundary, samples)
+    if start is not None and last is not None and last.coarse is not None:
+        guess += start - ratio * _prolonged(last.coarse, i, boundary, samples)
     on_coarse = coarse.channels[i]
     assert on_coarse is not None  # lit as the fine one is
     # The norm of b, which is never computed by itself here, is that of the coarse one at the same rms.

@@ -57,12 +57,12 @@ def gmres(
     basis[0] = residual / beta
     columns = np.zeros((max_matvecs + 1, max_matvecs))
     for k in range(max_matvecs):
-        vector, known = matvec(basis[k]), basis[: k + 1]
+        vector, spanned = matvec(basis[k]), basis[: k + 1]
         length = norm(vector)
         for _ in range(2):  # the second pass leaves no rounding of the first
-            shares = np.einsum("kn,n->k", known, vector)
+            shares = np.einsum("kn,n->k", spanned, vector)
             columns[: k + 1, k] += shares
-            vector = vector - combined(shares, known)
+            vector = vector - combined(shares, spanned)
         columns[k + 1, k] = norm(vector)
         target = np.zeros(k + 2)
         target[0] = beta
@@ -71,8 +71,8 @@ def gmres(
         parts = u.T @ target
         parts[strength <= np.finfo(np.float64).eps * (k + 1) * strength[0]] = 0.0
         left = float(np.linalg.norm(target - u @ parts)) / rhs_norm
-        least = np.maximum(strength, max(1e-2 * weak, np.finfo(np.float64).tiny))  # no power overflows
-        yield Step(k + 1, v.T @ (parts / (least * (1.0 + (weak / least) ** 8))), left), known
+        floor = np.maximum(strength, max(1e-2 * weak, np.finfo(np.float64).tiny))  # no power overflows
+        yield Step(k + 1, v.T @ (parts / (floor * (1.0 + (weak / floor) ** 8))), left), spanned
         if left <= tolerance or columns[k + 1, k] <= BREAKDOWN * length:
             return
         basis[k + 1] = vector / columns[k + 1, k]

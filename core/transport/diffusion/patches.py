@@ -67,17 +67,17 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     n, counts = len(starts), np.diff(starts, append=len(order))
     patch = np.empty(len(order), np.intp)
     patch[order] = np.repeat(np.arange(n), counts)
-    ones = np.ones(len(patch), np.float32)
-    sums = csr_array((ones, order, np.append(starts, len(order))), shape=(n, len(patch)))
+    unit_weights = np.ones(len(patch), np.float32)
+    sums = csr_array((unit_weights, order, np.append(starts, len(order))), shape=(n, len(patch)))
 
     def total(values: Array) -> Array:
         return np.stack([np.bincount(patch, column, n) for column in values.T], axis=-1)
 
-    whole = np.bincount(patch, areas, n).astype(np.float64)
+    patch_areas = np.bincount(patch, areas, n).astype(np.float64)
     weighted = np.maximum(areas, 1e-9 * areas.max())  # slivers alone have a centre too
     centres = total(weighted[:, None] * points) / np.bincount(patch, weighted, n)[:, None]
-    away = points - centres[patch]
-    nearest = _nearest(order, starts, patch, np.einsum("ij,ij->i", away, away))
+    offset = points - centres[patch]
+    nearest = _nearest(order, starts, patch, np.einsum("ij,ij->i", offset, offset))
     normals = total(weighted[:, None] * samples.normals)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 0.0, normals / np.maximum(length, np.finfo(np.float64).tiny), face_normals[nearest])
@@ -86,7 +86,7 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
         on_surface=points[nearest],
         normals=normals,
         face_normals=face_normals[nearest],
-        areas=whole,
+        areas=patch_areas,
         vector_areas=total(areas[:, None] * face_normals),
         sums=sums,
     )
@@ -109,8 +109,8 @@ def octants(normals: Array) -> npt.NDArray[np.int64]:
 
 def _nearest(order: Ints, starts: Ints, patch: Ints, distance: Array) -> Ints:
     """Return the sample of least distance in each patch; `order` lists them patch by patch, from `starts` on."""
-    least = np.minimum.reduceat(distance[order], starts)
-    found = np.flatnonzero(distance == least[patch])[::-1]
+    smallest = np.minimum.reduceat(distance[order], starts)
+    found = np.flatnonzero(distance == smallest[patch])[::-1]
     nearest = np.empty(len(starts), np.intp)
     nearest[patch[found]] = found  # the first of equals
     return nearest

@@ -65,23 +65,25 @@ def sheet_reach(boundaries: Sequence[Boundary]) -> float:
 def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
     """Whether b is other than 1 by more than `LEAST_BENDING` anywhere."""
     bright = [medium for medium in media if not medium.is_black]
-    return any(np.abs(each.bending(medium) - 1.0).max() > LEAST_BENDING for each in boundaries for medium in bright)
+    return any(
+        np.abs(boundary.bending(medium) - 1.0).max() > LEAST_BENDING for boundary in boundaries for medium in bright
+    )
 
 
 def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
     """Return the thickness up to which parts of an object are thin, mm; 0 where none is."""
     bright = [medium.mean_free_path for medium in media if not medium.is_black]
-    wanted = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
-    thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < wanted)))
-    return wanted if thin else 0.0
+    reach = max([boundary.sheet_reach, *(CHORDS * path for path in bright)])
+    thin = bool(np.any((boundary.thickness > 0.0) & (boundary.thickness < reach)))
+    return reach if thin else 0.0
 
 
 def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
     """Tabulate for thicknesses up to `reach`, mm, without `depths` and `bending`."""
     eta, thin = media[0].eta, reach > 0.0
-    least = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
+    critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
     thickness = np.linspace(0.0, reach, THICKNESSES) if thin else np.array([np.inf])
-    cosines = np.maximum(np.linspace(least, 1.0, COSINES), 1e-3)
+    cosines = np.maximum(np.linspace(critical, 1.0, COSINES), 1e-3)
     zero = np.zeros((COSINES, len(thickness)))
     entering = [_entering(m, s, cosines, thickness) if not m.is_black else (zero, zero) for m in media]
     front, across = zip(*entering, strict=True)
@@ -98,7 +100,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
     ]
     return PixelEquation(
         reach=reach,
-        least_cosine=least,
+        least_cosine=critical,
         diffuse_cosine=mean_cosine(eta),
         front=np.stack(front, axis=-1).astype(np.float32),
         across=np.stack(across, axis=-1).astype(np.float32),
@@ -141,13 +143,13 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
     near = total > 0.0
     depths = np.zeros((2, len(total)), np.float32)
     depths[0] = 1.0 / reach
-    for out, value in zip(depths, sums, strict=True):
-        out[near] = value[near] / total[near]
+    for target, value in zip(depths, sums, strict=True):
+        target[near] = value[near] / total[near]
     return depths.reshape(2, *boundary.grid.shape)
 
 
 def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
     """Return `PixelEquation.bending`: spread over the nodes by area."""
     flat = np.zeros(len(boundary.patches))
-    each = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
-    return boundary.means(np.stack(each, axis=-1))
+    excess = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
+    return boundary.means(np.stack(excess, axis=-1))

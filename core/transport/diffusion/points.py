@@ -53,11 +53,11 @@ def point_exitance(
     entering, entering_behind = np.zeros((len(points), 3)), np.zeros((len(points), 3))
     sheet = share[:, None]
     for light in lights:
-        here, there = (_inside(terms, eta, mu, len(points)) for mu in (light.cosine, _behind_cosine(light)))
-        entering += _entering(terms, terms.front, here, thickness) * light.irradiance
-        entering += sheet * _entering(terms, terms.across, there, thickness) * light.behind
-        entering_behind += sheet * _entering(terms, terms.across, here, thickness) * light.irradiance
-        entering_behind += (sheet > 0.0) * _entering(terms, terms.front, there, thickness) * light.behind
+        front, back = (_inside(terms, eta, mu, len(points)) for mu in (light.cosine, _behind_cosine(light)))
+        entering += _entering(terms, terms.front, front, thickness) * light.irradiance
+        entering += sheet * _entering(terms, terms.across, back, thickness) * light.behind
+        entering_behind += sheet * _entering(terms, terms.across, front, thickness) * light.irradiance
+        entering_behind += (sheet > 0.0) * _entering(terms, terms.front, back, thickness) * light.behind
     mean = np.asarray(tent_matrix(grid, grid.coordinates(points)).T @ mean_fluence.reshape(3, -1).T, np.float64)
     gathered = _gather4(grid, volume, points)
     coupling = sheet * _interpolated(terms.coupling[None], thickness / max(terms.reach, 1e-9), np.zeros(len(points)))

@@ -107,8 +107,10 @@ class Solution:
             equation = replace(equation, depths=depths_at_nodes(boundary, equation.reach))
         if equation.bending is not None:
             equation = replace(equation, bending=bending_at_nodes(boundary, self.media))
-        each = lights.at(points, normals, sheet_reach(self.boundaries), equation.reach > 0.0)
-        return point_exitance(self.volume, self.mean_fluence(), self.grid, equation, lights.eta, points, normals, each)
+        light_at_points = lights.at(points, normals, sheet_reach(self.boundaries), equation.reach > 0.0)
+        return point_exitance(
+            self.volume, self.mean_fluence(), self.grid, equation, lights.eta, points, normals, light_at_points
+        )
 
     def on_layers(self) -> Float32:
         """Return M dA on the nodes, (3, *grid.shape): the volume is no light yet."""

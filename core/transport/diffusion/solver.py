@@ -29,7 +29,7 @@ from milkglass.core.grid.layers import LayerGrid, fit_nodes, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.threads import each, one_blas_thread, thread_pool
+from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, lit
@@ -136,12 +136,12 @@ class DiffusionTransport:
         def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
             return atlas.assembled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
 
-        known = [boundary for boundary in boundaries if boundary is not None]
-        return pixel_tables(known, lit.media, self.window_width(atlas.grid), on_nodes)
+        present = [boundary for boundary in boundaries if boundary is not None]
+        return pixel_tables(present, lit.media, self.window_width(atlas.grid), on_nodes)
 
-    def in_body(self, whole: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
+    def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
         """See `core.transport.base.Transport.in_body`."""
-        return replace(self, place=lambda resolution: crop(self._fitted(whole, resolution)))
+        return replace(self, place=lambda resolution: crop(self._fitted(object_mesh, resolution)))
 
     @one_blas_thread()
     def solve(
@@ -230,15 +230,15 @@ class DiffusionTransport:
         ]
         kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(grid)))
-        made: dict[int, Callable[[], Channel]] = {}
+        makers: dict[int, Callable[[], Channel]] = {}
         twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
             dark = spectrum is None or not any(entry.flux[:, i].any() for entry in entries)
-            twin = next((k for k in made if media[k] == medium and same_flux(entries, i, k)), i)
+            twin = next((k for k in makers if media[k] == medium and same_flux(entries, i, k)), i)
             twins.append(None if dark else twin)
             if spectrum is not None and twins[-1] == i:
-                made[i] = self._channel(boundary, depths, medium, i, entries, spectrum, stages)
-        channels = {i: channel() for i, channel in made.items()}
+                makers[i] = self._channel(boundary, depths, medium, i, entries, spectrum, stages)
+        channels = {i: channel() for i, channel in makers.items()}
         return boundary, [None if twin is None else channels[twin] for twin in twins]
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
@@ -261,8 +261,8 @@ class DiffusionTransport:
         """Return a surface as it lies on the grid, the last call's where it is the same, and its rays."""
         kept, key = self._placed, (mesh, samples, grid)
         at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
-        wanted = not at_hand and not stages.has(Stage.BOUNDARY, key)
-        merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if wanted else None
+        needed = not at_hand and not stages.has(Stage.BOUNDARY, key)
+        merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if needed else None
         depths = stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
 
         def placed() -> Boundary:
@@ -290,8 +290,8 @@ class DiffusionTransport:
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
         make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
         name, key = SOURCES[i], (boundary, medium, spectrum, *entries)
-        begun = None if stages.has(name, key) else thread_pool().submit(make)
-        return lambda: stages.run(name, key, make if begun is None else begun.result)
+        future = None if stages.has(name, key) else thread_pool().submit(make)
+        return lambda: stages.run(name, key, make if future is None else future.result)
 
     def _solve(
         self,
@@ -309,7 +309,7 @@ class DiffusionTransport:
             start = begin(channel, new[channel], self._last, coarse, samples)
             return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
 
-        iterations = dict(zip(new, each(started, new), strict=True))
+        iterations = dict(zip(new, pool_map(started, new), strict=True))
 
         def newest() -> Solution:
             return reached(boundary, media, channels, iterations, self.window_width(boundary.grid), self.tolerance)
@@ -317,10 +317,10 @@ class DiffusionTransport:
         solution = newest()
         while not solution.is_solved and (go_on is None or go_on(solution)):
             # All of them: each takes its steps.
-            if not any(each(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
+            if not any(pool_map(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
                 break
             solution = newest()
-        each(Reached.settle, {at for at in solution.channels if at is not None})
+        pool_map(Reached.settle, {at for at in solution.channels if at is not None})
         iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
         self._last = End(boundary, tuple(channels), iterates, coarse)
         return solution

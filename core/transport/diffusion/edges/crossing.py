@@ -55,22 +55,22 @@ def crossing(edges: Edges, medium: Medium, channel: int, entries: Sequence[Entry
         exitance += resolved * weight * np.bincount(pairs.patch, gain, len(areas))
         lost += resolved * weight * np.bincount(pairs.patch, loss, len(areas))
     lost = np.minimum(lost, CONSTANTS.edges.largest_loss)
-    taken, given = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
-    if min(taken, given) <= 0.0:
+    removed, added = float(np.sum(lost * flux)), float(np.sum(areas * exitance))
+    if min(removed, added) <= 0.0:
         return None
     # Both are the same light, but where faces are not half planes: the lesser of the two is moved.
-    return Crossing(medium.albedo * min(taken / given, 1.0) * exitance, 1.0 - min(given / taken, 1.0) * lost)
+    return Crossing(medium.albedo * min(removed / added, 1.0) * exitance, 1.0 - min(added / removed, 1.0) * lost)
 
 
 def _crossed(edges: Edges, pairs: Pairs, medium: Medium, flux: Array, directions: Array) -> tuple[Array, Array]:
     """Return exitance that patches have from other faces, for an albedo of 1, and shares lost there, (k,) each."""
-    face, other, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
+    face, partner, cosine = edges.patches.face_normals[pairs.patch], pairs.normals, pairs.cosine
     irradiance = pairs.means @ ((pairs.pieces @ flux) / pairs.areas)
     of_pieces = (pairs.pieces @ directions) / pairs.areas[:, None]
     rays = unit(pairs.means @ of_pieces), unit(directions[pairs.patch])
     # Slopes v: components of the rays over the edge, within the plane of the face that they entered by.
     sine = np.sqrt(1.0 - cosine**2)
-    in_face, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (face, other))
+    in_face, in_other = (np.einsum("kij,ij->ki", np.stack(rays), normals) for normals in (face, partner))
     tables, distance = wedge(medium.eta), pairs.distance / medium.mean_free_path
     gain = look_up(tables.exitance, cosine, (in_face[0] - cosine * in_other[0]) / sine, distance)
     loss = look_up(tables.lost, cosine, (in_other[1] - cosine * in_face[1]) / sine, distance)

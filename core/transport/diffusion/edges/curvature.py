@@ -56,19 +56,19 @@ def curvature(patches: Patches) -> Curvature:
     spacing = float(np.sqrt(patches.areas.mean()))
     count = min(NEIGHBOURS, n)
     places = np.hstack([patches.points, LIMITS.normal_separation / np.sqrt(2.0) * spacing * patches.normals])
-    others = cKDTree(places).query(places, count)[1].reshape(n, count)
-    step = patches.points[others] - patches.points[:, None]
-    turn = patches.normals[others] - patches.normals[:, None]
+    neighbours = cKDTree(places).query(places, count)[1].reshape(n, count)
+    step = patches.points[neighbours] - patches.points[:, None]
+    turn = patches.normals[neighbours] - patches.normals[:, None]
     along, turned = np.einsum("ijk,ijk->ij", step, step), np.einsum("ijk,ijk->ij", turn, turn)
     alike = np.maximum(1.0 - 0.25 * turned, 0.0)
     face = turned < 2.0 - 2.0 * LIMITS.same_face_cosine
     evenness = 1.0 - 0.5 * np.sum(turned * face, axis=1) / np.sum(face, axis=1)
-    weights = alike * patches.areas[others]
+    weights = alike * patches.areas[neighbours]
     bent = np.sum(weights * np.einsum("ijk,ijk->ij", step, turn), axis=1)
     value = 2.0 * bent / np.maximum(np.sum(weights * along, axis=1), np.finfo(np.float64).tiny)
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
     rows = np.arange(0, n * count + 1, count)
-    smoother = csr_array((weights.ravel(), others.ravel(), rows), shape=(n, n))
+    smoother = csr_array((weights.ravel(), neighbours.ravel(), rows), shape=(n, n))
     variance = 0.5 * float(np.average(np.sum(weights * along, axis=1), weights=patches.areas))
     edge = value * rising(np.abs(value) * spacing, LIMITS.smooth_turn, LIMITS.edge_turn)
     values = [smoother @ np.stack([value, np.maximum(edge, 0.0), np.maximum(-edge, 0.0)], axis=-1)]

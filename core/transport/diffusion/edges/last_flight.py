@@ -86,7 +86,13 @@ class LastFlight:
 
 
 def last_flight(
-    boundary: Boundary, depths: Depths, medium: Medium, s: float, entries: Sequence[Entry], channel: int, kept: Array
+    boundary: Boundary,
+    depths: Depths,
+    medium: Medium,
+    s: float,
+    entries: Sequence[Entry],
+    channel: int,
+    retained: Array,
 ) -> LastFlight | None:
     """Return the last flight of one channel; None where no patch is beside a concave edge.
 
@@ -105,11 +111,11 @@ def last_flight(
     areas, entering = boundary.patches.areas[chosen], np.zeros(len(chosen))
     for entry in entries:
         _, lit, of = np.intersect1d(chosen, entry.patches, assume_unique=True, return_indices=True)
-        depth, strength = (values[of] for values in first_sources(entry, medium, channel, kept))
+        depth, strength = (values[of] for values in first_sources(entry, medium, channel, retained))
         strength /= areas[lit, None]
         for node in range(2):
-            apart = np.abs(below[lit] - (depth[:, node] * entry.cosines[of])[:, None])
-            entering[lit] += strength[:, node] * np.sum(weights[lit] * np.interp(apart, e, green, right=0.0), axis=1)
+            distance = np.abs(below[lit] - (depth[:, node] * entry.cosines[of])[:, None])
+            entering[lit] += strength[:, node] * np.sum(weights[lit] * np.interp(distance, e, green, right=0.0), axis=1)
         entering[lit] += strength.sum(axis=1) * scattered_once(medium.eta, entry.cosines[of])
     return LastFlight(chosen, share[chosen], areas, points, weights, -np.sum(weights * coarse, axis=1), entering)
 

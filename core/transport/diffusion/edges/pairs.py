@@ -151,9 +151,9 @@ def _gather(patches: Patches, chosen: Ints, mfp: float) -> _Pieces:
     of = sums[:, chosen]
     total = np.maximum(of @ areas, np.finfo(np.float64).tiny)
     centres, means = (of @ (areas[:, None] * points)) / total[:, None], unit(of @ (areas[:, None] * normals))
-    even, sharpest = _faces(centres, means, mfp)
+    evenness, sharpest = _faces(centres, means, mfp)
     turning = (LIMITS.round_turn * mfp - sharpest) / ((LIMITS.round_turn - LIMITS.sharp_turn) * mfp)
-    edged = even * np.clip(turning, 0.0, 1.0)
+    edged = evenness * np.clip(turning, 0.0, 1.0)
     return _Pieces(piece, sums, total, centres, means, edged)
 
 
@@ -164,10 +164,10 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, mfp
     points, normals = patches.on_surface[chosen[edged]], patches.face_normals[chosen[edged]]
     trees = cKDTree(points), cKDTree(pieces.points[near])
     found = trees[0].sparse_distance_matrix(trees[1], LIMITS.reach * mfp, output_type="ndarray")
-    a, b, apart = found["i"], near[found["j"]], found["v"]
+    a, b, offset = found["i"], near[found["j"]], found["v"]
     cosine = np.einsum("ij,ij->i", normals[a], pieces.normals[b])
     meeting = np.flatnonzero((cosine < SAME_FACE) & (cosine > LIMITS.opposite_cosine))
-    a, b, cosine, apart = a[meeting], b[meeting], cosine[meeting], apart[meeting]
+    a, b, cosine, offset = a[meeting], b[meeting], cosine[meeting], offset[meeting]
     step = pieces.points[b] - points[a]
     below = np.einsum("ij,ij->i", step, pieces.normals[b])  # of the patch under the piece's plane
     under = -np.einsum("ij,ij->i", step, normals[a])  # of the piece under the patch's plane
@@ -181,7 +181,7 @@ def _pair(patches: Patches, thickness: Array, chosen: Ints, pieces: _Pieces, mfp
     share *= rising(cosine, LIMITS.opposite_cosine, LIMITS.blade_cosine)
     share *= pieces.counts[pieces.of_patch[edged]][a] * pieces.counts[b]
     width = LIMITS.weight_width * mfp
-    share *= pieces.areas[b] * np.exp(-np.square(apart / width)) / _half_plane(distance, cosine, width)
+    share *= pieces.areas[b] * np.exp(-np.square(offset / width)) / _half_plane(distance, cosine, width)
     weighted = np.flatnonzero(convex & (share > 0.0))
     a, b, share = a[weighted], b[weighted], share[weighted]
     # Pieces of one octant of normals are one face of a patch.
@@ -214,9 +214,9 @@ def _edge_fractions(patch: Ints, share: Array, normals: Array) -> Array:
 def _faces(points: Array, normals: Array, mfp: float) -> tuple[Array, Array]:
     """Return shares to which pieces are flat, in [0, 1], and the least length, mm, over which a near edge turns."""
     start, end, cosine = _neighbours(points, normals, LIMITS.round_turn * mfp)
-    n, same = len(points), cosine > SAME_FACE
-    alike = np.bincount(start[same], cosine[same], n) / np.maximum(np.bincount(start[same], minlength=n), 1)
-    turned = np.flatnonzero(~same & (cosine > LIMITS.opposite_cosine))
+    n, coplanar = len(points), cosine > SAME_FACE
+    alike = np.bincount(start[coplanar], cosine[coplanar], n) / np.maximum(np.bincount(start[coplanar], minlength=n), 1)
+    turned = np.flatnonzero(~coplanar & (cosine > LIMITS.opposite_cosine))
     turn = np.full(n, np.inf)
     np.minimum.at(turn, start[turned], np.linalg.norm(points[end[turned]] - points[start[turned]], axis=1))
     sharpest = turn.copy()

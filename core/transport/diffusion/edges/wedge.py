@@ -77,35 +77,35 @@ def wedge(eta: float) -> Wedge:
 @functools.lru_cache(maxsize=32)
 def _tabulated(step: int) -> Wedge:
     distance = LARGEST_DISTANCE * np.linspace(0.0, 1.0, DISTANCES) ** 2
-    seen = _along_edge(1.0 + ETA_STEP * step)
+    table = _along_edge(1.0 + ETA_STEP * step)
     angle, angle_weights = _gauss(-0.5 * np.pi, 0.5 * np.pi, ANGLES)
     u, u_weights = _gauss(0.0, 1.0, NODES)
     rho = LARGEST_DISTANCE * u**2  # close where the integrand is steep
     weights = angle_weights[:, None] * 2.0 * LARGEST_DISTANCE * u * u_weights
-    around = weights * _looked_up(seen, rho, np.cos(angle)[:, None])
+    density = weights * _looked_up(table, rho, np.cos(angle)[:, None])
     faces = [[(cosine, slope) for slope in SLOPES] for cosine in COSINES]
-    exitance = [[_exitance(distance, *face, angle[:, None], rho, around) for face in row] for row in faces]
-    lost = [[_lost(distance, *face, angle[:, None], rho, weights, seen) for face in row] for row in faces]
+    exitance = [[_exitance(distance, *face, angle[:, None], rho, density) for face in row] for row in faces]
+    lost = [[_lost(distance, *face, angle[:, None], rho, weights, table) for face in row] for row in faces]
     return Wedge(np.array(exitance), np.array(lost))
 
 
-def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: Array, around: Array) -> Array:
+def _exitance(distance: Array, cosine: float, slope: float, angle: Array, rho: Array, density: Array) -> Array:
     """Return the exitance, (DISTANCES,): the integral in polar coordinates around x, where nothing is singular."""
-    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    place, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
     # From x against the normal, turned by the angle.
     across, up = -sine * np.cos(angle) - cosine * np.sin(angle), -cosine * np.cos(angle) + sine * np.sin(angle)
-    z = (sine * here - rho * up) / down
-    d = z * slope - rho * across - cosine * here
+    z = (sine * place - rho * up) / down
+    d = z * slope - rho * across - cosine * place
     inside = (z > 0.0) & (d > 0.0)
-    return np.asarray(np.sum(around * np.where(inside, np.exp(-np.maximum(z, 0.0)), 0.0), axis=(1, 2)) / down)
+    return np.asarray(np.sum(density * np.where(inside, np.exp(-np.maximum(z, 0.0)), 0.0), axis=(1, 2)) / down)
 
 
-def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, weights: Array, seen: Array) -> Array:
+def _lost(distance: Array, cosine: float, slope: float, angle: Array, z: Array, weights: Array, table: Array) -> Array:
     """Return the lost share, (DISTANCES,): the integral over the ray and the angles to the other face from it."""
-    here, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
-    height = sine * (here - z * slope) + cosine * z * down  # of the other face over y
-    p = cosine * (z * slope - here) + sine * z * down + np.tan(angle) * height
-    density = np.exp(-z) * _looked_up(seen, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
+    place, sine, down = distance[:, None, None], np.sqrt(1.0 - cosine**2), np.sqrt(1.0 - slope**2)
+    height = sine * (place - z * slope) + cosine * z * down  # of the other face over y
+    p = cosine * (z * slope - place) + sine * z * down + np.tan(angle) * height
+    density = np.exp(-z) * _looked_up(table, height / np.cos(angle), np.cos(angle)) / np.cos(angle)
     return np.asarray(np.sum(weights * np.where((height > 0.0) & (p > 0.0), density, 0.0), axis=(1, 2)))
 
 
@@ -119,10 +119,10 @@ def _along_edge(eta: float) -> Array:
     return np.asarray(np.sum(2.0 * weights * np.exp(-rho / np.cos(angle)) * leaves, axis=-1) / (4.0 * np.pi))
 
 
-def _looked_up(seen: Array, rho: Array, cosine: Array) -> Array:
+def _looked_up(table: Array, rho: Array, cosine: Array) -> Array:
     rows = np.sqrt(np.clip(rho / LARGEST_DISTANCE, 0.0, 1.0)) * (RADII - 1)
     at = np.stack(np.broadcast_arrays(rows, cosine * (HEIGHTS - 1)))
-    return np.asarray(map_coordinates(seen, at, order=1))
+    return np.asarray(map_coordinates(table, at, order=1))
 
 
 def _gauss(low: float, high: float, n: int) -> tuple[Array, Array]:

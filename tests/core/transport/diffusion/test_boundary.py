@@ -133,7 +133,7 @@ def test_sheet_pairs_both_sides(thickness):
     faces = np.flatnonzero(middle & (np.abs(patches.normals[:, 2]) > 0.9))
     assert np.isin(faces, found.patches).all()
     np.testing.assert_allclose(found.thickness[np.isin(found.patches, faces)], thickness, rtol=0.01)
-    own, other = found.patches, found.others
+    own, other = found.patches, found.opposite
     assert (patches.points[own, 2] * patches.points[other, 2] < 0.0)[np.isin(own, faces)].all()
     inside = np.isin(own, faces)
     off = np.linalg.norm((patches.points[own] - patches.points[other])[:, :2], axis=1)
@@ -162,7 +162,7 @@ def test_no_thickness_no_pair():
     mesh = cube()
     patches = make_patches(mesh, samples_of(mesh), 1.0)
     found = find_sheet(patches, np.zeros(len(patches)), 2.0)
-    assert len(found.patches) == len(found.others) == len(found.thickness) == len(found.share) == 0
+    assert len(found.patches) == len(found.opposite) == len(found.thickness) == len(found.share) == 0
 
 
 def test_depths_are_chords():
