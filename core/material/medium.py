@@ -77,7 +77,7 @@ class Medium:
 
     @property
     def is_black(self) -> bool:
-        """Whether nothing scatters."""
+        """Whether the medium does not scatter, sigma_s' = 0."""
         return self.sigma_s_prime == 0.0
 
     @property

@@ -69,7 +69,7 @@ class PhotonBeam:
 
     @property
     def detail(self) -> float:
-        """Length of `core.profiles.better_dipole.BetterDipole.detail`, mm."""
+        """Mean free path shortened by absorption, mm, as of `core.profiles.better_dipole.BetterDipole.detail`."""
         return BetterDipole(self.alpha_prime, self.mean_free_path, self.eta).detail
 
     def radial(self, rho: npt.ArrayLike) -> Array:

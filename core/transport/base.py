@@ -194,7 +194,7 @@ class Scattered(Protocol):
         """Return the surfaces as they lie on the grid, body by body, where `pixel_tables` depend on them; else ()."""
 
     def pixel_tables(self) -> PixelTables:
-        """Tabulate what pixels need beside the volume."""
+        """Return the tables from which pixels compute their exitance, in addition to the volume."""
 
     def mean_fluence(self) -> Float32:
         """Return the mean of 2 A M near each node, (3, layers, rows, columns), for pixels that solve an equation."""
@@ -249,7 +249,7 @@ class Transport(Protocol):
         """Return what it depends on of the material, profiles or media, as a key of stages."""
 
     def release(self) -> None:
-        """Let go of all that is kept; what is needed again is made again."""
+        """Release all kernels and results; those needed again are computed again."""
 
 
 class SeparableTransport(Transport, Protocol):
@@ -258,7 +258,7 @@ class SeparableTransport(Transport, Protocol):
     kernels: Kernels
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
-        """Tabulate what pixels need where the volume is an atlas of several bodies; None for a dark one."""
+        """Return the tables of pixels where the volume is an atlas of several bodies; None for a dark one."""
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> Transport:
         """Return the transport in one body of an object, which shares all kernels.

@@ -208,7 +208,7 @@ NEAR_TARGET = 2.0  # times the target: an error that still passes for meeting it
 def choose_quality(
     request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
-    """See `core.transport.quality.choose_quality`: nodes from the error to expect, by `core.transport.accuracy`."""
+    """Return the quality for a request: nodes from the error that `core.transport.accuracy` predicts."""
     assert shape is not None
     longest = longest_side(mesh)
     law, lit_law = (SHINING, LIT) if sharp_light else (SURROUNDED, SURROUNDED)
@@ -257,7 +257,7 @@ def make_transport(quality: Quality, kernels: Kernels) -> EwaldTransport:
 
 
 def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
-    """See `core.transport.quality.sample_spacing`.
+    """Return the distance of surface samples for a request, mm; see `core.transport.quality.sample_spacing`.
 
     The samples of `SURVEY` nodes serve every coarser grid, and finer ones come in steps: a material that changes the
     grid keeps its samples.

@@ -40,7 +40,7 @@ class FftTransport(ABC):
     kernels: Kernels = field(default_factory=Kernels, kw_only=True)
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> "NodeExitance":
-        """See `core.transport.base.Transport.scatter`; there is nothing on the way."""
+        """Return the exitance at the nodes of the light that enters a solid, in one step: `go_on` is not called."""
         nodes = self.node_exitance(lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.solid.area, stages)
         return NodeExitance(self, lit.grid, lit.profiles, nodes)
 
@@ -96,11 +96,11 @@ class FftTransport(ABC):
         return stages.run(Stage.CONVOLUTION, (layers, spectra), convolve)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
-        """Return the profiles."""
+        """Return the profiles of R, G and B, on which this transport depends."""
         return tuple(lit.profiles)
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
-        """Tabulate the local term, which is the same for all bodies."""
+        """Return the table of the local term, which is the same for all bodies."""
         return PixelTables(self.local(atlas.grid, lit.profiles))
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "FftTransport":
@@ -108,7 +108,7 @@ class FftTransport(ABC):
         return self
 
     def release(self) -> None:
-        """Let go of the kernels."""
+        """Release the kernels of all convolutions."""
         self.kernels.release()
 
     @property
@@ -118,15 +118,15 @@ class FftTransport(ABC):
 
     @abstractmethod
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
-        """See `core.transport.base.Transport.grid`."""
+        """Return the layers that hold a mesh; see `core.transport.base.Transport.grid`."""
 
     @abstractmethod
     def weights(self, grid: LayerGrid, coordinates: npt.NDArray[np.floating]) -> csc_array:
-        """See `core.transport.base.Transport.weights`."""
+        """Return the weights W of points on the nodes; see `core.transport.base.Transport.weights`."""
 
     @abstractmethod
     def local(self, grid: LayerGrid, profiles: Profiles) -> LocalTerm:
-        """Return what the layers are too coarse for."""
+        """Return the local term, the part of exitance that the layers are too coarse for."""
 
     @abstractmethod
     def shape(self, grid: LayerGrid, profile: Profile, area: float) -> ConvolutionShape:
@@ -167,7 +167,7 @@ class NodeExitance:
         return self.grid.world_to_texture
 
     def pixel_tables(self) -> PixelTables:
-        """Tabulate the local term."""
+        """Return the table of the local term over thickness."""
         return PixelTables(self.transport.local(self.grid, self.profiles))
 
     def mean_fluence(self) -> Float32:
@@ -175,7 +175,7 @@ class NodeExitance:
         return np.zeros_like(self.volume)
 
     def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
-        """See `core.transport.base.Scattered.exitance`."""
+        """Return M at points of the surface, (n, 3); see `core.transport.base.Scattered.exitance`."""
         term = tables.local
         weights = self.transport.weights(self.grid, self.grid.coordinates(points))
         found = gather(weights, self.volume).astype(np.float64)
@@ -187,7 +187,7 @@ class NodeExitance:
         return np.maximum(found, 0.0)
 
     def on_layers(self) -> Float32:
-        """Return the volume."""
+        """Return the exitance on the layers, (3, *grid.shape): the volume itself."""
         return self.volume
 
 

@@ -67,7 +67,7 @@ class LayeredTransport(FftTransport):
 def choose_quality(
     request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
-    """See `core.transport.quality.choose_quality`: no error is predicted."""
+    """Return the quality for a request, without a predicted error; see `core.transport.quality.choose_quality`."""
     layers, resolution = request.layers or DEFAULT_LAYERS, request.resolution or DEFAULT_RESOLUTION
     return Quality(request.method, layers, resolution, TENT)
 
@@ -78,5 +78,5 @@ def make_transport(quality: Quality, kernels: Kernels) -> LayeredTransport:
 
 
 def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
-    """See `core.transport.quality.sample_spacing`."""
+    """Return the distance of surface samples for a request, mm; see `core.transport.quality.sample_spacing`."""
     return SAMPLE_EDGE * longest_side(mesh) / ((request.resolution or DEFAULT_RESOLUTION) - 1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Method:
-    """Facts of a transport.
+    """Properties of a method of transport, on which its callers depend.
 
     Attributes
     ----------

@@ -148,7 +148,7 @@ class ScatteredInBodies:
         return self.atlas.windows
 
     def pixel_tables(self) -> PixelTables:
-        """Tabulate what pixels need beside the volume, one set for all bodies."""
+        """Return the tables from which pixels compute their exitance, one set for all bodies."""
         return self.transport.whole.tables_of(self.lit, self.atlas, self.parts)
 
     def mean_fluence(self) -> Float32:
@@ -156,7 +156,7 @@ class ScatteredInBodies:
         return self.filled([None if part is None else part.mean_fluence() for part in self.parts])
 
     def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
-        """See `core.transport.base.Scattered.exitance`; 0 on dark bodies."""
+        """Return M at points of the surface, (n, 3), 0 on dark bodies; see `core.transport.base.Scattered.exitance`."""
         bodies = self.transport.bodies
         found, body = np.zeros((len(points), 3)), bodies_at(self.transport.mesh, bodies, points)
         for i, part in enumerate(self.parts):
@@ -171,7 +171,7 @@ class ScatteredInBodies:
         return self.atlas.summed(self.filled([None if part is None else part.on_layers() for part in self.parts]))
 
     def filled(self, parts: Sequence[Float32 | None]) -> Float32:
-        """Put one volume of each body, or None where it is dark, into an atlas."""
+        """Return the atlas filled with one volume of each body, or None where it is dark."""
         channels = next((len(part) for part in parts if part is not None), 3)
         return self.atlas.assembled(parts, channels)
 
@@ -218,7 +218,7 @@ class OfBodies:
         return self.whole.weights(grid, coordinates)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
-        """Return what it depends on of the material."""
+        """Return the values of the material on which the transport depends."""
         return self.whole.material(lit)
 
     def atlas(self, grid: LayerGrid) -> Atlas:
@@ -230,7 +230,7 @@ class OfBodies:
         return atlas
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> ScatteredInBodies:
-        """See `core.transport.base.Transport.scatter`: `go_on` is called with all bodies together.
+        """Return the light scattered in each body; `go_on` is called with all bodies together.
 
         `stages` keep what the bodies have in common; times of the bodies' own steps are added to theirs.
         """
@@ -259,7 +259,7 @@ class OfBodies:
         return scattered
 
     def release(self) -> None:
-        """Let go of what the bodies have computed, and of all kernels."""
+        """Release the results of all bodies, and all kernels."""
         for body in self._bodies:
             body.transport.release()
             body.stages.clear()
@@ -298,7 +298,7 @@ class OfBodies:
     def _together(
         self, lit: EnteringFlux, parts: dict[int, Scattered], shining: Sequence[int], latest: int
     ) -> ScatteredInBodies | None:
-        """Put bodies together where all of the lit ones are known for the latest one's spacing."""
+        """Return the bodies together where all of the lit ones are computed for the latest one's spacing, else None."""
         if len(parts) < len(shining):
             return None
         grid = parts[latest].grid

@@ -81,7 +81,7 @@ class Channel:
 
     @computed_once
     def right_hand_side(self) -> Array:
-        """Right-hand side b, (n,)."""
+        """Right-hand side b of the linear system of the patches, (n,)."""
         return self._gathered(self.sources) + self._local
 
     def allowed(self, two_A_M: Array) -> float:

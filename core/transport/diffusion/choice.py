@@ -19,7 +19,7 @@ DIFFUSION_NODES, DIFFUSION_POWER, DIFFUSION_FINEST = 62, 0.55, 160
 def choose_quality(
     request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
 ) -> Quality:
-    """See `core.transport.quality.choose_quality`: no error is predicted."""
+    """Return the quality for a request, without a predicted error; see `core.transport.quality.choose_quality`."""
     tighter = DEFAULT_ERROR_TARGET / (request.error_target or DEFAULT_ERROR_TARGET)
     nodes = int(np.clip(round(DIFFUSION_NODES * tighter**DIFFUSION_POWER), COARSEST, DIFFUSION_FINEST))
     return Quality(request.method, request.layers, request.resolution or nodes, TSC)
@@ -31,5 +31,5 @@ def make_transport(quality: Quality, kernels: Kernels) -> DiffusionTransport:
 
 
 def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:
-    """See `core.transport.quality.sample_spacing`: samples are merged into patches."""
+    """Return the distance of surface samples, mm, which are then merged into patches."""
     return min(survey_spacing(mesh), longest_side(mesh) / (resolution - 1))

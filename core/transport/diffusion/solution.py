@@ -93,15 +93,15 @@ class Solution:
         return self.grid.world_to_texture
 
     def pixel_tables(self) -> PixelTables:
-        """Tabulate what pixels need beside the volume."""
+        """Return the tables from which pixels compute their exitance, in addition to the volume."""
         return pixel_tables(self.boundaries, self.media, self.window, lambda of, _: of(self.boundary))
 
     def mean_fluence(self) -> Float32:
-        """See `core.transport.diffusion.pixels.mean_fluence`."""
+        """Return the area-weighted mean of 2 A M near each node, (3, n_layers, height, width)."""
         return mean_fluence(self.boundary, self.two_A_M)
 
     def exitance(self, points: Array, normals: Array, lights: SurfaceLights, tables: PixelTables) -> Array:
-        """See `core.transport.base.Scattered.exitance`."""
+        """Return M at points of the surface, (n, 3); see `core.transport.base.Scattered.exitance`."""
         boundary, equation = self.boundary, tables.equation
         if equation.depths is not None:
             equation = replace(equation, depths=depths_at_nodes(boundary, equation.reach))

@@ -122,15 +122,15 @@ class DiffusionTransport:
         return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
-        """See `core.transport.base.Transport.scatter`."""
+        """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
         return self.solve(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
-        """Return the media."""
+        """Return the media of R, G and B, on which this transport depends."""
         return lit.media
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
-        """Tabulate what pixels need where the volume is an atlas of several bodies; None for a dark one."""
+        """Return the tables of pixels where the volume is an atlas of several bodies; None for a dark one."""
         boundaries = [part.boundary if isinstance(part, Solution) else None for part in parts]
 
         def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
@@ -140,7 +140,7 @@ class DiffusionTransport:
         return pixel_tables(present, lit.media, self.window_width(atlas.grid), on_nodes)
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
-        """See `core.transport.base.Transport.in_body`."""
+        """Return the transport in one body of an object, which shares all kernels."""
         return replace(self, place=lambda resolution: crop(self._fitted(object_mesh, resolution)))
 
     @one_blas_thread()
@@ -252,7 +252,7 @@ class DiffusionTransport:
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
     def release(self) -> None:
-        """Let go of the kernels and of the last surface and solution."""
+        """Release the kernels and the last surface and solution."""
         self.kernels.release()
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
