@@ -274,7 +274,7 @@ class Stages:
     def has(self, name: AnyStage, depends_on: Iterable[object]) -> bool:
         """Whether `run` would return what it kept."""
         kept = self._kept.get(name)
-        return kept is not None and _alike(kept[0], tuple(depends_on))
+        return kept is not None and alike(kept[0], tuple(depends_on))
 
     def kept(self, name: AnyStage) -> tuple[tuple[object, ...], Any] | None:
         """Return what a stage last depended on and gave, outdated or not: parts of it may serve again."""
@@ -319,7 +319,7 @@ class Stages:
         if self.has(name, key):
             return self._kept[name][1]  # type: ignore[no-any-return]
         begun = self._begun.get(name)
-        if begun is None or not _alike(begun.key, key):
+        if begun is None or not alike(begun.key, key):
             begun = self._begun[name] = _Begun(key, work())
         begun.wanted = True
         result: T = self.run(name, key, lambda: self._proceed(name, begun))
@@ -351,7 +351,8 @@ class Stages:
                     raise Unfinished(name)
 
 
-def _alike(a: tuple[object, ...], b: tuple[object, ...]) -> bool:
+def alike(a: tuple[object, ...], b: tuple[object, ...]) -> bool:
+    """Tell whether a stage that depends on values would find others the same: hashable ones equal, others identical."""
     return len(a) == len(b) and all(map(_same, a, b))
 
 

@@ -1,8 +1,9 @@
 """What a picture depends on, for deciding what to do again."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
+from milkglass.core.stages import Part
 from milkglass.core.transport.quality import sample_spacing
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import (
@@ -19,14 +20,16 @@ from milkglass.viewer.assets.sources import (
 )
 from milkglass.viewer.render.lighting import quality_of
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.scene.keys import version
+from milkglass.viewer.scene.keys import Key, paths
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import CameraSettings
+from milkglass.viewer.scene.settings import CameraSettings, ModelSettings, TransportSettings
+
+CAMERA = (CameraSettings.TABLE,)
 
 
-def files(scene: Scene) -> tuple[object, ...]:
-    """Everything that has to be read or sampled before a scene can be lit."""
-    return scene.model, scene.environment.source, scene.material.table_in_use, scene.transport, scene.detail
+def files(scene: Scene) -> Key:
+    """Return what decides whether all that has to be read and sampled before a scene is lit can be."""
+    return scene.key(Part.SURFACE), paths(scene)
 
 
 def scene_sources(scene: Scene, assets: Assets, *, draft: bool = False) -> Iterator[Source[object]]:
@@ -56,44 +59,72 @@ def scene_sources(scene: Scene, assets: Assets, *, draft: bool = False) -> Itera
     yield SamplesOf(mesh, sample_spacing(mesh, settings, quality_of(scene, mesh, assets).resolution))
 
 
-def lighting_key(scene: Scene, occluded: bool = False) -> tuple[object, ...]:
-    """Everything that light and transport depend on, but for where the camera stands; `occluded`: as far as known."""
-    environment, material = scene.environment, scene.material
-    table = material.table_in_use
-    scatters = material.resolve(), material.profile, table, version(table)
-    return scene.model, scatters, scene.detail, scene.effective_lights(), environment, scene.transport, occluded
+def light_key(scene: Scene) -> Key:
+    """Return everything that light and transport depend on, but for where the camera stands."""
+    return scene.key(Part.TRANSPORT, without=CAMERA)
 
 
-def turned(camera: CameraSettings) -> CameraSettings:
-    """Return what turns the layers, out of a camera."""
-    return CameraSettings(azimuth_deg=camera.azimuth_deg, elevation_deg=camera.elevation_deg, roll_deg=camera.roll_deg)
-
-
-def angle(a: CameraSettings, b: CameraSettings) -> float:
-    """Largest difference of the angles, degrees."""
+def turn_deg(a: CameraSettings, b: CameraSettings) -> float:
+    """Return the largest difference between the angles of two cameras, degrees."""
     turn = abs(a.azimuth_deg - b.azimuth_deg) % 360.0
     return max(min(turn, 360.0 - turn), abs(a.elevation_deg - b.elevation_deg), abs(a.roll_deg - b.roll_deg))
 
 
-def same_light(a: LitScene, b: LitScene) -> bool:
-    """Whether transport would have the same work: stages return the very same arrays where nothing changed."""
-    return (
-        a.model is b.model
-        and a.transport is b.transport
-        and a.grid == b.grid
-        and a.coordinates is b.coordinates
-        and a.flux is b.flux
-        and a.profiles == b.profiles
-        and a.media == b.media
-        and len(a.lights) == len(b.lights)
-        and all(one is other for one, other in zip(a.lights, b.lights, strict=True))
-        and a.sources == b.sources
-        and a.bodies is b.bodies
-        and a.detail is b.detail
-    )
+def looks_of(scene: Scene, lit: LitScene) -> Key:
+    """Return all that a picture depends on, but for its volume and its size."""
+    sized = replace(scene, display=replace(scene.display, image_size=(16, 16)))
+    return *sized.moving(Part.VIEW, Part.LOOK, Part.DISPLAY, Part.PHOTOGRAPH), lit.model, lit.detail, lit.sources
 
 
-def looks_of(scene: Scene, lit: LitScene) -> tuple[object, ...]:
-    """All that a picture depends on, but for its volume and its size."""
-    display = replace(scene.display, image_size=(16, 16))
-    return scene.camera, scene.specular, scene.environment, display, scene.photo, lit.model, lit.detail, lit.sources
+@dataclass(frozen=True)
+class LitFor:
+    """What light was asked for.
+
+    Attributes
+    ----------
+    key : Key
+        Of light and transport.
+    still : Key
+        The same, but for where the camera stands.
+    shape : Key
+        Of the mesh.
+    occluded : bool
+        Whether the object is in the way of its environment's light, as far as that is known by then.
+    camera : CameraSettings
+    drafted : bool
+        Whether it was given a coarser grid, or lights with fewer sub-lights.
+    """
+
+    key: Key
+    still: Key
+    shape: Key
+    occluded: bool
+    camera: CameraSettings = field(compare=False)
+    drafted: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene, *, occluded: bool) -> "LitFor":
+        """Return what the light of a scene depends on."""
+        keys = scene.key(Part.TRANSPORT), light_key(scene), scene.key(Part.SHAPE)
+        return cls(*keys, occluded, scene.camera)
+
+    def is_turned(self, other: "LitFor") -> bool:
+        """Tell whether another differs by no more than its camera and how well it was drawn."""
+        return self.still == other.still and self.occluded == other.occluded
+
+    def is_drafted(self, other: "LitFor") -> bool:
+        """Tell whether another differs by no more than how well it was drawn."""
+        return self == replace(other, drafted=self.drafted)
+
+
+@dataclass(frozen=True)
+class Drag:
+    """A resolution that is kept while something is dragged, and what it was chosen for."""
+
+    model: ModelSettings
+    transport: TransportSettings
+    resolution: int | None
+
+    def is_of(self, scene: Scene) -> bool:
+        """Tell whether it was chosen for the object and grid that a scene asks for."""
+        return self.model == scene.model and self.transport == scene.transport

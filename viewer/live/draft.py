@@ -28,7 +28,16 @@ def allowance() -> Allowance:
     return Allowance(STEPS_A_FRAME, STEP_SECONDS)
 
 
-def draft_resolution(scene: Scene, quality: Quality, cost: tuple[float, int, int]) -> int | None:
+@dataclass(frozen=True)
+class Cost:
+    """What transport took in a drag: seconds, on so many texels and layers."""
+
+    seconds: float
+    resolution: int
+    layers: int
+
+
+def draft_resolution(scene: Scene, quality: Quality, cost: Cost) -> int | None:
     """How many texels transport may have while something moves, None for what the scene asks for.
 
     Parameters
@@ -36,17 +45,18 @@ def draft_resolution(scene: Scene, quality: Quality, cost: tuple[float, int, int
     scene : Scene
     quality : Quality
         Of the light that there is.
-    cost : (float, int, int)
-        Seconds of transport in a drag, its resolution and layers.
+    cost : Cost
+        Of the last drag.
     """
     settings = scene.transport
-    seconds, resolution, layers = cost
     is_of_method = settings.method == quality.method or quality.instead_of is not None
     automatic = settings.resolution is None and is_of_method
     wanted = settings.resolution or quality.resolution
     # Layers of their own number cost as many times a map; else they grow with the resolution.
     power = 2.0 if settings.layers is not None else 3.0
-    seconds *= (wanted / resolution) ** power * ((settings.layers or layers) / layers if power == 2.0 else 1.0)
+    seconds = cost.seconds * (wanted / cost.resolution) ** power
+    if settings.layers is not None:
+        seconds *= settings.layers / cost.layers
     fitting = int(wanted * (quality.facts.draft_seconds / max(seconds, 1e-6)) ** (1.0 / power)) // 8 * 8
     least = min(wanted, max(SMALLEST_DRAFT, fitting))
     return least if fitting < wanted else wanted if automatic else None

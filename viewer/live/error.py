@@ -19,16 +19,17 @@ import numpy as np
 from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Part, Stages
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import leave_framebuffer
-from milkglass.viewer.live.dependence import lighting_key
+from milkglass.viewer.live.dependence import light_key
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -51,18 +52,18 @@ NOT_EQUATION_1 = (
 class Question:
     """What the error is asked of: where the points lie in the view, what lights them, how many they are."""
 
-    place: tuple[object, ...]
-    light: tuple[object, ...]
+    place: Key
+    light: Key
     points: int
 
     @classmethod
     def of(cls, scene: Scene, points: int) -> "Question":
         """Take what exitance in a scene's picture depends on."""
-        return cls(_place(scene), lighting_key(scene), points)
+        return cls(_place(scene), light_key(scene), points)
 
 
-def _place(scene: Scene) -> tuple[object, ...]:
-    return scene.model, scene.camera, scene.display.image_size
+def _place(scene: Scene) -> Key:
+    return scene.moving(Part.SHAPE, Part.VIEW)
 
 
 @dataclass(frozen=True, eq=False)

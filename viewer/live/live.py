@@ -11,20 +11,20 @@ from dataclasses import replace
 
 import moderngl
 
-from milkglass.core.stages import Timings, Unfinished
+from milkglass.core.stages import Part, Timings, Unfinished
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
-from milkglass.viewer.live.dependence import angle, files, lighting_key, looks_of, same_light, scene_sources, turned
+from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, scene_sources, turn_deg
 from milkglass.viewer.live.developer import Developer, PictureRequest, ToneMap
-from milkglass.viewer.live.draft import Detail, allowance, draft_resolution
+from milkglass.viewer.live.draft import Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.visibility import VisibilityJob
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import CameraSettings
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
@@ -68,13 +68,13 @@ class Live:
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
-        self._looks: tuple[object, ...] = ()  # what the last picture depends on, but for its quality
+        self._looks: Key = ()  # what the last picture depends on, but for its quality
         self._lit: LitScene | None = None
-        self._lit_for: tuple[tuple[object, ...], CameraSettings, bool] | None = None
-        self._shadows: tuple[object, ...] | None = None  # what all of the sub-lights there are were cast for
+        self._lit_for: LitFor | None = None
+        self._shadows: Key | None = None  # what all of the sub-lights there are were cast for
         self._sent: LitScene | None = None
-        self._cost: tuple[float, int, int] | None = None  # seconds of transport in a drag, its resolution and layers
-        self._held: tuple[object, object, int | None] | None = None  # model, settings and resolution of this drag
+        self._cost: Cost | None = None  # of transport in a drag
+        self._drag: Drag | None = None
 
     @property
     def lit(self) -> LitScene | None:
@@ -105,12 +105,13 @@ class Live:
         newest = self._newest(scene, detail)
         if newest is None:
             return None
-        looks = (*looks_of(*newest[:2]), self.finished, show, exposure_for)
+        drawn, lit, gather = newest
+        looks: Key = (*looks_of(drawn, lit), self.finished, show, exposure_for)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
             try:
                 request = PictureRequest(detail.samples, show, exposure_for, quick=not detail.at_once)
-                self.picture = self._developer.develop(self.renderer, *newest, request)
+                self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
             except Unfinished:
                 looks = ()
                 self._go_on()
@@ -160,7 +161,7 @@ class Live:
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
-            and self._lit_for == (lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera), False)
+            and self._lit_for == LitFor.of(scene, occluded=self.visibility.is_there(scene))
         )
 
     def wait(self, timeout: float = 60.0) -> None:
@@ -210,55 +211,71 @@ class Live:
 
     def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
-        key, camera = lighting_key(scene, self.visibility.is_there(scene)), turned(scene.camera)
-        unchanged = self._lit_for is not None and key == self._lit_for[0]
-        if self._lit is not None and self._lit_for is not None:
-            if unchanged and detail.draft and angle(camera, self._lit_for[1]) < DRAFT_TURN_DEG:
-                return self._lit
-            if unchanged and camera == self._lit_for[1] and not self._lit_for[2]:
-                return self._lit
-            solving = detail.draft and self._lit.quality.facts.solves
-            if solving and self._job is not None and not unchanged:
-                # Lit when it can be solved for: until then the processor is the worker's.
-                self._job.supersede(at_once=key[0] != self._lit_for[0][0])
-                return self._lit
-        if not detail.draft:
-            self._held = None
-        coarse = self._draft_resolution(scene) if detail.draft and not unchanged else None
-        if coarse is not None:
-            order = scene.transport.assignment or (self._lit.quality.assignment if self._lit is not None else None)
-            scene = replace(scene, transport=replace(scene.transport, resolution=coarse, assignment=order))
+        asked = LitFor.of(scene, occluded=self.visibility.is_there(scene))
+        if self._lit is not None and self._will_do(self._lit, asked, detail):
+            return self._lit
+        scene, is_coarse = self._coarsened(scene, asked, detail)
         self.assets.accept_finer = detail.draft
-        shadows = scene.model, scene.effective_lights(), scene.environment
+        shadows = scene.key(Part.LIGHT)
         few = detail.draft and shadows != self._shadows  # a dragged material keeps the soft shadows that there are
         try:
             lit = self.renderer.light(scene, draft=few)
         except Unfinished:
             self._go_on()
-            drafted = self._lit_for is not None and self._lit_for[:2] == (key, camera)
-            if self._lit is not None and (drafted or shadows == self._shadows):
+            if self._lit is not None and (self._is_drafted(asked) or shadows == self._shadows):
                 return self._lit  # until all is there; a draft would replace maps that are as they should be
             few = True
             with self.renderer.stages.at_once():
                 lit = self.renderer.light(scene, draft=True)
         self._shadows = None if few else shadows
-        if self._lit is None or not same_light(lit, self._lit):
+        self._lit_for = replace(asked, drafted=is_coarse or few)
+        return self._take(lit)
+
+    def _will_do(self, lit: LitScene, asked: LitFor, detail: Detail) -> bool:
+        """Tell whether the light that there is may be drawn with; a job that another waits for is told so."""
+        kept = self._lit_for
+        if kept is None:
+            return False
+        if asked.is_turned(kept):
+            near = detail.draft and turn_deg(asked.camera, kept.camera) < DRAFT_TURN_DEG
+            return near or asked == kept
+        if detail.draft and lit.quality.facts.solves and self._job is not None:
+            # Lit when it can be solved for: until then the processor is the worker's.
+            self._job.supersede(at_once=asked.shape != kept.shape)
+            return True
+        return False
+
+    def _coarsened(self, scene: Scene, asked: LitFor, detail: Detail) -> tuple[Scene, bool]:
+        """Return the scene with the resolution of a drag, if this is one and another was asked for, and whether."""
+        if not detail.draft:
+            self._drag = None
+        if not detail.draft or (self._lit_for is not None and asked.is_turned(self._lit_for)):
+            return scene, False
+        resolution = self._draft_resolution(scene)
+        if resolution is None:
+            return scene, False
+        order = scene.transport.assignment or (self._lit.quality.assignment if self._lit is not None else None)
+        return replace(scene, transport=replace(scene.transport, resolution=resolution, assignment=order)), True
+
+    def _is_drafted(self, asked: LitFor) -> bool:
+        return self._lit_for is not None and asked.is_drafted(self._lit_for)
+
+    def _take(self, lit: LitScene) -> LitScene:
+        """Keep new light, unless it is the same to transport; a job of other light is told so."""
+        if self._lit is None or not lit.is_same_light(self._lit):
             if self._job is not None:
                 self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
             self._lit = lit
-        self._lit_for = (key, camera, coarse is not None or few)
         return self._lit
 
     def _draft_resolution(self, scene: Scene) -> int | None:
         """As `live.draft.draft_resolution`, once a drag: the grid stays and all weights on it, even of a material."""
         if self._cost is None or self._lit is None:
             return None
-        settings, held = scene.transport, self._held
-        if held is not None and held[:2] == (scene.model, settings):
-            return held[2]
-        chosen = draft_resolution(scene, self._lit.quality, self._cost)
-        self._held = scene.model, settings, chosen
-        return chosen
+        if self._drag is None or not self._drag.is_of(scene):
+            chosen = draft_resolution(scene, self._lit.quality, self._cost)
+            self._drag = Drag(scene.model, scene.transport, chosen)
+        return self._drag.resolution
 
     def _submit(self, lit: LitScene) -> None:
         if self._job is None and self._sent is not lit:
@@ -281,7 +298,7 @@ class Live:
             gather = self.renderer.gather(lit, outcome.scattered)
             self.finished = Finished(lit, gather, outcome.scattered, outcome.complete)
         if outcome.seconds is not None:
-            self._cost = outcome.seconds, lit.quality.resolution, lit.grid.n_layers
+            self._cost = Cost(outcome.seconds, lit.quality.resolution, lit.grid.n_layers)
         self.renderer.stages.timings.update(outcome.timings)
 
     def _go_on(self) -> None:

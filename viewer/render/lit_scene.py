@@ -1,6 +1,6 @@
 """A scene that has been lit: what transport and shading need of it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 
 from milkglass.core.arrays import Float32
 from milkglass.core.geometry.bodies import Bodies
@@ -10,6 +10,7 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
+from milkglass.core.stages import alike
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, Transport, WholeObject
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.gl.buffers import MeshBuffers
@@ -64,10 +65,10 @@ class LitScene:
     """
 
     model: Model
-    camera: Camera
+    camera: Camera = field(compare=False)
     sources: tuple[LightSource, ...]
-    eta: float
-    quality: Quality
+    eta: float = field(compare=False)
+    quality: Quality = field(compare=False)
     transport: Transport
     grid: LayerGrid
     profiles: Profiles
@@ -75,12 +76,12 @@ class LitScene:
     flux: Float32
     lights: tuple[EnteringLight, ...]
     media: tuple[Medium, ...]
-    samples: SurfaceSamples
-    lobes: LobeFilter | None = None
+    samples: SurfaceSamples = field(compare=False)
+    lobes: LobeFilter | None = field(default=None, compare=False)
     bodies: Bodies | None = None
-    body_marks: BodyMarks | None = None
+    body_marks: BodyMarks | None = field(default=None, compare=False)
     detail: SurfaceDetail | None = None
-    troubles: tuple[str, ...] = ()
+    troubles: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def occlusion(self) -> Occlusion | None:
@@ -92,6 +93,16 @@ class LitScene:
         """Return the light that enters the object, as transport takes it."""
         solid = WholeObject(self.model.mesh, self.samples)
         return EnteringFlux(solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media)
+
+    def is_same_light(self, other: "LitScene") -> bool:
+        """Tell whether transport would have the same work: stages return the very same arrays where nothing changed.
+
+        What follows of the rest, or only pixels look at, is declared so by its field (`compare=False`).
+        """
+        return alike(self._compared(), other._compared())
+
+    def _compared(self) -> tuple[object, ...]:
+        return tuple(getattr(self, each.name) for each in fields(self) if each.compare)
 
     def without_tint(self) -> "LitScene":
         """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""

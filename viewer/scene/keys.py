@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from milkglass.core.stages import Part
-from milkglass.viewer.scene.declaration import moves_of
+from milkglass.viewer.scene.declaration import moves_of, settings_of
 from milkglass.viewer.scene.settings import TABLES
 
 if TYPE_CHECKING:
@@ -40,6 +40,13 @@ def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[s
         *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving)),
         lit,
     )
+
+
+def paths(scene: "Scene") -> Key:
+    """Return every file that a scene names, its lights' none, with how often each has been taken anew."""
+    tables = [getattr(scene, name) for name in TABLES]
+    keys = [(table, key) for table in tables for key, declared in settings_of(table).items() if declared.kind == "path"]
+    return tuple(_told_apart(getattr(table, key)) for table, key in keys)
 
 
 def _values(table: Any, parts: frozenset[Part]) -> Key:

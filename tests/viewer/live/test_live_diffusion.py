@@ -10,7 +10,7 @@ import trimesh
 
 from milkglass.core.transport.diffusion import solver as diffusion
 from milkglass.core.transport.diffusion.solver import TOLERANCE
-from milkglass.viewer.live.draft import Detail
+from milkglass.viewer.live.draft import Cost, Detail
 from milkglass.viewer.live.error import NOT_EQUATION_1
 from milkglass.viewer.live.job import PRESENTABLE
 from milkglass.viewer.scene.scene import apply_set
@@ -250,7 +250,7 @@ def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(dr
     driver.settle()
     live = driver.view.live
     kept = live.finished.scattered.boundary
-    live._cost = (20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
+    live._cost = Cost(20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
     assert live.lit.quality.resolution < 64
     driver.settle()

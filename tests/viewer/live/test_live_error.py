@@ -225,7 +225,8 @@ def test_undo_and_another_model_while_it_measures(driver, tmp_path):
     driver.session.edit("model", path=str(write_knot(tmp_path / "other.stl")))
     driver.session.view.error_points = POINTS
     other = measured(driver)
-    assert other.of.place[0].path == tmp_path / "other.stl"
+    assert driver.view.shown.model.path == tmp_path / "other.stl"
+    assert other.lies_in(driver.view.shown)
     driver.session.put(scene)
     assert measured(driver).error.deviation == expected
 

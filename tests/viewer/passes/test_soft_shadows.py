@@ -308,7 +308,7 @@ def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkey
     assert live.working
     assert len(live.lit.sources[0].shadow.lights) == few  # meanwhile a draft is up
     session.edit_lights([second])
-    while not drawn or len(live.lit.sources[0].shadow.lights) != whole or live._lit_for[2]:
+    while not drawn or len(live.lit.sources[0].shadow.lights) != whole or live._lit_for.drafted:
         frame()
         assert len(drawn) < 60
     driver.settle()

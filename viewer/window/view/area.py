@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from milkglass.core.errors import InputError
-from milkglass.core.stages import Stage
+from milkglass.core.stages import Part, Stage
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.gui.toolkit import Gui, imgui
@@ -155,10 +155,7 @@ class ViewArea:
     def _judge(self, now: float) -> None:
         """Decide how well to draw: less while a drag goes on, best at rest."""
         scene = self._session.scene
-        key = (
-            scene.model, scene.camera, scene.material.resolve(), scene.detail, scene.specular, scene.effective_lights(),
-            scene.environment, scene.transport, self.size, self._session.view.show, self.subject.state,
-        )  # fmt: skip
+        key = *self.shown.key(Part.LOOK), self._session.view.show, self.subject.state
         if key != self._key:
             first = self._key is None
             self._key, self._changed_at = key, now
