@@ -1,9 +1,9 @@
 """Drives the window's contents without a display: injected mouse, keys and files, frames in a framebuffer."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import numpy.typing as npt
@@ -73,19 +73,21 @@ class Driver(Headless):
             with self._unpainted() if left else nullcontext():
                 self.frame()
 
-    @contextmanager
-    def _unpainted(self) -> Iterator[None]:
+    def settle(self) -> None:
+        """Draw until nothing changes any more; the last frame reaches the framebuffer."""
+        with self._unpainted():
+            super().settle()
+        self.frame()
+
+    def _unpainted(self) -> AbstractContextManager[object]:
+        """Keep what frames lay out from the framebuffer."""
         painter = self.app._painter
 
         def keep_textures(*_: object) -> None:
             painter._update_textures()
             painter._shown.clear()
 
-        painter.draw = keep_textures  # type: ignore[method-assign]
-        try:
-            yield
-        finally:
-            del painter.draw
+        return patch.object(painter, "draw", keep_textures)
 
     def key(self, *names: str) -> None:
         """Press keys together."""

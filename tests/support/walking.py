@@ -23,7 +23,9 @@ class Walker(Driver):
         super().__init__(scene, SIZE)
 
     def frame(self) -> None:
-        super().frame()
+        """Draw a frame that does not reach the framebuffer: `view_pixels` paints what it reads."""
+        with self._unpainted():
+            super().frame()
         self.seen |= set(self.app.panel.controls.boxes)
 
     def place(self, name: str, share: float = 0.5) -> tuple[float, float]:
@@ -39,6 +41,7 @@ class Walker(Driver):
     def view_pixels(self) -> np.ndarray:
         """What the window shows where the picture is."""
         self.settle()
+        super().frame()
         left, top, right, bottom = map(round, self.view._drawn_at)
         return read_pixels(self.target, self.target.size)[top:bottom, left:right]
 
@@ -57,6 +60,16 @@ def choose(box: str, choice: str) -> Use:
 
 def drag(box: str, by: tuple[float, float]) -> Use:
     return lambda walker: walker.drag(walker.place(box), by)
+
+
+def move_view(by: tuple[float, float]) -> Use:
+    """Drag the object with the middle button: a control of the view, not of the panel."""
+
+    def use(walker: Walker) -> None:
+        left, top, right, bottom = walker.view.drawn_at
+        walker.drag((0.5 * (left + right), 0.5 * (top + bottom)), by, button="middle")
+
+    return use
 
 
 def pick_colour(box: str) -> Use:
@@ -149,6 +162,7 @@ CONTROLS = [
         camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
         camera__zoom=0.7, camera__orthographic=0.05,
     ),
+    Control("camera.target_mm", "view", move_view((40.0, -25.0)), has_reset=False),
     *sliders("pair in probe", environment__occluded=0.05),
     *sliders(
         "probe", environment__rotation_deg=0.8, environment__intensity=0.9, environment__extract=0.05,

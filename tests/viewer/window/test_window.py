@@ -19,6 +19,7 @@ from milkglass.viewer.error.map import colours, scale_end
 from milkglass.viewer.files.images import read_image
 from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Key, Recorder, Resized
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.window.commands import COMMANDS
 from milkglass.viewer.window.replay import play
 from tests.support.driving import Driver, headless_picture, small_scene, write_knot
 from tests.support.paths import ROOT
@@ -29,6 +30,7 @@ pytestmark = pytest.mark.window
 SIZE = (760, 560)
 FRAMES = 2  # that show what an event did: ImGui lays out in the first what the second draws
 STATUS = 40  # rows at the foot of the view that hold its line of text
+VIEW = ("-m", "milkglass.viewer.commands.cli", "view")
 
 
 def missing(what: str) -> None:
@@ -74,10 +76,10 @@ class RealWindow:
     The window records what it sees: each thing that the hands do waits until it was seen, and drawn.
     """
 
-    def __init__(self, display: str, folder: Path, *options: str) -> None:
+    def __init__(self, display: str, folder: Path, *options: str, program: tuple[str, ...] = VIEW) -> None:
         self.folder, self.recording = folder, folder / "record.jsonl"
         self.environment = environment_of(display, folder)
-        command = [sys.executable, "-m", "milkglass.viewer.commands.cli", "view", *options]
+        command = [sys.executable, *program, *options]
         if "--play" not in options:
             command += ["--record", str(self.recording)]
         self.process = subprocess.Popen(command, cwd=folder, env=self.environment, stderr=subprocess.PIPE, text=True)
@@ -400,3 +402,28 @@ def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):
     assert window.process.returncode == 2
     assert "none.ply" in errors
     assert errors.count("\n") == 1
+
+
+def test_every_key_of_the_cheat_sheet_runs_its_command(display, tmp_path, scene_file, remembered):
+    noted = tmp_path / "noted"
+    program = (str(ROOT / "tests" / "support" / "noted_window.py"), str(scene_file), str(noted))
+    window = RealWindow(display, tmp_path, program=program)
+    commands = [command for command in COMMANDS if command.keys and command.id not in ("dismiss", "quit")]
+    expected: list[str] = []
+
+    def ran() -> list[str]:
+        return [name for name in noted.read_text().split() if name != "reread_profile"]  # which the focus asks for
+
+    try:
+        window.opened()
+        for command in commands:
+            keys = command.keys.replace("Enter", "Return").replace("Ctrl", "ctrl").replace("Shift", "shift")
+            window.press(keys, "Escape")
+            nothing_to_do, opens_dialog = command.id in ("undo", "redo"), command.id in ("open_file", "save_as")
+            expected += [] if nothing_to_do else [command.id]
+            expected += [] if opens_dialog else ["dismiss"]
+            assert ran() == expected, (tmp_path / "record.jsonl").read_text()[-3000:]
+        assert window.quit() == 0
+    finally:
+        window.stop()
+    assert ran() == [*expected, "quit"]
