@@ -160,7 +160,7 @@ def test_product_in_float32_is_that_in_float64():
     volume = volume[: grid.n_layers, : grid.height, : grid.width]
     single = channel.volume(phi)
     assert np.abs(single - volume).max() < 2e-5 * np.abs(volume).max()
-    left = channel.product(phi, single) - channel.product(phi, np.zeros(grid.shape, np.float32))
+    left = channel.matvec(phi, single) - channel.matvec(phi, np.zeros(grid.shape, np.float32))
     exact = weights.T @ volume.ravel()
     assert np.linalg.norm(left - exact) < 2e-5 * np.linalg.norm(exact)
 
