@@ -87,7 +87,7 @@ PRESETS: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def _panel(
+def _panel(  # noqa: PLR0913
     directions: Array,
     d_omega: Array,
     azimuth_deg: float,

@@ -17,7 +17,7 @@ LIFT = 1e-4  # height of the origins of rays above their face, in radii of the o
 _POINTS = 16  # handled at a time
 
 
-def occluded_irradiance(
+def occluded_irradiance(  # noqa: PLR0913
     mesh: Mesh, points: Floats, normals: Floats, face_normals: Floats, probe: Floats, eta: float,
     rotations: npt.ArrayLike = (0.0,), height: int = HEIGHT, seed: int = 11,
 ) -> Array:  # fmt: skip

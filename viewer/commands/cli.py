@@ -101,7 +101,7 @@ def view(
 
 @app.command()
 @scene_options
-def render(
+def render(  # noqa: PLR0913
     scene: Scene,
     output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{RENDERED}; may be repeated.")],
     reference: Annotated[

@@ -202,7 +202,7 @@ def visible_points(
     return VisiblePoints(rows, columns, *values)
 
 
-def measure(
+def measure(  # noqa: PLR0913
     visible: VisiblePoints,
     mesh: Mesh,
     illumination: Illumination,

@@ -95,7 +95,7 @@ class Controls:
         if changed is not None:
             self._put(table, key, changed)
 
-    def value(
+    def value(  # noqa: PLR0913
         self, name: str, label: str, declared: Setting, value: Any, *, default: Any = None,
         on_reset: Callable[[], object] | None = None, reach: Reach | None = None,
         automatic: float | str | None = None, off: str | None = None,

@@ -74,7 +74,7 @@ class PixelIrradiancePass:
         framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
-    def steps(
+    def steps(  # noqa: PLR0913
         self,
         gbuffer: GBuffer,
         sources: Sequence[LightSource],

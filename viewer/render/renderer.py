@@ -123,7 +123,7 @@ class Renderer:
         return read_frame(picture, self.timings)
 
     @_in_turn
-    def draw(
+    def draw(  # noqa: PLR0913
         self,
         scene: Scene,
         *,
@@ -191,7 +191,7 @@ class Renderer:
         return self._lighting.gather(lit, scattered)
 
     @_in_turn
-    def shade(
+    def shade(  # noqa: PLR0913
         self,
         scene: Scene,
         lit: LitScene,

@@ -45,7 +45,7 @@ class Shading:
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
 
-    def shade(
+    def shade(  # noqa: PLR0913
         self,
         scene: Scene,
         lit: LitScene,
