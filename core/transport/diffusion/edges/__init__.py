@@ -12,3 +12,15 @@
     Exitance beside a concave edge, which diffusion has the same on wall and floor: the flight from the last scattering
     is followed.
 """
+
+from typing import TYPE_CHECKING
+
+from milkglass.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from milkglass.core.transport.diffusion.edges.crossing import Crossing as Crossing
+    from milkglass.core.transport.diffusion.edges.curvature import Curvature as Curvature
+    from milkglass.core.transport.diffusion.edges.last_flight import LastFlight as LastFlight
+    from milkglass.core.transport.diffusion.edges.pairs import Edges as Edges
+else:
+    __getattr__, __dir__, __all__ = lazy(__name__)
