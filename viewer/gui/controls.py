@@ -228,13 +228,13 @@ class Controls:
         """
         new = None
         if imgui.begin_combo(f"##{name}", shown or current or "", flags):
-            for each in choices:
-                clicked, _ = imgui.selectable(each, each == current)
-                self.mark(f"{name}={each}")
+            for choice in choices:
+                clicked, _ = imgui.selectable(choice, choice == current)
+                self.mark(f"{name}={choice}")
                 if tips and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
-                    self.tooltip(each, tips[each])
-                if clicked and each != current:
-                    new = each
+                    self.tooltip(choice, tips[choice])
+                if clicked and choice != current:
+                    new = choice
             imgui.end_combo()
         return new
 

@@ -108,8 +108,8 @@ class ImguiRenderer:
         vertices, indices, base = [], [], 0
         for commands in lists:
             vertices.append(_view(commands.vtx_buffer, VERTEX.itemsize).view(VERTEX))
-            own = _view(commands.idx_buffer, imgui.INDEX_SIZE).view(f"u{imgui.INDEX_SIZE}")
-            indices.append(own.astype(np.uint32) + np.uint32(base))
+            drawn_indices = _view(commands.idx_buffer, imgui.INDEX_SIZE).view(f"u{imgui.INDEX_SIZE}")
+            indices.append(drawn_indices.astype(np.uint32) + np.uint32(base))
             base += len(vertices[-1])
         self._write("_vertices", np.concatenate(vertices))
         self._write("_indices", np.concatenate(indices))

@@ -148,12 +148,12 @@ def edges(photo: Photo, place: Region) -> tuple[Float32, Float32]:
 
 def dilated(coverage: Float32) -> Float32:
     """Return 1 where a pixel or one of the four beside it is covered, else 0; (h, w)."""
-    there = coverage > 0.0
-    near = there.copy()
-    near[1:] |= there[:-1]
-    near[:-1] |= there[1:]
-    near[:, 1:] |= there[:, :-1]
-    near[:, :-1] |= there[:, 1:]
+    covered = coverage > 0.0
+    near = covered.copy()
+    near[1:] |= covered[:-1]
+    near[:-1] |= covered[1:]
+    near[:, 1:] |= covered[:, :-1]
+    near[:, :-1] |= covered[:, 1:]
     return near.astype(np.float32)
 
 

@@ -53,7 +53,7 @@ class PhotoPass:
         self._backdrop = Program(context, "fullscreen.vert", "photo_backdrop.frag")
         self._photo = Program(context, "fullscreen.vert", "photo.frag")
         programs = self._object, self._backdrop, self._photo
-        self._first, self._unchanged, self._second = (context.vertex_array(each.program, []) for each in programs)
+        self._first, self._unchanged, self._second = (context.vertex_array(program.program, []) for program in programs)
         self._block = shown_block(photo)
         self.photograph = _uploaded(context, shown_pixels(photo))
 

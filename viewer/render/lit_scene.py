@@ -102,7 +102,7 @@ class LitScene:
         return alike(self._compared(), other._compared())
 
     def _compared(self) -> tuple[object, ...]:
-        return tuple(getattr(self, each.name) for each in fields(self) if each.compare)
+        return tuple(getattr(self, item.name) for item in fields(self) if item.compare)
 
     def without_tint(self) -> "LitScene":
         """Return the scene without what colours do to light that leaves: exitance is then that of equation (1)."""

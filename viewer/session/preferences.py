@@ -52,7 +52,7 @@ class Preferences:
     def opened(self, path: Path) -> None:
         """Remember a file as the most recent one, and its folder."""
         name = str(path)
-        self.recent = [name, *(other for other in self.recent if other != name)][:RECENT]
+        self.recent = [name, *(recent for recent in self.recent if recent != name)][:RECENT]
         self.folder = str(path.parent)
 
     def start_folder(self) -> Path:

@@ -88,8 +88,8 @@ class CurvesJob:
     def follow(self, wishes: tuple[Wish, ...], read: Callable[[Path], ProfileTable]) -> list[Curves | None]:
         """Return the curves of each wish, None while they are on the way."""
         if self._future is not None and self._future.done():
-            made, self._future = self._future.result(), None
-            self._made |= zip(self._asked, made, strict=True)
+            finished, self._future = self._future.result(), None
+            self._made |= zip(self._asked, finished, strict=True)
             while len(self._made) > KEPT:
                 self._made.popitem(last=False)
         missing = tuple(wish for wish in dict.fromkeys(wishes) if wish not in self._made)

@@ -155,7 +155,7 @@ class ProfilePlot:
             text = f"{before}{text}{arrow}"
             width = imgui.calc_text_size(text).x
             left = min(max(x - 0.5 * width, self.box[0]), self.box[2] - width)
-            beside = {own for own, start, end in taken if left < end + APART and start < left + width + APART}
+            beside = {mark for mark, start, end in taken if left < end + APART and start < left + width + APART}
             row = next(row for row in range(len(taken) + 1) if row not in beside)
             taken.append((row, left, left + width))
             draw.add_text((left, self.box[1] - (row + 1) * line - 2.0), imgui.get_color_u32((*INK, 1.0)), text)
@@ -200,12 +200,12 @@ def reading(name: str, curves: Curves, r: float, per_radius: bool) -> list[tuple
 def labels(marks: Sequence[Mark]) -> list[tuple[str, float]]:
     """Return texts and their radii: one for the mean free paths of all channels, in the middle of them."""
     paths = [mark.radius for mark in marks if mark.channel is not None]
-    told = [(mark.label, mark.radius) for mark in marks if mark.channel is None]
+    common = [(mark.label, mark.radius) for mark in marks if mark.channel is None]
     if not paths:
-        return told
-    each = paths if max(paths) > (1.0 + LIKE) * min(paths) else paths[:1]
-    text = f"mean free path {' / '.join(significant(path, 2) for path in each)} mm"
-    return [(text, float(np.exp(np.mean(np.log(paths))))), *told]
+        return common
+    drawn = paths if max(paths) > (1.0 + LIKE) * min(paths) else paths[:1]
+    text = f"mean free path {' / '.join(significant(path, 2) for path in drawn)} mm"
+    return [(text, float(np.exp(np.mean(np.log(paths))))), *common]
 
 
 def _paint(mark: Mark, alpha: float) -> int:

@@ -106,24 +106,24 @@ class ProfileView:
     def _follow(self, live: Live) -> None:
         """Ask for the curves; those of a moment ago stay until new ones are there."""
         session = self._session
-        own = session.scene.material
-        wanted = [(own.profile, own)]
-        other = self._compared(own)
-        if other is not None and other != own:
-            wanted.append((self.other if self.other != KEPT else f"B, {other.profile}", other))
+        material_shown = session.scene.material
+        wanted = [(material_shown.profile, material_shown)]
+        compared = self._compared(material_shown)
+        if compared is not None and compared != material_shown:
+            wanted.append((self.other if self.other != KEPT else f"B, {compared.profile}", compared))
         wishes = tuple(Wish(material, _state(material)) for _, material in wanted)
-        made = self._job.follow(wishes, live.assets.profile_table)
-        self._last = [new or old for new, old in zip([*made, None][:2], self._last, strict=True)]
+        finished = self._job.follow(wishes, live.assets.profile_table)
+        self._last = [new or old for new, old in zip([*finished, None][:2], self._last, strict=True)]
         shown = zip(wanted, self._last, strict=False)
         self.named = [(name, curves) for (name, _), curves in shown if curves is not None]
         self.marks = marks(session.scene, None if live.finished is None else live.finished.lit)
 
-    def _compared(self, own: MaterialSettings) -> MaterialSettings | None:
+    def _compared(self, shown: MaterialSettings) -> MaterialSettings | None:
         if self.other == KEPT:
             return None if self._session.kept is None else self._session.kept.material
-        if self.other == NONE or (self.other == TABLE and own.profile_table is None):
+        if self.other == NONE or (self.other == TABLE and shown.profile_table is None):
             return None
-        return replace(own, profile=self.other)
+        return replace(shown, profile=self.other)
 
     def _edge(self, box: Box) -> None:
         """Let the upper edge be dragged."""
@@ -162,7 +162,7 @@ class ProfileView:
             return
         for width in (2.4, 9.0, 5.0 if titled else 0.1, 2.8, 2.8, 2.8):
             imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, width * em)
-        own = self._session.scene.material.profile
+        profile = self._session.scene.material.profile
         for row in range(2):
             imgui.table_next_row()
             imgui.table_next_column()
@@ -170,7 +170,7 @@ class ProfileView:
             imgui.table_next_column()
             if row == 0:
                 imgui.align_text_to_frame_padding()
-                imgui.text_unformatted(own)
+                imgui.text_unformatted(profile)
             else:
                 self._choose_other()
             if row < len(self.named):

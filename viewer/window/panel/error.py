@@ -145,11 +145,11 @@ def rows(measured: Measured | None) -> list[tuple[str, list[str]]]:
     deviation = measured.error.deviation
     light = np.abs(measured.error.reference) + measured.error.points.exitance
     black = [not channel.any() for channel in light.T]
-    each = [
+    texts = [
         ["black" if b else percent(share) for share, b in zip(shares, black, strict=True)]
         for shares in (deviation.rms, deviation.p99)
     ]
-    return [("rms", each[0]), ("99th percentile", each[1]), ("rms together", [percent(deviation.rms_together)])]
+    return [("rms", texts[0]), ("99th percentile", texts[1]), ("rms together", [percent(deviation.rms_together)])]
 
 
 def how(measured: Measured) -> str:

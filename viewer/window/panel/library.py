@@ -49,10 +49,10 @@ class LibraryList:
         self._filter()
         problem = None
         try:
-            own: own_materials.Materials = own_materials.stored()
+            stored: own_materials.Materials = own_materials.stored()
         except InputError as error:
-            own, problem = (), str(error)
-        found = library.found(self._only, self._search, own)
+            stored, problem = (), str(error)
+        found = library.found(self._only, self._search, stored)
         chosen = self._list(found, current, keeps)
         if chosen is None and enter and found:
             chosen = found[0]
@@ -60,7 +60,7 @@ class LibraryList:
         if problem is not None:
             self._controls.note(problem, warning=True)
         elif keeps:
-            self._keep(own)
+            self._keep(stored)
         return chosen
 
     def _filter(self) -> None:
@@ -119,8 +119,8 @@ class LibraryList:
         if asked:
             imgui.pop_style_color()
 
-    def _keep(self, own: own_materials.Materials) -> None:
-        """Draw the row that keeps the material under a name, and what takes own ones in and out."""
+    def _keep(self, stored: own_materials.Materials) -> None:
+        """Draw the row that keeps the material under a name, and what imports and exports stored ones."""
         controls, width = self._controls, 5.0 * imgui.get_font_size()
         imgui.set_next_item_width(-width - 2.4 * imgui.get_frame_height())
         hint = "name to keep it by"
@@ -130,7 +130,7 @@ class LibraryList:
         controls.mark("own.name")
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         key = materials.key_of(self._name)
-        exists = any(materials.key_of(each.name) == key for each in own)
+        exists = any(materials.key_of(material.name) == key for material in stored)
         verb = "Rename" if self._renaming else "Replace" if exists else "Save as"
         imgui.begin_disabled(not key)
         if (imgui.button(f"{verb}##own.save", (width, 0.0)) or entered) and key:

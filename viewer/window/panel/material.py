@@ -37,7 +37,7 @@ class MixturePanel:
 
     def draw(self) -> None:
         """Draw them in the current ImGui window."""
-        self._other()
+        self._mixed_with()
         material = self._session.scene.material
         if material.admixture() is not None:
             self._controls.setting("material.mix_share", "Its share")
@@ -45,27 +45,27 @@ class MixturePanel:
         if material.name in SOLIDS and material.water != 0.0:
             self._controls.note(f"{material.name} is no liquid: this is how it would look ground, in water")
 
-    def _other(self) -> None:
+    def _mixed_with(self) -> None:
         controls, session = self._controls, self._session
-        other, name = session.scene.material.admixture(), session.scene.material.mix_with
+        admixture, name = session.scene.material.admixture(), session.scene.material.mix_with
         controls.begin_row("Mix with", True)
-        if other is not None:
+        if admixture is not None:
             side = imgui.get_frame_height()
-            kept = None if name is not None else own_materials.named_like(other)
+            kept = None if name is not None else own_materials.named_like(admixture)
             name = kept.name if kept is not None else name or "custom"
-            swatch(controls, "mix.swatch", other, (side, side))
+            swatch(controls, "mix.swatch", admixture, (side, side))
             imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
             imgui.set_next_item_width(-side - imgui.get_style().item_inner_spacing.x)
         imgui.set_next_window_size_constraints((20.0 * imgui.get_font_size(), 0.0), (1e4, 1e4))
         if imgui.begin_combo("##material.mix_with", name or NOTHING, imgui.ComboFlags_.height_large.value):
-            if other is not None and imgui.selectable(NOTHING, False)[0]:
+            if admixture is not None and imgui.selectable(NOTHING, False)[0]:
                 self._remove()
             chosen = self._library.choose(name)
             if chosen is not None:
                 session.edit("material", mix_with=chosen.name)
             imgui.end_combo()
         tip = f"{MIX_TIP}\n{RESET_HINT}"
-        controls.end_row("material.mix_with", "Mix with", tip, self._remove, other is not None)
+        controls.end_row("material.mix_with", "Mix with", tip, self._remove, admixture is not None)
 
     def _remove(self) -> None:
         self._session.edit("material", mix_with=None)
@@ -95,7 +95,7 @@ class MaterialSection(Section):
         """Draw the rows in the current ImGui window."""
         no_profile = NO_PROFILE if solves(seen.live) else None
         self._library()
-        if self._profile.way():
+        if self._profile.given_by_colour():
             self._profile.colour(CHANNELS)
         else:
             self._coefficients("sigma_s_prime", "σs′")
@@ -145,17 +145,17 @@ class MaterialSection(Section):
             text = f"{significant(values[channel])} /mm"
             new = controls.sliders.number(name, values[channel], 0.0, SIGMA_HIGH, text, logarithmic=True, colour=colour)
             if new is not None:
-                self._own(material, key, channel, new)
+                self._set_coefficient(material, key, channel, new)
 
             def reset(channel: int = channel) -> None:
                 if default is not None:
-                    self._own(material, key, channel, default[channel])
+                    self._set_coefficient(material, key, channel, default[channel])
 
             tip = f"{explained(declared, None)}\n{TYPE_HINT}"
             differs = default is not None and default[channel] != values[channel]
             controls.end_row(name, label, tip, reset, differs)
 
-    def _own(self, material: Material, key: str, channel: int, value: float) -> None:
+    def _set_coefficient(self, material: Material, key: str, channel: int, value: float) -> None:
         """Change one coefficient; back at a library material's, become that material again."""
         given = {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a}
         changed = list(given[key])
@@ -164,7 +164,7 @@ class MaterialSection(Section):
         origin, settings = origin_of(self._session), self._session.scene.material
         if origin is not None and (origin.sigma_s_prime, origin.sigma_a) == (given["sigma_s_prime"], given["sigma_a"]):
             eta = None if material.eta == origin.eta else material.eta
-            added = {each: getattr(settings, each) for each in ADDED}
+            added = {key_added: getattr(settings, key_added) for key_added in ADDED}
             self._session.edit("material", name=origin.name, eta=eta, **added)
         else:
             self._session.edit("material", **given, eta=material.eta)

@@ -68,30 +68,30 @@ class ProfilePanel:
         for note in table_notes(material):
             controls.note(note)
 
-    def way(self) -> bool:
+    def given_by_colour(self) -> bool:
         """Draw what the material is given by; True where that is a colour and a mean free path."""
         session, controls = self._session, self._controls
         material = session.scene.material
         shown = DIFFUSE if material.diffuse_mean_free_path_mm is not None else COLOUR
         shown = COEFFICIENTS if material.diffuse_reflectance is None else shown
         controls.begin_row("Given by")
-        way = controls.choice("material.way", shown, (COEFFICIENTS, COLOUR, DIFFUSE))
-        if way is not None:
-            session.edit("material", **given_by(session.scene.material, way))
+        chosen = controls.choice("material.way", shown, (COEFFICIENTS, COLOUR, DIFFUSE))
+        if chosen is not None:
+            session.edit("material", **given_by(session.scene.material, chosen))
         controls.end_row("material.way", "Given by", WAYS_TIP)
         return session.scene.material.diffuse_reflectance is not None  # which a click has changed just now
 
     def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
         """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""
         material = self._session.scene.material
-        way = COLOUR if material.diffuse_mean_free_path_mm is None else DIFFUSE
-        key, label = LENGTH_KEYS[way]
+        quantity = COLOUR if material.diffuse_mean_free_path_mm is None else DIFFUSE
+        key, label = LENGTH_KEYS[quantity]
         origin = origin_of(self._session)
         start: dict[str, Any] = {}
         if origin is not None:
             given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta")}
             given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
-            start = given_by(MaterialSettings(**given), way)
+            start = given_by(MaterialSettings(**given), quantity)
         for i, channel in enumerate(channels):
             value = (material.diffuse_reflectance or ())[i]
             self._slider("diffuse_reflectance", "colour", i, channel, f"{value:.3f}", start)
@@ -126,18 +126,18 @@ def _spare() -> float:
     return -float(imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x)
 
 
-def given_by(settings: MaterialSettings, way: str) -> dict[str, Any]:
+def given_by(settings: MaterialSettings, given: str) -> dict[str, Any]:
     """Return the keys that say the same material in another way, or as nearly as it can."""
     material = settings.base()
-    if way == COEFFICIENTS:
+    if given == COEFFICIENTS:
         return {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a, "eta": material.eta}
-    most = 1.0 if way == COLOUR else 1.0 - LEAST_ABSORBED
+    most = 1.0 if given == COLOUR else 1.0 - LEAST_ABSORBED
     albedos = np.minimum(material.alpha_prime, most)
-    lengths = material.mean_free_path if way == COLOUR else material.mean_free_path / np.sqrt(3.0 * (1.0 - albedos))
+    lengths = material.mean_free_path if given == COLOUR else material.mean_free_path / np.sqrt(3.0 * (1.0 - albedos))
     colour = tuple(min(1.0, reflectance(float(a), material.eta, settings.profile)) for a in albedos)
     return {
         "diffuse_reflectance": colour,
-        LENGTH_KEYS[way][0]: tuple(np.minimum(lengths, LONGEST).tolist()),
+        LENGTH_KEYS[given][0]: tuple(np.minimum(lengths, LONGEST).tolist()),
         "eta": material.eta,
     }
 

@@ -48,15 +48,15 @@ class TransportSection(Section):
 
 def solved(solution: Scattered, complete: bool) -> str:
     """Say how far a solution is, channel by channel."""
-    each = [
+    costs = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"
         for channel, residual, products in zip("RGB", solution.residuals, solution.convolutions, strict=True)
         if products
     ]
-    if not each:
+    if not costs:
         return "no light to solve for"
-    each[0] += " products"
-    return f"{'solved' if complete else 'on the way'}: {', '.join(each)}"
+    costs[0] += " products"
+    return f"{'solved' if complete else 'on the way'}: {', '.join(costs)}"
 
 
 def chosen(finished: Finished, milliseconds: Timings) -> str:
@@ -70,6 +70,6 @@ def chosen(finished: Finished, milliseconds: Timings) -> str:
         slowest = max(entries, key=lambda stage: milliseconds[stage], default=Stage.ENTRY.of(1))
         new_light, new_material = (slowest, *rest), (Stage.SPECTRA, *rest)
     if all(stage in milliseconds for stage in (*new_light, *new_material)):
-        light, material = (sum(milliseconds[stage] for stage in each) for each in (new_light, new_material))
+        light, material = (sum(milliseconds[stage] for stage in group) for group in (new_light, new_material))
         text += f"; new light in {light:.0f} ms, a new material in {material:.0f} ms"
     return text

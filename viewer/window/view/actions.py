@@ -172,7 +172,7 @@ class Actions:
     def _exchange(self, exchange: Callable[[Path], Materials]) -> Callable[[Path], None]:
         def done(path: Path) -> None:
             try:
-                self._session.say(f"{path.name}: {', '.join(each.name for each in exchange(path))}")
+                self._session.say(f"{path.name}: {', '.join(material.name for material in exchange(path))}")
             except InputError as error:
                 self._session.fail(error)
 

@@ -275,13 +275,13 @@ class ViewArea:
         left, top, right, bottom = self._drawn_at
         if self.picture.transparent:
             checkerboard(draw, self._drawn_at)
-        other = self._other.picture if self._other is not None and view.split is not None else None
-        split = view.split if view.split is not None and other is not None else 1.0
+        second = self._other.picture if self._other is not None and view.split is not None else None
+        split = view.split if view.split is not None and second is not None else 1.0
         middle = left + split * (right - left)
-        own = self._painter.show(self.picture.image.color_attachments[0])
-        draw.add_image(own, (left, top), (middle, bottom), (0.0, 1.0), (split, 0.0))
-        if other is not None:
-            kept = self._painter.show(other.image.color_attachments[0])
+        first = self._painter.show(self.picture.image.color_attachments[0])
+        draw.add_image(first, (left, top), (middle, bottom), (0.0, 1.0), (split, 0.0))
+        if second is not None:
+            kept = self._painter.show(second.image.color_attachments[0])
             draw.add_image(kept, (middle, top), (right, bottom), (split, 1.0), (1.0, 0.0))
             draw.add_line((middle, top), (middle, bottom), imgui.get_color_u32((1.0, 1.0, 1.0, 0.7)), 1.5)
             assert self._session.kept is not None

@@ -117,11 +117,11 @@ def _help_group(gui: Gui, title: str, rows: Rows) -> None:
     imgui.pop_font()
     start, em = imgui.get_cursor_pos_x(), imgui.get_font_size()
     keys_width = max(imgui.calc_text_size(keys).x for keys, _ in rows) + em
-    for keys, what in rows:
+    for keys, action in rows:
         imgui.text_unformatted(keys)
         imgui.same_line()
         imgui.set_cursor_pos_x(start + keys_width)
-        imgui.text_disabled(what)
+        imgui.text_disabled(action)
     imgui.spacing()
 
 
