@@ -41,6 +41,7 @@ def rows() -> list[TransportRow]:
     return list(transport_rows(SMALL, shapes, ["albedos", "skim milk"], 20_000))
 
 
+@pytest.mark.slow
 def test_diffusion_is_near_photons_and_the_paper_is_not(rows):
     for row in rows:
         if row.scheme.method == "diffusion":
@@ -51,6 +52,7 @@ def test_diffusion_is_near_photons_and_the_paper_is_not(rows):
             assert max(row.error.dark) < -0.2
 
 
+@pytest.mark.slow
 def test_numbers_and_model_err_apart(rows):
     for row in rows:
         if row.scheme.method == "diffusion":
@@ -62,6 +64,7 @@ def test_numbers_and_model_err_apart(rows):
             assert row.products == 0
 
 
+@pytest.mark.slow
 def test_either_light_or_material_changes(rows):
     for scheme in SMALL:
         own = [r for r in rows if r.scheme == scheme]

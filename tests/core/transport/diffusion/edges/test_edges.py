@@ -202,6 +202,7 @@ def test_no_mean_free_path_is_too_short_or_too_long(block, far):
     assert bending.min() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "bound"), [(lambda: washer(10.0, 4.0, 6.0), 0.018), (box, 0.03)], ids=["washer", "box"]
 )

@@ -108,6 +108,7 @@ def test_light_leaves_a_floor_and_passes_along_its_wall():
     assert after[wall].mean() < 0.9 * before[wall].mean()
 
 
+@pytest.mark.slow
 def test_corners_are_near_photons():
     """4.5 and 3.0 % without."""
     front, back = transport_rows([Scheme("diffusion", resolution=48)], {"": dish}, ["albedos"], 150_000)
