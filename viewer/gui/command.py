@@ -207,7 +207,7 @@ def cheat_sheet(table: Iterable[Command[Any]], mouse: Rows) -> list[tuple[str, R
 
 def keys_markdown(table: Iterable[Command[Any]], mouse: Rows) -> str:
     """Return the cheat sheet as a Markdown table."""
-    rows = [f"| {keys} | {action} |" for _, group in cheat_sheet(table, mouse) for keys, action in group]
+    rows = [f"| {keys} | {title} |" for _, group in cheat_sheet(table, mouse) for keys, title in group]
     return "\n".join(["| mouse, keys | what they do |", "|---|---|", *rows]) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""One control for a setting: its range, unit, tooltip and reset come from the table of settings.
+"""Controls of settings: range, unit, tooltip and reset come from the table of settings.
 
 A row is a label, the control, and a reset that appears when the value is not the default. Every row is known by name
 (`Controls.boxes`), so that tests can click it.
@@ -24,7 +24,7 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom
 
 
 class Reach(NamedTuple):
-    """What a slider spans, where the setting's whole range would be of no use; typing goes beyond."""
+    """The range of a slider, narrower than that of its setting; a typed number may lie outside."""
 
     low: float
     high: float
@@ -62,7 +62,15 @@ UNITS = {"deg": "°", "1/mm": " /mm", "px": " px", "texels": " texels", "mm": " 
 
 
 class Controls:
-    """Draws rows in the current ImGui window and passes changes on to a session."""
+    """Draws rows in the current ImGui window and passes changes on to a session.
+
+    Attributes
+    ----------
+    session : Session
+    boxes : dict of str to Box
+        Where the controls of this frame lie in the window, by their names.
+    sliders : Sliders
+    """
 
     def __init__(self, session: Session, gui: Gui) -> None:
         self.session = session
@@ -72,7 +80,7 @@ class Controls:
         self._labels: tuple[float, float] = (0.0, 0.0)
 
     def begin(self) -> None:
-        """Start a frame."""
+        """Forget the boxes of the frame before."""
         self.boxes.clear()
 
     # rows of settings
@@ -121,7 +129,7 @@ class Controls:
     # the parts of a row
 
     def begin_row(self, label: str, resettable: bool = False, colour: Any = None) -> None:
-        """Draw the label; the next item is the control."""
+        """Draw the label of a row, whose control is the next ImGui item; leave room for a reset if `resettable`."""
         imgui.align_text_to_frame_padding()
         start = imgui.get_cursor_screen_pos()
         if colour is not None:
@@ -138,7 +146,7 @@ class Controls:
         self, name: str, label: str, tip: str, on_reset: Callable[[], object] | None = None,
         differs: bool = False, is_off: bool = False,
     ) -> None:  # fmt: skip
-        """Finish a row after its control: tooltip, and reset unless the row is off."""
+        """Finish a row after its control: note its box, draw the tooltip, and the reset unless the row is off."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.boxes[name] = (low.x, low.y, high.x, high.y)
         label_hovered = imgui.is_mouse_hovering_rect((self._labels[0], low.y), (low.x, high.y))
@@ -158,7 +166,7 @@ class Controls:
             imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
 
     def icon(self, name: str, icon: str, tip: str, *, quiet: bool = False, on: bool = False) -> bool:
-        """Draw a square button with an icon."""
+        """Draw a square button with an icon, and return whether it was clicked."""
         if quiet:
             imgui.push_style_color(imgui.Col_.button.value, (0.0, 0.0, 0.0, 0.0))
             imgui.push_style_color(imgui.Col_.text.value, (*MUTED, 1.0))
@@ -179,7 +187,7 @@ class Controls:
         return clicked
 
     def mark(self, name: str) -> None:
-        """Remember where the last item is."""
+        """Note the box of the last ImGui item under a name."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.boxes[name] = (low.x, low.y, high.x, high.y)
 
@@ -205,7 +213,7 @@ class Controls:
         imgui.pop_style_color()
 
     def section(self, label: str, *, is_open: bool = False) -> bool:
-        """Draw a heading that folds; True where what is below it shows."""
+        """Draw a heading that folds, and return whether the rows below it show."""
         imgui.push_font(self._gui.bold, 0.0)
         flags = imgui.TreeNodeFlags_.default_open.value if is_open else 0
         shown = bool(imgui.collapsing_header(label, flags))
@@ -222,9 +230,9 @@ class Controls:
         tips: Mapping[str, str] | None = None,
         flags: int = 0,
     ) -> str | None:
-        """Draw what opens a list to choose from, and returns the choice if it is another; the caller ends the row.
+        """Draw a combo box, and return the choice if it differs from `current`; the caller ends the row.
 
-        `shown` stands for a `current` that is no choice; `tips` tell of choices.
+        `shown` stands for a `current` that is no choice; `tips` are tooltips of choices.
         """
         new = None
         if imgui.begin_combo(f"##{name}", shown or current or "", flags):
@@ -269,7 +277,7 @@ def default_of(table: str, key: str) -> Any:
 
 
 def explained(declared: Setting, default: Any) -> str:
-    """Return a tooltip: what the setting is for, its unit, range and default."""
+    """Return the tooltip of a setting: its purpose, unit, range and default."""
     text = declared.why[:1].upper() + declared.why[1:] + "."
     facts = [declared.unit and f"unit {declared.unit}"]
     facts += [declared.range_text()] if declared.kind in ("number", "integer") else []

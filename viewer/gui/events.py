@@ -1,4 +1,4 @@
-"""What a person does to a window, as data: the window makes it, a recording keeps it, tests inject it."""
+"""Events of a window as data: the window makes them, a recording keeps them, tests inject them."""
 
 import json
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ BUTTONS = ("left", "right", "middle")
 
 @dataclass(frozen=True)
 class MouseMoved:
-    """The pointer, in window coordinates, y down."""
+    """The pointer moved to a place in window coordinates, y down."""
 
     x: float
     y: float
@@ -29,7 +29,7 @@ class MouseButton:
 
 @dataclass(frozen=True)
 class Scrolled:
-    """The wheel, in notches; positive is away from the person."""
+    """The wheel turned by notches, positive away from the person."""
 
     x: float
     y: float
@@ -59,7 +59,7 @@ class Dropped:
 
 @dataclass(frozen=True)
 class Resized:
-    """The window's size in window coordinates and in pixels, and the scale of its text."""
+    """The window got a size, in window coordinates and in pixels, and a scale of its text."""
 
     size: tuple[int, int]
     pixels: tuple[int, int]
@@ -80,7 +80,7 @@ class Closed:
 
 @dataclass(frozen=True)
 class Invoked:
-    """A command of `viewer.window.commands` was run by its id: what a recording written by hand says of a button."""
+    """A command of `viewer.window.commands` was run by its id, as recordings written by hand do."""
 
     command: str
     argument: str = ""
@@ -88,7 +88,7 @@ class Invoked:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A frame was drawn; what came before it was seen by it."""
+    """A frame was drawn at a time, seconds, that shows all events before it."""
 
     time: float
 
@@ -118,7 +118,7 @@ class Recorder:
         self._line({type(event).__name__: asdict(event)})
 
     def close(self) -> None:
-        """Finish the file."""
+        """Close the file."""
         self._file.close()
 
     def _line(self, content: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""A dialog to open and save files, drawn by us: it is there on every machine and can be driven by tests."""
+"""A dialog to open and save files, drawn with Dear ImGui: the same on every machine, and driven by tests."""
 
 import os
 from collections.abc import Callable
@@ -13,7 +13,7 @@ ROWS = 15
 
 @dataclass(frozen=True)
 class Request:
-    """What a dialog is for: `suffixes` that are listed, what happens with the chosen path."""
+    """A purpose of the dialog: its title, the `suffixes` that it lists, the callback `done` of the chosen path."""
 
     title: str
     suffixes: tuple[str, ...]
@@ -22,7 +22,7 @@ class Request:
 
 
 class FileDialog:
-    """One dialog at a time, modal."""
+    """Shows a modal dialog, at most one at a time."""
 
     def __init__(self) -> None:
         self.request: Request | None = None
@@ -35,20 +35,20 @@ class FileDialog:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is shown."""
+        """Whether the dialog shows."""
         return self.request is not None
 
     def open(self, request: Request, folder: Path) -> None:
-        """Show it from the next frame on."""
+        """Show the dialog in a folder, from the next frame on."""
         self.request, self.name, self._opening = request, request.save_as, True
         self._go(folder)
 
     def close(self) -> None:
-        """Close it without a choice."""
+        """Close the dialog without a choice."""
         self.request = None
 
     def draw(self) -> None:
-        """Draw it, if it is open, in the middle of the window."""
+        """Draw the dialog in the middle of the window while it is open, and run `done` with the chosen path."""
         if self.request is None:
             return
         if self._opening:

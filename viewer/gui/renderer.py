@@ -27,13 +27,13 @@ class ImguiRenderer:
         assert VERTEX.itemsize == imgui.VERTEX_SIZE
         self._context = context
         self._program = Program(context, "imgui.vert", "imgui.frag")
-        self._own: dict[int, moderngl.Texture] = {}  # ImGui's: fonts
+        self._fonts: dict[int, moderngl.Texture] = {}  # textures that ImGui asks for
         self._shown: dict[int, moderngl.Texture] = {}  # pictures of this frame
         self._vertices = self._indices = None
         self._array: moderngl.VertexArray | None = None
 
     def show(self, texture: moderngl.Texture | moderngl.Renderbuffer) -> Any:
-        """Return what ImGui's image functions take; to be called in every frame that shows the texture."""
+        """Return a texture as ImGui's image functions take it; to be called in every frame that shows it."""
         assert isinstance(texture, moderngl.Texture)
         self._shown[texture.glo] = texture
         return imgui.ImTextureRef(texture.glo)
@@ -75,13 +75,13 @@ class ImguiRenderer:
         self._shown.clear()
 
     def release(self) -> None:
-        """Free the textures of ImGui's own."""
-        for texture in self._own.values():
+        """Free the textures that ImGui asked for."""
+        for texture in self._fonts.values():
             texture.release()
-        self._own.clear()
+        self._fonts.clear()
 
     def _texture(self, identity: int) -> moderngl.Texture | None:
-        return self._shown.get(identity) or self._own.get(identity)
+        return self._shown.get(identity) or self._fonts.get(identity)
 
     def _update_textures(self) -> None:
         """Do what ImGui asks for: fonts grow as glyphs and sizes come into use."""
@@ -89,12 +89,12 @@ class ImguiRenderer:
             status = imgui.ImTextureStatus(wanted.status)
             if status == imgui.ImTextureStatus.want_create:
                 texture = self._context.texture((wanted.width, wanted.height), 4, _pixels(wanted))
-                self._own[texture.glo] = texture
+                self._fonts[texture.glo] = texture
                 wanted.set_tex_id(texture.glo)
             elif status == imgui.ImTextureStatus.want_updates:
-                self._own[wanted.tex_id].write(_pixels(wanted))
+                self._fonts[wanted.tex_id].write(_pixels(wanted))
             elif status == imgui.ImTextureStatus.want_destroy and wanted.unused_frames > 0:
-                texture = self._own.pop(wanted.tex_id)
+                texture = self._fonts.pop(wanted.tex_id)
                 texture.release()
                 wanted.set_tex_id(0)
                 wanted.set_status(imgui.ImTextureStatus.destroyed)
@@ -108,8 +108,8 @@ class ImguiRenderer:
         vertices, indices, base = [], [], 0
         for commands in lists:
             vertices.append(_view(commands.vtx_buffer, VERTEX.itemsize).view(VERTEX))
-            drawn_indices = _view(commands.idx_buffer, imgui.INDEX_SIZE).view(f"u{imgui.INDEX_SIZE}")
-            indices.append(drawn_indices.astype(np.uint32) + np.uint32(base))
+            triangles = _view(commands.idx_buffer, imgui.INDEX_SIZE).view(f"u{imgui.INDEX_SIZE}")
+            indices.append(triangles.astype(np.uint32) + np.uint32(base))
             base += len(vertices[-1])
         self._write("_vertices", np.concatenate(vertices))
         self._write("_indices", np.concatenate(indices))

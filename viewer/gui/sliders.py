@@ -1,4 +1,4 @@
-"""A slider that reads well: a bar that fills up to the value, the value over it.
+"""Sliders drawn as a bar that fills up to the value, with the value over it.
 
 Dear ImGui's own does the work (drag, Ctrl+click to type); only its paint is ours.
 """
@@ -10,7 +10,7 @@ from milkglass.viewer.gui.toolkit import ACCENT, imgui
 
 
 def percent(share: float) -> str:
-    """Return a share as per cent with two significant digits."""
+    """Return a share as text in per cent, with two significant digits."""
     return f"{significant(100.0 * share, 2)} %"
 
 
@@ -18,7 +18,7 @@ DECIMALS = 6  # ImGui's logarithmic scale starts at 10^-DECIMALS where a slider 
 
 
 class Sliders:
-    """Draws sliders and remembers which one is being typed into."""
+    """Draws sliders, and keeps the name of the slider that a number is typed into."""
 
     def __init__(self) -> None:
         self._typing = ""
@@ -35,7 +35,7 @@ class Sliders:
         return float(f"{new:.6g}") if changed else None
 
     def integer(self, name: str, value: int, low: int, high: int, text: str) -> int | None:
-        """Draw a slider of whole numbers, likewise."""
+        """Draw a slider of whole numbers that shows `text`; returns the new value, None if unchanged."""
         self._hide(name)
         changed, new = imgui.slider_int(f"##{name}", value, low, high)
         self._paint(name, position(value, low, high, False), text, ACCENT)
@@ -74,7 +74,7 @@ class Sliders:
 
 
 def position(value: float, low: float, high: float, logarithmic: bool) -> float:
-    """Where a value stands on a slider, [0, 1]: ImGui's own scale."""
+    """Return the place of a value on a slider, [0, 1], on the scale that ImGui uses."""
     if high <= low:
         return 0.0
     if not logarithmic:
@@ -84,7 +84,7 @@ def position(value: float, low: float, high: float, logarithmic: bool) -> float:
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, not in powers of ten unless very large or small."""
+    """Return a number as text with some significant digits, in powers of ten only where very large or small."""
     if value == 0.0 or not 1e-6 <= abs(value) < 1e6:
         return f"{value:.{digits}g}"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))

@@ -1,6 +1,6 @@
 """Dear ImGui and ImPlot, and the only module that imports them: `from milkglass.viewer.gui.toolkit import imgui`.
 
-Here are also its context, fonts, colours, and the translation of our events.
+Context, fonts, colours and the translation of events are here too.
 """
 
 from collections import deque
@@ -41,7 +41,7 @@ MODIFIERS = {"ctrl": "mod_ctrl", "shift": "mod_shift", "alt": "mod_alt", "super"
 
 
 class Gui:
-    """One ImGui context without a window of its own.
+    """Holds an ImGui context, which events are fed to; it has no window of its own.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Gui:
         self.bold = _font(BOLD)
 
     def feed(self, event: Event) -> None:
-        """Take an event for the next frames."""
+        """Queue an event for the next frames."""
         if isinstance(event, Resized):
             self.size, self.pixels = event.size, event.pixels
             imgui.set_current_context(self._context)

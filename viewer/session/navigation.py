@@ -1,4 +1,4 @@
-"""What the mouse does to the camera and the lights: scenes in, scenes out."""
+"""Camera and lights moved by the mouse: scenes in, scenes out."""
 
 from dataclasses import replace
 
@@ -9,29 +9,29 @@ from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import CameraSettings
 
-TURN = 0.35  # degrees a pixel of drag at 1000 pixels of view height: three quarters of a turn across the view
-ZOOM = 1.12  # factor a notch of the wheel
-FAR = 1e6  # mm, range of camera.target_mm
+DEGREES_A_PIXEL = 0.35  # of drag at 1000 pixels of view height: three quarters of a turn across the view
+ZOOM_A_NOTCH = 1.12  # factor
+TARGET_RANGE = 1e6  # mm, range of camera.target_mm
 
 
 def orbited(camera: CameraSettings, dx: float, dy: float, height: float) -> CameraSettings:
-    """Turn the camera about its target: a drag of (dx, dy) pixels in a view of `height` pixels."""
-    step = TURN * 1000.0 / max(height, 1.0)
+    """Return the camera turned about its target by a drag of (dx, dy) pixels in a view of `height` pixels."""
+    step = DEGREES_A_PIXEL * 1000.0 / max(height, 1.0)
     elevation = min(90.0, max(-90.0, camera.elevation_deg + step * dy))
     return replace(camera, azimuth_deg=wrapped(camera.azimuth_deg - step * dx), elevation_deg=elevation)
 
 
 def panned(camera: CameraSettings, radius: float, dx: float, dy: float, size: tuple[int, int]) -> CameraSettings:
-    """Move the target with the pointer: what is under it at the target's depth stays under it."""
+    """Return the camera panned so that the point under the pointer, at the target's depth, stays under it."""
     rotation = place_camera(camera, radius, size).rotation
     step = pixel_size(camera, radius, size)
     target = np.array(camera.target_mm) - step * (dx * rotation[:, 0] - dy * rotation[:, 1])
-    x, y, z = np.clip(target, -FAR, FAR).tolist()
+    x, y, z = np.clip(target, -TARGET_RANGE, TARGET_RANGE).tolist()
     return replace(camera, target_mm=(x, y, z))
 
 
 def pixel_size(camera: CameraSettings, radius: float, size: tuple[int, int]) -> float:
-    """Millimetres a pixel at the target's depth."""
+    """Return the size of a pixel at the target's depth, mm."""
     narrow = min(1.0, size[0] / size[1])
     half = np.radians(0.5 * camera.view_angle_deg)
     if camera.orthographic:
@@ -42,18 +42,21 @@ def pixel_size(camera: CameraSettings, radius: float, size: tuple[int, int]) -> 
 
 
 def zoomed(camera: CameraSettings, notches: float) -> CameraSettings:
-    """Zoom in by notches of the wheel."""
-    return replace(camera, zoom=min(100.0, max(0.01, camera.zoom * ZOOM**notches)))
+    """Return the camera zoomed in by notches of the wheel."""
+    return replace(camera, zoom=min(100.0, max(0.01, camera.zoom * ZOOM_A_NOTCH**notches)))
 
 
 def seen_from(camera: CameraSettings, azimuth_deg: float, elevation_deg: float) -> CameraSettings:
-    """Look from a named side."""
+    """Return the camera at an azimuth and an elevation, upright."""
     return replace(camera, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
 
 
 def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
-    """Turn lights and probe by a drag: about the up axis, and the lights about the view's horizontal one too."""
-    step = TURN * 1000.0 / max(height, 1.0)
+    """Return the scene with lights and probe turned by a drag.
+
+    Both turn about the up axis, the lights about the horizontal axis of the view too.
+    """
+    step = DEGREES_A_PIXEL * 1000.0 / max(height, 1.0)
     about_up = turn_matrix(np.array([0.0, 1.0, 0.0]), step * dx)
     rotation = place_camera(scene.camera, 1.0, (1, 1)).rotation
     turn = about_up @ turn_matrix(rotation[:, 0], step * dy)
@@ -69,7 +72,7 @@ def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
 
 
 def turn_matrix(axis: Array, degrees: float) -> Array:
-    """(3, 3) for row vectors: v @ M is v turned about a unit axis, right-handed (Rodrigues)."""
+    """Return the matrix (3, 3) that turns row vectors, v @ M, about a unit axis, right-handed (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     angle = np.radians(degrees)
@@ -78,18 +81,18 @@ def turn_matrix(axis: Array, degrees: float) -> Array:
 
 
 def direction_angles(direction: tuple[float, float, float]) -> tuple[float, float]:
-    """Azimuth and elevation (degrees) of a direction, counted as the camera's."""
+    """Return azimuth and elevation of a direction, degrees, counted as the camera's."""
     x, y, z = direction
     return float(np.degrees(np.arctan2(x, z))), float(np.degrees(np.arctan2(y, np.hypot(x, z))))
 
 
 def direction_of(azimuth_deg: float, elevation_deg: float) -> tuple[float, float, float]:
-    """Unit direction of an azimuth and elevation; the inverse of `direction_angles`."""
+    """Return the unit direction of an azimuth and elevation; the inverse of `direction_angles`."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     x, y, z = np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)
     return float(x), float(y), float(z)
 
 
 def wrapped(degrees: float) -> float:
-    """Return the same angle in [-180, 180)."""
+    """Return an angle, degrees, in [-180, 180)."""
     return (degrees + 180.0) % 360.0 - 180.0

@@ -1,4 +1,4 @@
-"""What the window remembers from one time to the next: its size, the last folder, recent files."""
+"""Preferences of the window, kept between sessions: its size, the last folder, recent files."""
 
 import contextlib
 import json
@@ -9,13 +9,22 @@ from typing import Any
 
 import platformdirs
 
-RECENT = 8
-SMALLEST, LARGEST = 320, 16384
+RECENT_FILES = 8
+SMALLEST_SIDE, LARGEST_SIDE = 320, 16384  # of the window
 
 
 @dataclass
 class Preferences:
-    """Kept in the user's configuration folder; a file that cannot be read or written is done without."""
+    """Preferences in a file of the user's configuration folder; a file that cannot be read or written is ignored.
+
+    Attributes
+    ----------
+    window_size : (width, height) in window coordinates
+    folder : str
+        Where dialogs start.
+    recent : list of str
+        Paths of the files opened last, the newest first.
+    """
 
     window_size: tuple[int, int] = (1440, 900)
     folder: str = ""
@@ -23,7 +32,7 @@ class Preferences:
 
     @classmethod
     def load(cls, path: Path | None = None) -> "Preferences":
-        """Read the file, taking of it what makes sense."""
+        """Return the preferences of the file, and defaults for values that are missing or out of range."""
         try:
             content: Any = json.loads((path or _default_path()).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -37,11 +46,11 @@ class Preferences:
         if isinstance(content.get("folder"), str):
             known.folder = content["folder"]
         if isinstance(content.get("recent"), list):
-            known.recent = [name for name in content["recent"] if isinstance(name, str)][:RECENT]
+            known.recent = [name for name in content["recent"] if isinstance(name, str)][:RECENT_FILES]
         return known
 
     def save(self, path: Path | None = None) -> None:
-        """Write the file, whole or not at all."""
+        """Write the file in one step, so that it is never half written."""
         path = path or _default_path()
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         with contextlib.suppress(OSError):
@@ -50,9 +59,9 @@ class Preferences:
             os.replace(temporary, path)
 
     def opened(self, path: Path) -> None:
-        """Remember a file as the most recent one, and its folder."""
+        """Put a file first among the recent ones, and keep its folder."""
         name = str(path)
-        self.recent = [name, *(recent for recent in self.recent if recent != name)][:RECENT]
+        self.recent = [name, *(recent for recent in self.recent if recent != name)][:RECENT_FILES]
         self.folder = str(path.parent)
 
     def start_folder(self) -> Path:
@@ -66,4 +75,4 @@ def _default_path() -> Path:
 
 
 def _is_side(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and SMALLEST <= value <= LARGEST
+    return isinstance(value, int) and not isinstance(value, bool) and SMALLEST_SIDE <= value <= LARGEST_SIDE

@@ -1,4 +1,4 @@
-"""What the window is about, without a window: the scene being edited, its history, what is kept beside it.
+"""The state of an edited scene without a window: its history, its file, the state kept for comparison.
 
 Every edit goes through `Session.edit` or `Session.put`. Bad values never get in: they become a message, and the scene
 stays as it was.
@@ -18,7 +18,7 @@ from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Change, Scene, changed
 from milkglass.viewer.scene.settings import CameraSettings
 
-HISTORY = 200  # steps that can be undone
+UNDO_STEPS = 200
 DEFAULT_ERROR_POINTS = 300  # as `milkglass render --report`
 # What is shown -> the output of the composite; the last two are maps of a layer.
 SHOWN = {
@@ -35,7 +35,7 @@ SHOWN = {
 
 @dataclass(frozen=True)
 class Message:
-    """A sentence for the person. Errors stay longer."""
+    """A sentence shown to the person; errors stay longer."""
 
     text: str
     is_error: bool = False
@@ -43,7 +43,7 @@ class Message:
 
 @dataclass
 class View:
-    """What is shown beside the scene's own settings; not saved with it."""
+    """How the scene is looked at; no part of the scene, and not saved with it."""
 
     show: str = "beauty"
     layer: int = 0
@@ -65,7 +65,7 @@ class _Step:
 
 
 class Session:
-    """The state behind the window.
+    """Holds the edited scene, its history, and the state kept for comparison.
 
     Parameters
     ----------
@@ -100,19 +100,19 @@ class Session:
 
     @property
     def model_name(self) -> str:
-        """What the thing that is shown is called."""
+        """Name of the model or the photograph that is shown."""
         model = self.scene.model
         return self.view.photograph or (str(model.builtin_name) if model.path is None else model.path.name)
 
     # edits
 
     def edit(self, table: str, **values: Any) -> bool:
-        """Change keys of one table of the scene; False and a message where a value is not possible."""
+        """Change keys of one table of the scene; a value that is not possible gives a message and False."""
         changes = [Change(table, key, value, f"{table}.{key}") for key, value in values.items()]
         return self.change(changes)
 
     def change(self, changes: Iterable[Change]) -> bool:
-        """Make changes together, as `viewer.scene.scene.changed`."""
+        """Make changes together as one step; an impossible value gives a message and False."""
         try:
             scene = changed(self.scene, changes)
         except InputError as error:
@@ -122,18 +122,18 @@ class Session:
         return True
 
     def edit_lights(self, lights: Sequence[Light]) -> None:
-        """Replace the lights."""
+        """Replace the lights of the scene."""
         self.put(replace(self.scene, lights=tuple(lights)))
 
     def put(self, scene: Scene) -> None:
-        """Take a scene, as one step of the history."""
+        """Replace the scene, as one step of the history; changes of one gesture are one step."""
         if scene == self.scene:
             return
         goes_on = bool(self._undo) and self.gesture is not None and self._undo[-1].gesture == self.gesture
         if not goes_on:
             moves_camera = scene.camera != self.scene.camera
             self._undo.append(_Step(self.scene, self.gesture, moves_camera))
-            del self._undo[:-HISTORY]
+            del self._undo[:-UNDO_STEPS]
         self._redo.clear()
         self._set(scene)
 
@@ -159,11 +159,11 @@ class Session:
         return self.scene != self._saved
 
     def undo(self) -> None:
-        """Go one step back."""
+        """Go back one step of the history; the camera stays unless the step moved it."""
         self._travel(self._undo, self._redo)
 
     def redo(self) -> None:
-        """Take back an undo."""
+        """Go forward one step of the history again."""
         self._travel(self._redo, self._undo)
 
     def _travel(self, source: list[_Step], target: list[_Step]) -> None:
@@ -181,11 +181,11 @@ class Session:
     # what cannot be drawn
 
     def works(self, scene: Scene) -> None:
-        """Remember a scene that could be drawn."""
+        """Note that a scene could be drawn."""
         self._working = scene
 
     def reject(self, error: Exception) -> bool:
-        """Go back to the last scene that could be drawn, and say why; False if there has been none."""
+        """Go back to the last scene that could be drawn and show the error; return False if there has been none."""
         if self._working is None:
             return False
         self.fail(error)
@@ -204,14 +204,14 @@ class Session:
         self.messages.append(Message(text))
 
     def fail(self, error: Exception | str) -> None:
-        """Show a sentence on what went wrong."""
+        """Show an error as a sentence."""
         text = " ".join(str(error).split()) or type(error).__name__
         self.messages.append(Message(text, is_error=True))
 
     # files
 
     def open(self, path: Path) -> bool:
-        """Open a scene file; a bad one leaves everything as it was."""
+        """Replace the scene by that of a file; one that cannot be read gives a message and False."""
         try:
             scene = Scene.load(path)
         except InputError as error:
@@ -237,12 +237,12 @@ class Session:
     # A/B
 
     def keep(self) -> None:
-        """Keep the state for comparison."""
+        """Keep the scene as B, for comparison."""
         self.kept = self.scene
         self.say("kept this state as B: press B to flip, V to split the view")
 
     def flip(self) -> None:
-        """Exchange the state and the kept one; the view stays."""
+        """Exchange the scene and the kept one; the camera stays."""
         if self.kept is None:
             self.keep()
             return
@@ -252,7 +252,7 @@ class Session:
         self.put(replace(kept, camera=camera))
 
     def toggle_split(self) -> None:
-        """Split the view between the state (left) and the kept one (right), or stop it."""
+        """Split the view between the scene (left) and the kept one (right), or show the scene alone again."""
         if self.view.split is not None:
             self.view.split = None
             return
@@ -264,13 +264,13 @@ class Session:
     # the view as text
 
     def view_text(self) -> str:
-        """Return the camera as the table of a scene file."""
+        """Return the camera as text, the table of a scene file."""
         camera = self.scene.camera
         values = {key: getattr(camera, key) for key in settings_of(camera)}
         return tomli_w.dumps({"camera": values})
 
     def paste_view(self, text: str) -> None:
-        """Take the camera of a scene file's text."""
+        """Replace the camera by that of a scene file's text."""
         try:
             table = tomllib.loads(text).get("camera")
         except tomllib.TOMLDecodeError:

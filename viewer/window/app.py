@@ -1,4 +1,4 @@
-"""Everything in the window but the window itself: events in, frames out, in any framebuffer.
+"""The contents of the window: events in, frames out, in any framebuffer.
 
 `viewer.window.window` feeds it from GLFW; tests and replays feed it without a display.
 """
@@ -62,7 +62,7 @@ GREY = (0.085, 0.09, 0.095)
 
 
 class App:
-    """The window's contents.
+    """Holds the session, the view, the panel and the commands; takes events and draws frames.
 
     Parameters
     ----------
@@ -119,17 +119,17 @@ class App:
 
     @property
     def messages(self) -> list[str]:
-        """Sentences that are shown."""
+        """Messages that show."""
         return self._messages.texts
 
     @property
     def title(self) -> str:
-        """What the window is called."""
+        """Title of the window: the name of the file, with a star while the scene is not saved."""
         name = self.session.path.name if self.session.path is not None else self.session.model_name
         return f"{name}{' *' if self.session.modified else ''} - milkglass"
 
     def handle(self, event: Event) -> None:
-        """Take an event."""
+        """Take an event for the next frames."""
         self._frames_due, self._last_event, self._tooltip_due = FRAMES_AN_EVENT, self.clock(), True
         if isinstance(event, MouseButton | Key):
             if event.pressed or isinstance(event, MouseButton):
@@ -148,11 +148,11 @@ class App:
             self.commands.run("reread_profile")
 
     def wake(self) -> None:
-        """Draw a frame soon: something is ready."""
+        """Have a frame drawn soon: a worker has finished."""
         self._frames_due = max(self._frames_due, 1)
 
     def next_frame(self) -> float | None:
-        """Seconds until a frame is due, 0 for now, None if only an event can make one."""
+        """Return the seconds until a frame is due, 0 for now, None if only an event can make one."""
         if self._frames_due > 0:
             waits_for_worker = self._frames_due < FRAMES_AN_EVENT and self.view.detail.draft and self.view.working
             return max(0.0, self._last_event + PATIENCE - self.clock()) if waits_for_worker else 0.0
@@ -217,11 +217,11 @@ class App:
                 time.sleep(min(0.02, due or 0.02))
 
     def at_rest(self) -> bool:
-        """Whether nothing more is to come by itself."""
+        """Whether the picture, the error and the curves are final."""
         return self.view.at_rest() and self.error.progress is None and not self.profiles.busy
 
     def close(self) -> None:
-        """Stop the workers and free what ImGui holds."""
+        """Stop the workers and free ImGui's objects."""
         self.error.close()
         self.profiles.close()
         self.view.close()
@@ -230,7 +230,7 @@ class App:
         free_dropped(self._context)
 
     def mouse_cursor(self) -> str:
-        """Return which pointer fits, by its name in `imgui.MouseCursor_`."""
+        """Return the shape of the pointer, by its name in `imgui.MouseCursor_`."""
         return str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
 
     def _boxes(self) -> tuple[Box, Box]:
@@ -314,7 +314,7 @@ class App:
 
 
 def read_pixels(target: moderngl.Framebuffer, size: tuple[int, int]) -> npt.NDArray[np.uint8]:
-    """Read a framebuffer of (width, height) pixels back: (height, width, 3) uint8, top row first."""
+    """Return the pixels of a framebuffer of a size (width, height): (height, width, 3) uint8, top row first."""
     width, height = size
     data = target.read(viewport=(0, 0, width, height), components=3, alignment=1)
     pixels = np.frombuffer(data, np.uint8).reshape(height, width, 3)

@@ -54,7 +54,7 @@ def _check_commands(path: Path, events: Iterable[Event]) -> None:
 
 
 class Headless:
-    """The window's contents in a framebuffer, driven by events: for replays and tests.
+    """Holds the contents of the window in a framebuffer, driven by events: for replays and tests.
 
     To be used while the context without a window is current, see `viewer.gl.context.current`.
 
@@ -73,16 +73,16 @@ class Headless:
         self.app.handle(Resized(size, size))
 
     def feed(self, events: Iterable[Event]) -> None:
-        """Take recorded events, draw where frames were drawn, and let the picture come to rest."""
+        """Pass recorded events on, draw the frames that were drawn, and let the picture come to rest."""
         feed(self.app, events, self.frame, self._take)
         self.settle()
 
     def frame(self) -> None:
-        """Draw a frame."""
+        """Draw a frame into the framebuffer."""
         self.app.frame(self.target)
 
     def settle(self) -> None:
-        """Draw until nothing changes any more; time passes."""
+        """Draw frames until nothing changes any more, 0.1 s apart by the clock."""
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
             self.frame()
@@ -94,7 +94,7 @@ class Headless:
                 return
 
     def close(self) -> None:
-        """Free everything."""
+        """Stop the workers and free the framebuffer."""
         self.app.close()
         leave_framebuffer(self._context)
         self.target.release()

@@ -29,7 +29,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.window.app import App
 
-SMALLEST = (480, 320)  # window coordinates
+SMALLEST_SIZE = (480, 320)  # window coordinates
 MOUSE_BUTTONS = {0: "left", 1: "right", 2: "middle"}  # GLFW's numbers
 POINTERS = {
     "resize_ew": "HRESIZE_CURSOR",
@@ -38,7 +38,7 @@ POINTERS = {
     "hand": "HAND_CURSOR",
 }
 _untyped: Any = glfw  # some of its annotations are those of the C functions that it wraps
-FASTEST = 60.0  # frames a second where the display does not say
+DEFAULT_RATE = 60.0  # frames a second, where the display does not say
 
 
 @one_blas_thread()
@@ -68,7 +68,7 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, p
 
 
 class Window:
-    """A GLFW window around an `App`."""
+    """Shows an `App` in a GLFW window, and passes its events on."""
 
     def __init__(self, scene: Scene, path: Path | None, record: Path | None, photo: PhotoWork | None = None) -> None:
         self._preferences = Preferences.load()
@@ -96,7 +96,7 @@ class Window:
         self._resized()
 
     def loop(self) -> None:
-        """Handle events and draw, each when there is something to do."""
+        """Handle events and draw frames until the window is closed; sleep while there is nothing to do."""
         drawn = -1.0
         while not self.app.actions.closing:
             if self._is_hidden():
@@ -118,7 +118,7 @@ class Window:
             self.draw()
 
     def close(self) -> None:
-        """Remember the size and free everything."""
+        """Keep the size in the preferences, stop the workers and close the window."""
         if min(self._size) > 0 and not glfw.get_window_attrib(self._handle, glfw.MAXIMIZED):
             self._preferences.window_size = self._size
         self._preferences.save()
@@ -129,7 +129,7 @@ class Window:
         glfw.terminate()
 
     def draw(self) -> None:
-        """Draw a frame and show it, unless nobody can see it."""
+        """Draw a frame and show it, unless the window is hidden."""
         if self._is_hidden():
             return
         self.app.frame(self._screen)
@@ -229,11 +229,11 @@ _NAMED_KEYS = {
     **{f"KP_{digit}": f"keypad{digit}" for digit in range(10)},
     **{f"F{number}": f"f{number}" for number in range(1, 13)},
 }  # fmt: skip
-_KEYS: dict[int, str] = {getattr(glfw, f"KEY_{name}"): ours for name, ours in _NAMED_KEYS.items()}
+_KEYS: dict[int, str] = {getattr(glfw, f"KEY_{glfw_name}"): name for glfw_name, name in _NAMED_KEYS.items()}
 
 
 def key_name(code: int) -> str | None:
-    """Return our name of GLFW's key, by what is printed on it where the layout says so (Ctrl+Z is where Z is)."""
+    """Return the name of a key by GLFW's code: a letter as it is printed on the key (Ctrl+Z is where Z is)."""
     if glfw.KEY_A <= code <= glfw.KEY_Z:
         printed = glfw.get_key_name(code, 0)
         text = printed.decode("utf-8", "replace") if isinstance(printed, bytes) else printed
@@ -260,7 +260,7 @@ def _open(size: tuple[int, int]) -> Any:
     if not handle:
         glfw.terminate()
         raise InputError("cannot open a window with OpenGL 3.3; install a driver or use `milkglass render`")
-    glfw.set_window_size_limits(handle, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
+    glfw.set_window_size_limits(handle, *SMALLEST_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
     glfw.make_context_current(handle)
     glfw.swap_interval(1)
     return handle
@@ -269,4 +269,4 @@ def _open(size: tuple[int, int]) -> Any:
 def _refresh_rate() -> float:
     monitor = glfw.get_primary_monitor()
     mode = glfw.get_video_mode(monitor) if monitor else None
-    return float(mode.refresh_rate) if mode is not None and mode.refresh_rate >= 24 else FASTEST
+    return float(mode.refresh_rate) if mode is not None and mode.refresh_rate >= 24 else DEFAULT_RATE

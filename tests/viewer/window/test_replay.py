@@ -47,7 +47,7 @@ def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
     recorder.add(Closed())
     recorder.close()
     end = play(path, in_window=False)
-    assert (end.camera.zoom, end.model.path) == (navigation.ZOOM, other)
+    assert (end.camera.zoom, end.model.path) == (navigation.ZOOM_A_NOTCH, other)
     assert end.camera.azimuth_deg != 30.0
     text, events = read_recording(path)
     replay = Headless(Scene.from_toml(text))

@@ -1,4 +1,4 @@
-"""What a plot of profiles spans and how curves lie in it: arrays in, arrays out."""
+"""Axes of a plot of profiles, and curves on them: arrays in, arrays out."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,16 +11,16 @@ from milkglass.core.arrays import Array
 from milkglass.viewer.window.curves.curves import Curves
 from milkglass.viewer.window.curves.marks import Mark
 
-NEAREST = 0.2  # of the shortest length, start of the axis
-FARTHEST = 10.0  # objects, end of the axis at most
-DECADES = 6  # of R_d at most
-BELOW = 0.01  # of R_d at a profile's reach, foot of the axis
-DASH, GAP = 7.0, 5.0  # px
+AXIS_START = 0.2  # of the shortest length
+LARGEST_AXIS_END = 10.0  # sizes of the object
+LARGEST_DECADES = 6  # of R_d
+AXIS_FOOT = 0.01  # of R_d at a profile's reach
+DASH, GAP = 7.0, 5.0  # lengths, px
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Ends of both axes, and which of them are logarithmic."""
+    """The ends of both axes, and whether they are logarithmic."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -28,27 +28,27 @@ class Axes:
     log_y: bool
 
     def share(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Array, Array]:
-        """Where values lie: 0 at the start of an axis, 1 at its end."""
+        """Return the places of values: 0 at the start of an axis, 1 at its end."""
         return _share(np.asarray(x), self.x, self.log_x), _share(np.asarray(y), self.y, self.log_y)
 
     def value(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Invert `share`."""
+        """Return the values at places; the inverse of `share`."""
         return _value(x, self.x, self.log_x), _value(y, self.y, self.log_y)
 
 
 def plotted(curves: Curves, per_radius: bool) -> Array:
-    """What is drawn over the radii, (3, n): R_d in mm^-2, or 2 pi r R_d in 1/mm, whose area is the reflectance."""
+    """Return the curves over the radii, (3, n): R_d in mm^-2, or 2 pi r R_d in mm^-1, whose area is the reflectance."""
     return 2.0 * np.pi * curves.radii * curves.values if per_radius else curves.values
 
 
 def axes_for(shown: Sequence[Curves], marks: Sequence[Mark], *, log_radius: bool, per_radius: bool) -> Axes:
-    """Axes whose ends are round numbers, so that they stand still while a slider moves a little."""
+    """Return axes whose ends are round numbers, which stand still while a slider moves a little."""
     bright = [curves for curves in shown if curves.detail > 0.0]
     lengths = [curves.detail for curves in bright] + [mark.radius for mark in marks if math.isfinite(mark.radius)]
     size = max((mark.radius for mark in marks if mark.name == "object"), default=1.0)
-    far = min(max((curves.reach for curves in bright), default=size), FARTHEST * size)
+    far = min(max((curves.reach for curves in bright), default=size), LARGEST_AXIS_END * size)
     if log_radius:
-        x = round_down(NEAREST * min(lengths, default=0.01)), round_up(1.2 * max(far, size))
+        x = round_down(AXIS_START * min(lengths, default=0.01)), round_up(1.2 * max(far, size))
     else:
         x = 0.0, round_up(far)
     values = [plotted(curves, per_radius)[:, _inside(curves.radii, x)] for curves in bright]
@@ -58,12 +58,12 @@ def axes_for(shown: Sequence[Curves], marks: Sequence[Mark], *, log_radius: bool
     ends = [
         max(float(np.interp(curves.reach, curves.radii, channel)) for channel in curves.values) for curves in bright
     ]
-    foot = max(BELOW * min((end for end in ends if end > 0.0), default=1e-3 * top), 10.0**-DECADES * top)
+    foot = max(AXIS_FOOT * min((end for end in ends if end > 0.0), default=1e-3 * top), 10.0**-LARGEST_DECADES * top)
     return Axes(x, (_decade(foot, math.floor), _decade(top, math.ceil)), log_radius, True)
 
 
 def dashes(x: Array, y: Array, axes: Axes, size: tuple[float, float]) -> tuple[Array, Array]:
-    """Cut a curve into dashes of even length on screen: starts and ends in turns.
+    """Return a curve cut into dashes of even length on screen, starts and ends in turns.
 
     Parameters
     ----------

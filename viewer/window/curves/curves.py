@@ -1,4 +1,4 @@
-"""Profiles as curves to look at, made in a thread of their own: tables of a photon beam take longer than a frame."""
+"""Profiles sampled as curves, in a worker thread: tables of a photon beam take longer than a frame."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from milkglass.core.profiles.curves import curve_radii, reach, sampled
 from milkglass.viewer.scene.material_settings import MaterialSettings
 from milkglass.viewer.scene.tables import ProfileTable
 
-KEPT = 16  # curves: profiles between which a person goes back and forth
+CACHED_CURVES = 16  # curves: profiles between which a person goes back and forth
 REST = 1e-2  # share of the flux beyond `Curves.reach`
 
 
 @dataclass(frozen=True)
 class Wish:
-    """Whose curves are wanted, by value; `table` is the state of a table's file."""
+    """A request for the curves of a material; `table` is the state of a table's file."""
 
     material: MaterialSettings
     table: tuple[int, int] = (0, 0)
@@ -29,7 +29,7 @@ class Wish:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """The red, green and blue curve of one profile.
+    """The sampled profiles of the channels of a material.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Curves:
 
 
 def curves_of(material: MaterialSettings, read: Callable[[Path], ProfileTable]) -> Curves:
-    """Sample the profiles of a material; `read` as of `MaterialSettings.profiles`."""
+    """Return the sampled profiles of a material; `read` as of `MaterialSettings.profiles`."""
     try:
         profiles = material.profiles(read)
     except InputError as error:
@@ -65,7 +65,7 @@ def curves_of(material: MaterialSettings, read: Callable[[Path], ProfileTable]) 
 
 
 class CurvesJob:
-    """Keeps the newest curves wanted on their way; for one thread, the one that draws.
+    """Samples the newest curves requested in a worker; used by the thread that draws.
 
     Parameters
     ----------
@@ -77,33 +77,33 @@ class CurvesJob:
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="profiles")
         self._future: Future[list[Curves]] | None = None
-        self._made: OrderedDict[Wish, Curves] = OrderedDict()
+        self._cache: OrderedDict[Wish, Curves] = OrderedDict()
         self._asked: tuple[Wish, ...] = ()
 
     @property
     def busy(self) -> bool:
-        """Whether curves are on the way."""
+        """Whether curves are being sampled."""
         return self._future is not None
 
     def follow(self, wishes: tuple[Wish, ...], read: Callable[[Path], ProfileTable]) -> list[Curves | None]:
-        """Return the curves of each wish, None while they are on the way."""
+        """Return the curves of every request, None while they are being sampled."""
         if self._future is not None and self._future.done():
-            finished, self._future = self._future.result(), None
-            self._made |= zip(self._asked, finished, strict=True)
-            while len(self._made) > KEPT:
-                self._made.popitem(last=False)
-        missing = tuple(wish for wish in dict.fromkeys(wishes) if wish not in self._made)
+            curves, self._future = self._future.result(), None
+            self._cache |= zip(self._asked, curves, strict=True)
+            while len(self._cache) > CACHED_CURVES:
+                self._cache.popitem(last=False)
+        missing = tuple(wish for wish in dict.fromkeys(wishes) if wish not in self._cache)
         if missing and self._future is None:
             self._asked = missing
             self._future = self._worker.submit(lambda: [curves_of(wish.material, read) for wish in missing])
             self._future.add_done_callback(lambda _: self._wake())
-        return [self._made.get(wish) for wish in wishes]
+        return [self._cache.get(wish) for wish in wishes]
 
     def wait(self, timeout: float) -> None:
-        """Wait for what is on the way; for tests and replays."""
+        """Wait until the curves are sampled; for tests and replays."""
         if self._future is not None:
             self._future.exception(timeout)
 
     def close(self) -> None:
-        """Free the thread."""
+        """Stop the worker."""
         self._worker.shutdown(wait=True, cancel_futures=True)

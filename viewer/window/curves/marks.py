@@ -1,4 +1,4 @@
-"""Lengths that a profile is to be seen against: what the grid resolves, the object, the mean free path."""
+"""Lengths marked on the plot of a profile: nodes and layers of the grid, the object, the mean free path."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.scene import Scene
 
-LIKE = 0.02  # distances of nodes that differ by less are told once
+SAME_DISTANCE = 0.02  # relative; nodes and layers that differ by less are one mark
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A length on the axis of radii: mm, what it is, and the channel (0, 1, 2) it is of, None for all."""
+    """A length on the axis of radii: its name, mm, and its channel (0, 1, 2), None for all."""
 
     name: str
     radius: float
@@ -20,7 +20,7 @@ class Mark:
 
     @property
     def label(self) -> str:
-        """What is written beside it."""
+        """Text beside the mark."""
         return f"{self.name} {significant(self.radius)} mm"
 
 
@@ -41,6 +41,6 @@ def marks(scene: Scene, lit: LitScene | None) -> list[Mark]:
     if lit is not None:
         texel, distance = lit.grid.texel, lit.grid.layer_distance
         found.append(Mark(lit.quality.facts.grid_unit, texel))
-        if distance > 0.0 and abs(distance - texel) > LIKE * texel:
+        if distance > 0.0 and abs(distance - texel) > SAME_DISTANCE * texel:
             found.append(Mark("layer", distance))
     return [*found, Mark("object", scene.model.size_mm)]

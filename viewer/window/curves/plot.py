@@ -1,4 +1,4 @@
-"""The plot of profiles, by ImPlot: curves of three channels, lengths to see them against, values under the pointer."""
+"""The plot of profiles, by ImPlot: curves of three channels, marked lengths, values under the pointer."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,15 +13,15 @@ from milkglass.viewer.window.curves.axes import Axes, axes_for, dashes, plotted
 from milkglass.viewer.window.curves.curves import Curves
 from milkglass.viewer.window.curves.marks import Mark
 
-PLAIN, DASHED = 2.2, 1.5  # thickness of lines, px
+LINE, DASHED_LINE = 2.2, 1.5  # thickness, px
 INK = (0.78, 0.79, 0.81)
-APART = 10.0  # px between labels
-UNBOUNDED = (1e-12, 1e12)
-LIKE = 0.02  # mean free paths that differ by less are told once
+LABEL_GAP = 10.0  # px
+AXIS_LIMITS = (1e-12, 1e12)  # of a logarithmic axis
+SAME_LENGTH = 0.02  # relative; mean free paths that differ by less are written once
 
 
 class ProfilePlot:
-    """Draws curves; dragging moves the axes, the wheel zooms, a double click shows all again.
+    """Draws the curves of profiles on axes that the mouse moves: drag, wheel, double click for the whole.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class ProfilePlot:
     ) -> None:
         """Draw named curves into what is left of the current ImGui window, the second ones dashed."""
         self._enter()
-        target = axes_for([one for _, one in named], marks, log_radius=log_radius, per_radius=per_radius)
+        target = axes_for([curves for _, curves in named], marks, log_radius=log_radius, per_radius=per_radius)
         scales = (log_radius, per_radius)
         if self._target is not None and scales != (self._target.log_x, not self._target.log_y):
             self._moved = False
@@ -97,7 +97,7 @@ class ProfilePlot:
             implot.setup_axis_scale(axis, (implot.Scale_.log10 if is_logarithmic else implot.Scale_.linear).value)
             implot.setup_axis_format(axis, "%g")
             if is_logarithmic:
-                implot.setup_axis_limits_constraints(axis, *UNBOUNDED)
+                implot.setup_axis_limits_constraints(axis, *AXIS_LIMITS)
             if not self._moved and target != self._target:
                 implot.setup_axis_limits(axis, *ends, implot.Cond_.always.value)
         if not self._moved:
@@ -121,7 +121,7 @@ class ProfilePlot:
             x, y = curves.radii[positive], values[positive]
             spec = implot.Spec()
             spec.line_color = imgui.ImVec4(*colour, 0.9 if dashed else 1.0)
-            spec.line_weight = (DASHED if dashed else PLAIN) * imgui.get_style().font_scale_dpi
+            spec.line_weight = (DASHED_LINE if dashed else LINE) * imgui.get_style().font_scale_dpi
             if dashed:
                 x, y = dashes(x, y, self.axes, size)
                 spec.flags = implot.LineFlags_.segments.value
@@ -155,7 +155,7 @@ class ProfilePlot:
             text = f"{before}{text}{arrow}"
             width = imgui.calc_text_size(text).x
             left = min(max(x - 0.5 * width, self.box[0]), self.box[2] - width)
-            beside = {mark for mark, start, end in taken if left < end + APART and start < left + width + APART}
+            beside = {row for row, start, end in taken if left < end + LABEL_GAP and start < left + width + LABEL_GAP}
             row = next(row for row in range(len(taken) + 1) if row not in beside)
             taken.append((row, left, left + width))
             draw.add_text((left, self.box[1] - (row + 1) * line - 2.0), imgui.get_color_u32((*INK, 1.0)), text)
@@ -184,7 +184,7 @@ class ProfilePlot:
 
 
 def reading(name: str, curves: Curves, r: float, per_radius: bool) -> list[tuple[str, ...]]:
-    """Return what is told of curves at a radius: their values and the flux within, a label, three texts and a unit."""
+    """Return the rows of curves at a radius, of a label, three texts and a unit: values, and the flux within."""
     if not curves.profiles:
         return []
     factor = 2.0 * np.pi * r if per_radius else 1.0
@@ -198,14 +198,14 @@ def reading(name: str, curves: Curves, r: float, per_radius: bool) -> list[tuple
 
 
 def labels(marks: Sequence[Mark]) -> list[tuple[str, float]]:
-    """Return texts and their radii: one for the mean free paths of all channels, in the middle of them."""
+    """Return labels and their radii, one for the mean free paths of all channels, in the middle of them."""
     paths = [mark.radius for mark in marks if mark.channel is not None]
-    common = [(mark.label, mark.radius) for mark in marks if mark.channel is None]
+    rest = [(mark.label, mark.radius) for mark in marks if mark.channel is None]
     if not paths:
-        return common
-    drawn = paths if max(paths) > (1.0 + LIKE) * min(paths) else paths[:1]
-    text = f"mean free path {' / '.join(significant(path, 2) for path in drawn)} mm"
-    return [(text, float(np.exp(np.mean(np.log(paths))))), *common]
+        return rest
+    distinct = paths if max(paths) > (1.0 + SAME_LENGTH) * min(paths) else paths[:1]
+    text = f"mean free path {' / '.join(significant(path, 2) for path in distinct)} mm"
+    return [(text, float(np.exp(np.mean(np.log(paths))))), *rest]
 
 
 def _paint(mark: Mark, alpha: float) -> int:

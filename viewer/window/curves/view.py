@@ -1,4 +1,4 @@
-"""The view of profiles below the picture: the scene's own, another to compare it with, and what they are seen against.
+"""The view of profiles below the picture: that of the scene, a second one beside it, and marked lengths.
 
 It draws nothing and asks for nothing while it is closed.
 """
@@ -22,9 +22,10 @@ from milkglass.viewer.window.curves.plot import ProfilePlot
 NONE, KEPT = "nothing", "B, the kept state"
 R_D, PER_RADIUS = "R_d", "2π r R_d"
 NOT_SEEN = "The picture is solved by diffusion, which has no profile: it is not made of these curves."
-SHARE, LEAST, MOST = 0.45, 0.2, 0.75  # of the view's height
-LEGEND, TITLED, WIDE = 27.0, 33.0, 45.0  # width of the legend, of the view for its words and for all side by side, em
-EDGE = 6.0  # px, what can be dragged
+SHARE, SMALLEST_SHARE, LARGEST_SHARE = 0.45, 0.2, 0.75  # of the view's height
+LEGEND = 27.0  # width, em
+TITLED_WIDTH, WIDE_WIDTH = 33.0, 45.0  # of the view: for words in the legend, for options beside it, em
+EDGE_HEIGHT = 6.0  # px, of the edge that is dragged
 TIPS = {
     "profiles.other": "Another profile of the same material, dashed; or the material and profile kept as B (K).",
     "profiles.quantity": "R_d: exitance at a distance from where light enters, in logarithms. 2π r R_d: light that "
@@ -36,23 +37,23 @@ TIPS = {
 
 
 class ProfileView:
-    """Draws it.
+    """Draws the view of profiles: its plot, the choice of the second profile, the quantity, the scale.
 
     Attributes
     ----------
-    other : str
-        What is compared: a profile's name, `KEPT` or `NONE`.
+    second : str
+        The second profile: a name, `KEPT` or `NONE`.
     quantity : R_D or PER_RADIUS
     log_radius : bool
     named : list of (name, Curves)
-        What the last frame showed; the first is the scene's own.
+        Curves of the last frame; the first are those of the scene.
     marks : list of Mark
     """
 
     def __init__(
         self, session: Session, controls: Controls, commands: Commands[Any], wake: Callable[[], object]
     ) -> None:
-        self.other, self.quantity, self.log_radius = BEAM, R_D, True
+        self.second, self.quantity, self.log_radius = BEAM, R_D, True
         self.named: list[tuple[str, Curves]] = []
         self.marks: list[Mark] = []
         self.plot = ProfilePlot()
@@ -63,27 +64,27 @@ class ProfileView:
 
     @property
     def busy(self) -> bool:
-        """Whether curves are on the way."""
+        """Whether curves are being sampled."""
         return self._session.view.profiles and self._job.busy
 
     def wait(self, timeout: float) -> None:
-        """Wait for curves; for tests and replays."""
+        """Wait until the curves are sampled; for tests and replays."""
         self._job.wait(timeout)
 
     def close(self) -> None:
-        """Free the worker and ImPlot."""
+        """Stop the worker and free ImPlot."""
         self._job.close()
         self.plot.close()
 
     def split(self, box: Box) -> tuple[Box, Box | None]:
-        """Share a box between the picture and the curves, if those are shown."""
+        """Return the boxes of the picture and of the curves, None where those do not show."""
         if not self._session.view.profiles:
             return box, None
         edge = round(box[3] - self._share * (box[3] - box[1]))
         return (box[0], box[1], box[2], edge), (box[0], edge, box[2], box[3])
 
     def draw(self, box: Box, live: Live) -> None:
-        """Draw it into a box of the window."""
+        """Draw the view into a box of the window."""
         self._follow(live)
         flags = imgui.WindowFlags_
         bare = flags.no_decoration.value | flags.no_move.value | flags.no_bring_to_front_on_focus.value
@@ -106,52 +107,52 @@ class ProfileView:
     def _follow(self, live: Live) -> None:
         """Ask for the curves; those of a moment ago stay until new ones are there."""
         session = self._session
-        material_shown = session.scene.material
-        wanted = [(material_shown.profile, material_shown)]
-        compared = self._compared(material_shown)
-        if compared is not None and compared != material_shown:
-            wanted.append((self.other if self.other != KEPT else f"B, {compared.profile}", compared))
+        material = session.scene.material
+        wanted = [(material.profile, material)]
+        second = self._compared(material)
+        if second is not None and second != material:
+            wanted.append((self.second if self.second != KEPT else f"B, {second.profile}", second))
         wishes = tuple(Wish(material, _state(material)) for _, material in wanted)
-        finished = self._job.follow(wishes, live.assets.profile_table)
-        self._last = [new or old for new, old in zip([*finished, None][:2], self._last, strict=True)]
+        sampled = self._job.follow(wishes, live.assets.profile_table)
+        self._last = [new or old for new, old in zip([*sampled, None][:2], self._last, strict=True)]
         shown = zip(wanted, self._last, strict=False)
         self.named = [(name, curves) for (name, _), curves in shown if curves is not None]
         self.marks = marks(session.scene, None if live.finished is None else live.finished.lit)
 
-    def _compared(self, shown: MaterialSettings) -> MaterialSettings | None:
-        if self.other == KEPT:
+    def _compared(self, material: MaterialSettings) -> MaterialSettings | None:
+        if self.second == KEPT:
             return None if self._session.kept is None else self._session.kept.material
-        if self.other == NONE or (self.other == TABLE and shown.profile_table is None):
+        if self.second == NONE or (self.second == TABLE and material.profile_table is None):
             return None
-        return replace(shown, profile=self.other)
+        return replace(material, profile=self.second)
 
     def _edge(self, box: Box) -> None:
         """Let the upper edge be dragged."""
         imgui.set_cursor_screen_pos((box[0], box[1]))
-        imgui.invisible_button("##profiles.edge", (box[2] - box[0], EDGE))
+        imgui.invisible_button("##profiles.edge", (box[2] - box[0], EDGE_HEIGHT))
         self._controls.mark("profiles.edge")
         if imgui.is_item_hovered() or imgui.is_item_active():
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns.value)
         if imgui.is_item_active():
             height = imgui.get_io().display_size.y
             share = (box[3] - imgui.get_io().mouse_pos.y) / max(1.0, height)
-            self._share = min(MOST, max(LEAST, share))
+            self._share = min(LARGEST_SHARE, max(SMALLEST_SHARE, share))
 
     def _head(self, box: Box) -> None:
         """Draw the legend and, beside or below it, what is plotted; buttons at the right."""
         em, padding = imgui.get_font_size(), imgui.get_style().window_padding.x
         width = box[2] - box[0]
         top = imgui.get_cursor_pos_y()
-        self._legend(titled=width > TITLED * em)
+        self._legend(titled=width > TITLED_WIDTH * em)
         below = imgui.get_cursor_pos()
         imgui.set_cursor_pos((width - padding - 2.0 * imgui.get_frame_height() - imgui.get_style().item_spacing.x, top))
         self._buttons()
-        if width > WIDE * em:
+        if width > WIDE_WIDTH * em:
             imgui.set_cursor_pos((padding + (LEGEND + 1.5) * em, top + imgui.get_style().cell_padding.y))
         else:
             imgui.set_cursor_pos(below)
-        self._options(stacked=width > WIDE * em)
-        if width > WIDE * em:
+        self._options(stacked=width > WIDE_WIDTH * em)
+        if width > WIDE_WIDTH * em:
             imgui.set_cursor_pos(below)
 
     def _legend(self, *, titled: bool) -> None:
@@ -172,7 +173,7 @@ class ProfileView:
                 imgui.align_text_to_frame_padding()
                 imgui.text_unformatted(profile)
             else:
-                self._choose_other()
+                self._choose_second()
             if row < len(self.named):
                 imgui.table_next_column()
                 imgui.align_text_to_frame_padding()
@@ -182,12 +183,12 @@ class ProfileView:
                     imgui.text_colored((*colour, 1.0), f"{total:.3f}")
         imgui.end_table()
 
-    def _choose_other(self) -> None:
+    def _choose_second(self) -> None:
         material, kept = self._session.scene.material, self._session.kept
         choices = [NONE, *(name for name in PROFILES if name != TABLE or material.profile_table is not None)]
         choices += [KEPT] if kept is not None else []
         imgui.set_next_item_width(-1.0)
-        self.other = self._choice("profiles.other", self.other, choices)
+        self.second = self._choice("profiles.other", self.second, choices)
 
     def _options(self, *, stacked: bool) -> None:
         imgui.begin_group()

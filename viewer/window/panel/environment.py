@@ -11,7 +11,7 @@ from milkglass.viewer.window.panel.section import Section, Seen
 
 
 class EnvironmentSection(Section):
-    """Draws the light probe and what is done with it."""
+    """Draws the light probe, its settings, and the built-in probes."""
 
     title = "Environment"
 

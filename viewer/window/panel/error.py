@@ -1,4 +1,4 @@
-"""The panel's section on the error of the picture: measure it, and set it against what was promised."""
+"""The panel's section on the error of the picture: its measurement, beside the error expected."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
-FEWEST, MOST = 50, 2000  # points
+FEWEST_POINTS, MOST_POINTS = 50, 2000
 MEASURE_TIP = (
     "Compare the light that leaves the surface on screen, M, with equation (1) summed directly in float64 at random "
     "visible points. It starts by itself whenever the picture has come to rest (E)."
@@ -93,11 +93,13 @@ class ErrorSection(Section):
 
     def _points(self, is_off: bool) -> None:
         view, controls = self._session.view, self._controls
-        tip = f"{POINTS_TIP}\n{FEWEST} to {MOST}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
+        tip = f"{POINTS_TIP}\n{FEWEST_POINTS} to {MOST_POINTS}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
         controls.begin_row("Points", True)
-        points = controls.sliders.integer("error.points", view.error_points, FEWEST, MOST, f"{view.error_points}")
+        points = controls.sliders.integer(
+            "error.points", view.error_points, FEWEST_POINTS, MOST_POINTS, f"{view.error_points}"
+        )
         if points is not None:
-            view.error_points = min(max(points, FEWEST), MOST)
+            view.error_points = min(max(points, FEWEST_POINTS), MOST_POINTS)
         controls.end_row(
             "error.points", "Points", NOT_EQUATION_1 if is_off else tip,
             lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS), view.error_points != DEFAULT_ERROR_POINTS,
@@ -126,7 +128,7 @@ class ErrorSection(Section):
             if quality is not None and quality.error_target is not None:
                 self._row("error target", [percent(quality.error_target)])
             imgui.end_table()
-        self._controls.note("" if measured is None else how(measured))
+        self._controls.note("" if measured is None else conditions(measured))
         imgui.end_disabled()
 
     def _row(self, label: str, values: Sequence[str]) -> None:
@@ -139,21 +141,21 @@ class ErrorSection(Section):
 
 
 def rows(measured: Measured | None) -> list[tuple[str, list[str]]]:
-    """Return what is told of each channel and of all: a label and texts; dashes where nothing is known yet."""
+    """Return the rows of numbers, a label and texts of channels or of all; dashes before a measurement."""
     if measured is None:
         return [("rms", ["-"] * 3), ("99th percentile", ["-"] * 3), ("rms together", ["-"])]
     deviation = measured.error.deviation
     light = np.abs(measured.error.reference) + measured.error.points.exitance
     black = [not channel.any() for channel in light.T]
-    texts = [
+    rms, p99 = [
         ["black" if b else percent(share) for share, b in zip(shares, black, strict=True)]
         for shares in (deviation.rms, deviation.p99)
     ]
-    return [("rms", texts[0]), ("99th percentile", texts[1]), ("rms together", [percent(deviation.rms_together)])]
+    return [("rms", rms), ("99th percentile", p99), ("rms together", [percent(deviation.rms_together)])]
 
 
-def how(measured: Measured) -> str:
-    """Say what was measured."""
+def conditions(measured: Measured) -> str:
+    """Return a sentence on how the error was measured: points, size of the picture, sources, time."""
     points, (width, height) = len(measured.error.reference), measured.size
     return (
         f"{points} points of the picture at {width} x {height} px, {measured.error.n_sources:,} sources each, "
@@ -162,7 +164,7 @@ def how(measured: Measured) -> str:
 
 
 def verdict(measured: Measured) -> tuple[bool | None, str]:
-    """Whether the promise holds for the worst channel, None where there is none, and a sentence on it."""
+    """Return whether the worst channel keeps the error promised, None where none is, and a sentence on it."""
     if measured.is_dark:
         return None, "no light leaves the surface, so there is no error"
     worst, quality = max(measured.error.deviation.rms), measured.quality

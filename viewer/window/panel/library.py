@@ -1,4 +1,4 @@
-"""The library inside an open list: swatches, search, filter, and own materials to keep, rename and delete."""
+"""The library of materials inside an open list: swatches, search, filter, and the user's materials."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -17,16 +17,16 @@ from milkglass.viewer.gui.toolkit import ERROR, icons, imgui
 from milkglass.viewer.scene import library, own_materials
 from milkglass.viewer.session.session import Session
 
-LISTED = 11  # materials that the list shows at once
+VISIBLE_MATERIALS = 11  # of the list, without scrolling
 
 
 class LibraryList:
-    """Lists materials for one choice; all its work is done while the list is open.
+    """Draws the list of materials of one choice, while the list is open.
 
     Parameters
     ----------
     key : str
-        What is chosen, "material" for instance: the controls are called after it.
+        Prefix of the names of the controls, such as "material".
     """
 
     def __init__(self, session: Session, controls: Controls, commands: Commands[Any], key: str) -> None:
@@ -36,7 +36,10 @@ class LibraryList:
         self._renaming = self._deleting = ""  # own materials that a button was pressed for
 
     def choose(self, current: str | None, *, keeps: bool = False) -> Material | None:
-        """Draw inside an open combo box and return what was chosen; `keeps`: with what a person keeps."""
+        """Draw the list in an open combo box and return the material chosen, None for none.
+
+        `keeps` adds the controls that save, rename and delete the user's materials.
+        """
         if imgui.is_window_appearing():
             self._search = self._name = self._renaming = self._deleting = ""
             imgui.set_keyboard_focus_here()
@@ -49,10 +52,10 @@ class LibraryList:
         self._filter()
         problem = None
         try:
-            stored: own_materials.Materials = own_materials.stored()
+            kept: own_materials.Materials = own_materials.stored()
         except InputError as error:
-            stored, problem = (), str(error)
-        found = library.found(self._only, self._search, stored)
+            kept, problem = (), str(error)
+        found = library.found(self._only, self._search, kept)
         chosen = self._list(found, current, keeps)
         if chosen is None and enter and found:
             chosen = found[0]
@@ -60,7 +63,7 @@ class LibraryList:
         if problem is not None:
             self._controls.note(problem, warning=True)
         elif keeps:
-            self._keep(stored)
+            self._keep(kept)
         return chosen
 
     def _filter(self) -> None:
@@ -77,7 +80,8 @@ class LibraryList:
     def _list(self, found: list[Material], current: str | None, keeps: bool) -> Material | None:
         controls, row, chosen = self._controls, imgui.get_frame_height(), None
         imgui.begin_child(
-            f"##{self._key}.list", (0.0, imgui.get_frame_height_with_spacing() * min(LISTED, max(1, len(found))))
+            f"##{self._key}.list",
+            (0.0, imgui.get_frame_height_with_spacing() * min(VISIBLE_MATERIALS, max(1, len(found)))),
         )
         for material in found:
             swatch(controls, f"swatch.{material.name}", material, (row, row))
@@ -101,7 +105,7 @@ class LibraryList:
         return chosen
 
     def _buttons(self, name: str) -> None:
-        """Draw what can be done with an own material, at the right of its row."""
+        """Draw the buttons of a material of the user's at the right of its row."""
         controls = self._controls
         imgui.same_line(0.0, 0.0)
         if controls.icon(f"own.rename.{name}", icons.ICON_FA_PEN, "Rename", quiet=True):
@@ -119,8 +123,8 @@ class LibraryList:
         if asked:
             imgui.pop_style_color()
 
-    def _keep(self, stored: own_materials.Materials) -> None:
-        """Draw the row that keeps the material under a name, and what imports and exports stored ones."""
+    def _keep(self, kept: own_materials.Materials) -> None:
+        """Draw the row that saves the material under a name, and the buttons that import and export."""
         controls, width = self._controls, 5.0 * imgui.get_font_size()
         imgui.set_next_item_width(-width - 2.4 * imgui.get_frame_height())
         hint = "name to keep it by"
@@ -130,7 +134,7 @@ class LibraryList:
         controls.mark("own.name")
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         key = materials.key_of(self._name)
-        exists = any(materials.key_of(material.name) == key for material in stored)
+        exists = any(materials.key_of(material.name) == key for material in kept)
         verb = "Rename" if self._renaming else "Replace" if exists else "Save as"
         imgui.begin_disabled(not key)
         if (imgui.button(f"{verb}##own.save", (width, 0.0)) or entered) and key:
@@ -171,7 +175,7 @@ class LibraryList:
 
 
 def swatch(controls: Controls, name: str, material: Material, size: tuple[float, float]) -> None:
-    """Draw a material's colour under white light."""
+    """Draw a button in a material's colour under white light, with a tooltip."""
     red, green, blue = swatch_colour(material)
     flags = imgui.ColorEditFlags_.no_tooltip.value | imgui.ColorEditFlags_.no_drag_drop.value
     imgui.color_button(f"##{name}", (red, green, blue, 1.0), flags, size)
@@ -181,13 +185,13 @@ def swatch(controls: Controls, name: str, material: Material, size: tuple[float,
 
 @lru_cache(maxsize=256)
 def reflectance(material: Material) -> tuple[float, float, float]:
-    """Diffuse reflectance R_d per channel."""
+    """Return the diffuse reflectance R_d of the dipole, per channel."""
     red, green, blue = dipole.diffuse_reflectance(material).tolist()
     return red, green, blue
 
 
 def swatch_colour(material: Material) -> tuple[float, float, float]:
-    """Diffuse reflectance as sRGB in [0, 1]."""
+    """Return the diffuse reflectance R_d as sRGB in [0, 1]."""
     red, green, blue = srgb(np.array(reflectance(material))).tolist()
     return red, green, blue
 
@@ -203,7 +207,7 @@ def described(material: Material) -> str:
 
 
 def origin_of(session: Session) -> Material | None:
-    """Return the material that coefficients of one's own started from."""
+    """Return the material of the library that edited coefficients started from, None if there is none."""
     try:
         return own_materials.lookup(session.origin) if session.origin else None
     except InputError:  # no longer there

@@ -147,9 +147,9 @@ class LightsSection(Section):
             light = as_kind(light, chosen[-1])
         for key in light.VECTORS:
             light = self._direction(name, light) if light.DISTANT else self._point(name, light, key)
-        return self._more(name, self._colour(name, light))
+        return self._rest(name, self._colour(name, light))
 
-    def _more(self, name: str, light: Light) -> Light:
+    def _rest(self, name: str, light: Light) -> Light:
         """Draw the rows of what is left after place, colour and brightness, such as the size and the cone."""
         chosen: dict[str, Any] = {}
         defaults = {field.name: field.default for field in fields(light)}
@@ -251,7 +251,7 @@ class LightsSection(Section):
             return light
 
     def _colour(self, name: str, light: Light) -> Light:
-        """Colour and brightness, whose product is what the scene keeps."""
+        """Draw the rows of colour and brightness, whose product the scene keeps."""
         key = light.BRIGHTNESS
         declared, value = settings_of(light)[key], light.brightness
         default = _default(name, light.KIND, key, getattr(as_kind(NEW_LIGHT, light.KIND), key))
@@ -304,7 +304,7 @@ class LightsSection(Section):
 
 
 def _label(key: str) -> str:
-    """Return a key as a label: without its unit."""
+    """Return the label of a key, without its unit."""
     return key.removesuffix("_mm").removesuffix("_deg").replace("_", " ").capitalize()
 
 

@@ -18,7 +18,7 @@ from milkglass.viewer.scene.material_settings import ADDED
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import LibraryList, origin_of, reflectance, swatch
-from milkglass.viewer.window.panel.profile import NO_PROFILE, ProfilePanel, profile_reflectance
+from milkglass.viewer.window.panel.profile import NO_PROFILE, ProfileRows, profile_reflectance
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 NOTHING = "nothing"
@@ -28,16 +28,16 @@ SOLIDS = {
 }  # fmt: skip
 
 
-class MixturePanel:
-    """Draws the rows."""
+class MixtureRows:
+    """Draws the rows of the material mixed in, and of water."""
 
     def __init__(self, session: Session, controls: Controls, commands: Commands[Any]) -> None:
         self._session, self._controls = session, controls
         self._library = LibraryList(session, controls, commands, "mix")
 
     def draw(self) -> None:
-        """Draw them in the current ImGui window."""
-        self._mixed_with()
+        """Draw the rows in the current ImGui window."""
+        self._admixture()
         material = self._session.scene.material
         if material.admixture() is not None:
             self._controls.setting("material.mix_share", "Its share")
@@ -45,7 +45,7 @@ class MixturePanel:
         if material.name in SOLIDS and material.water != 0.0:
             self._controls.note(f"{material.name} is no liquid: this is how it would look ground, in water")
 
-    def _mixed_with(self) -> None:
+    def _admixture(self) -> None:
         controls, session = self._controls, self._session
         admixture, name = session.scene.material.admixture(), session.scene.material.mix_with
         controls.begin_row("Mix with", True)
@@ -75,7 +75,7 @@ ONCE_TIP = (
     "Share of the light that leaves a half space lit along its normal which has scattered only once. Diffusion draws "
     "it as if it had scattered often: too wide (but for the profile photon_beam), and without its direction."
 )
-SIGMA_HIGH = 100.0  # 1/mm, end of the sliders
+LARGEST_SIGMA = 100.0  # mm^-1, end of the sliders
 
 
 class MaterialSection(Section):
@@ -87,15 +87,15 @@ class MaterialSection(Section):
     def __init__(self, tools: Tools) -> None:
         super().__init__(tools)
         parts = tools.session, tools.controls, tools.commands
-        self._profile = ProfilePanel(*parts)
+        self._profile = ProfileRows(*parts)
         self._list = LibraryList(*parts, "material")
-        self._mixture = MixturePanel(*parts)
+        self._mixture = MixtureRows(*parts)
 
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
         no_profile = NO_PROFILE if solves(seen.live) else None
         self._library()
-        if self._profile.given_by_colour():
+        if self._profile.quantities():
             self._profile.colour(CHANNELS)
         else:
             self._coefficients("sigma_s_prime", "σs′")
@@ -132,7 +132,7 @@ class MaterialSection(Section):
         )
 
     def _coefficients(self, key: str, symbol: str) -> None:
-        """Three logarithmic sliders; moving one makes the material one's own."""
+        """Draw three logarithmic sliders, whose change takes the material out of the library."""
         session, controls = self._session, self._controls
         material = session.scene.material.base()
         values: Sequence[float] = getattr(material, key)
@@ -143,20 +143,22 @@ class MaterialSection(Section):
             name, label = f"material.{key}.{letter}", f"{symbol} {letter}"
             controls.begin_row(label, True)
             text = f"{significant(values[channel])} /mm"
-            new = controls.sliders.number(name, values[channel], 0.0, SIGMA_HIGH, text, logarithmic=True, colour=colour)
+            new = controls.sliders.number(
+                name, values[channel], 0.0, LARGEST_SIGMA, text, logarithmic=True, colour=colour
+            )
             if new is not None:
-                self._set_coefficient(material, key, channel, new)
+                self._change(material, key, channel, new)
 
             def reset(channel: int = channel) -> None:
                 if default is not None:
-                    self._set_coefficient(material, key, channel, default[channel])
+                    self._change(material, key, channel, default[channel])
 
             tip = f"{explained(declared, None)}\n{TYPE_HINT}"
             differs = default is not None and default[channel] != values[channel]
             controls.end_row(name, label, tip, reset, differs)
 
-    def _set_coefficient(self, material: Material, key: str, channel: int, value: float) -> None:
-        """Change one coefficient; back at a library material's, become that material again."""
+    def _change(self, material: Material, key: str, channel: int, value: float) -> None:
+        """Change one coefficient; coefficients equal to the library's become that material again."""
         given = {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a}
         changed = list(given[key])
         changed[channel] = value
@@ -164,7 +166,7 @@ class MaterialSection(Section):
         origin, settings = origin_of(self._session), self._session.scene.material
         if origin is not None and (origin.sigma_s_prime, origin.sigma_a) == (given["sigma_s_prime"], given["sigma_a"]):
             eta = None if material.eta == origin.eta else material.eta
-            added = {key_added: getattr(settings, key_added) for key_added in ADDED}
+            added = {name: getattr(settings, name) for name in ADDED}
             self._session.edit("material", name=origin.name, eta=eta, **added)
         else:
             self._session.edit("material", **given, eta=material.eta)
@@ -183,7 +185,7 @@ class MaterialSection(Section):
             session.edit("material", eta=new)
 
     def _derived(self, *, has_profile: bool) -> None:
-        """Mean free path and reflectance, all added, which say more than the coefficients."""
+        """Draw mean free path, reflectance and share of single scattering of the whole mixture."""
         settings = self._session.scene.material
         material = settings.resolve()
         leaving = profile_reflectance(settings) if has_profile else reflectance(material)

@@ -19,7 +19,7 @@ PICTURES = (("texture", "Texture", "has_colours"), ("normal_map", "Normal map", 
 
 
 class ModelSection(Section):
-    """Draws the model's file and what is done with its bodies and its surface."""
+    """Draws the model's file, its up axis, its bodies, the colours and the relief of its surface."""
 
     title = "Model"
 
@@ -79,7 +79,7 @@ class ModelSection(Section):
 
 
 def missing(look: Look | None, texture: bool, normal_map: bool) -> tuple[str | None, str | None]:
-    """Why colours and why relief mean nothing now, sentences; None where they do."""
+    """Return the reasons, sentences, for which the model lacks colours and relief; None where it has them."""
     mapped = look is not None and look.mapped
     colours = (
         None if texture or (look is not None and look.has_colours) else NO_COLOURS if mapped else NO_COLOURS_NO_MAP

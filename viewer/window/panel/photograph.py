@@ -7,7 +7,7 @@ from milkglass.viewer.scene.declaration import Setting, settings_of
 from milkglass.viewer.scene.settings import BEHIND
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
-OWN_DEPTH = "The depth map is taken as it is."
+DEPTH_GIVEN = "The depth map is taken as it is."
 BRUSH_TIP = (
     "Paint the mask: drag; with Alt it takes away; [ ] or Ctrl+wheel: size. The wheel zooms, a middle drag pans, Enter "
     "shows all."
@@ -63,7 +63,7 @@ class PhotographSection(Section):
         reset = lambda: session.edit("photo", depth=None)  # noqa: E731
         controls.end_row("photo.depth", "Depth", tip, reset, depth is not None)
         controls.setting("photo.depth_strength", "Depth strength")
-        controls.setting("photo.depth_smoothing", "Depth smoothing", off=None if depth is None else OWN_DEPTH)
+        controls.setting("photo.depth_smoothing", "Depth smoothing", off=None if depth is None else DEPTH_GIVEN)
 
     def _behind(self) -> None:
         session, controls, behind = self._session, self._controls, self._session.scene.photo.behind
@@ -106,12 +106,12 @@ class PhotographSection(Section):
             self._brush(work)
 
     def _brush(self, work: PhotoWork) -> None:
-        most, start = LARGEST_BRUSH * max(work.photo.size), self._start_brush
-        declared = Setting("number", "radius of the brush", low=SMALLEST_BRUSH, high=most)
+        largest, start = LARGEST_BRUSH * max(work.photo.size), self._start_brush
+        declared = Setting("number", "radius of the brush", low=SMALLEST_BRUSH, high=largest)
         new = self._controls.value(
             "photo.brush", "Brush", declared, work.brush, default=start,
             on_reset=lambda: setattr(work, "brush", start),
-            reach=Reach(SMALLEST_BRUSH, max(SMALLEST_BRUSH + 1.0, most), True, "%.0f px"),
+            reach=Reach(SMALLEST_BRUSH, max(SMALLEST_BRUSH + 1.0, largest), True, "%.0f px"),
         )  # fmt: skip
         if new is not None:  # what was typed may lie anywhere
-            work.brush = min(max(new, SMALLEST_BRUSH), most)
+            work.brush = min(max(new, SMALLEST_BRUSH), largest)

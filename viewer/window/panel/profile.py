@@ -28,15 +28,15 @@ LENGTH_KEYS = {
     COLOUR: ("mean_free_path_mm", "mean free path"),
     DIFFUSE: ("diffuse_mean_free_path_mm", "diffuse m.f.p."),
 }
-LENGTHS = (0.001, 100.0)  # mm, ends of the sliders
-LONGEST = 1e6  # mm: of a channel without matter
+PATH_ENDS = (0.001, 100.0)  # mm, of the sliders
+LONGEST_PATH = 1e6  # mm: of a channel without matter
 LEAST_ABSORBED = 1e-9  # 1 - albedo: without absorption a diffuse mean free path would be infinite
 REREAD_TIP = "Read the file again if it has changed. So does coming back to the window."
-MUCH = 0.02  # share of the flux in the tail of a table that is told
+NOTABLE_TAIL = 0.02  # share of the flux beyond the last radius of a table
 
 
-class ProfilePanel:
-    """Draws the rows; `commands` are asked for files."""
+class ProfileRows:
+    """Draws the choice of the profile, and the material where a colour and a mean free path give it."""
 
     def __init__(self, session: Session, controls: Controls, commands: Commands[Any]) -> None:
         self._session, self._controls, self._commands = session, controls, commands
@@ -68,8 +68,8 @@ class ProfilePanel:
         for note in table_notes(material):
             controls.note(note)
 
-    def given_by_colour(self) -> bool:
-        """Draw what the material is given by; True where that is a colour and a mean free path."""
+    def quantities(self) -> bool:
+        """Draw the choice of the quantities that give the material; True for a colour and a mean free path."""
         session, controls = self._session, self._controls
         material = session.scene.material
         shown = DIFFUSE if material.diffuse_mean_free_path_mm is not None else COLOUR
@@ -84,19 +84,19 @@ class ProfilePanel:
     def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
         """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""
         material = self._session.scene.material
-        quantity = COLOUR if material.diffuse_mean_free_path_mm is None else DIFFUSE
-        key, label = LENGTH_KEYS[quantity]
+        quantities = COLOUR if material.diffuse_mean_free_path_mm is None else DIFFUSE
+        key, label = LENGTH_KEYS[quantities]
         origin = origin_of(self._session)
         start: dict[str, Any] = {}
         if origin is not None:
             given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta")}
             given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
-            start = given_by(MaterialSettings(**given), quantity)
+            start = given_by(MaterialSettings(**given), quantities)
         for i, channel in enumerate(channels):
             value = (material.diffuse_reflectance or ())[i]
             self._slider("diffuse_reflectance", "colour", i, channel, f"{value:.3f}", start)
         for i, channel in enumerate(channels):
-            self._slider(key, label, i, channel, f"{significant(getattr(material, key)[i])} mm", start, LENGTHS)
+            self._slider(key, label, i, channel, f"{significant(getattr(material, key)[i])} mm", start, PATH_ENDS)
 
     def _slider(
         self, key: str, label: str, i: int, channel: tuple[str, tuple[float, float, float]], text: str,
@@ -122,28 +122,30 @@ class ProfilePanel:
 
 
 def _spare() -> float:
-    """Width of a button that leaves room for an icon beside it."""
+    """Return the width of a button that leaves room for an icon beside it."""
     return -float(imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x)
 
 
-def given_by(settings: MaterialSettings, given: str) -> dict[str, Any]:
-    """Return the keys that say the same material in another way, or as nearly as it can."""
+def given_by(settings: MaterialSettings, quantities: str) -> dict[str, Any]:
+    """Return the keys of a material given by other quantities: the same material, or the nearest there is."""
     material = settings.base()
-    if given == COEFFICIENTS:
+    if quantities == COEFFICIENTS:
         return {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a, "eta": material.eta}
-    most = 1.0 if given == COLOUR else 1.0 - LEAST_ABSORBED
-    albedos = np.minimum(material.alpha_prime, most)
-    lengths = material.mean_free_path if given == COLOUR else material.mean_free_path / np.sqrt(3.0 * (1.0 - albedos))
+    largest = 1.0 if quantities == COLOUR else 1.0 - LEAST_ABSORBED
+    albedos = np.minimum(material.alpha_prime, largest)
+    lengths = (
+        material.mean_free_path if quantities == COLOUR else material.mean_free_path / np.sqrt(3.0 * (1.0 - albedos))
+    )
     colour = tuple(min(1.0, reflectance(float(a), material.eta, settings.profile)) for a in albedos)
     return {
         "diffuse_reflectance": colour,
-        LENGTH_KEYS[given][0]: tuple(np.minimum(lengths, LONGEST).tolist()),
+        LENGTH_KEYS[quantities][0]: tuple(np.minimum(lengths, LONGEST_PATH).tolist()),
         "eta": material.eta,
     }
 
 
 def profile_reflectance(settings: MaterialSettings) -> tuple[float, float, float]:
-    """Diffuse reflectance T(0) of the chosen profile per channel; the dipole's where a table cannot be read."""
+    """Return the diffuse reflectance T(0) of the profile per channel; the dipole's if its table is unreadable."""
     try:
         red, green, blue = (float(profile.total(0.0)) for profile in settings.profiles())
     except InputError:
@@ -153,13 +155,13 @@ def profile_reflectance(settings: MaterialSettings) -> tuple[float, float, float
 
 
 def table_notes(settings: MaterialSettings) -> list[str]:
-    """Say how much of a table's flux lies beyond its last radius, or what is wrong with the file."""
+    """Return sentences on the flux beyond the last radius of a table, or on a file that cannot be read."""
     try:
         channels = settings.profiles()
     except InputError as error:
         return [str(error)]
     shares = [float(getattr(profile, "tail_share", 0.0)) for profile in channels]
-    if max(shares) < MUCH:
+    if max(shares) < NOTABLE_TAIL:
         return []
     listed = ", ".join(f"{100.0 * share:.0f} %" for share in shares)
     return [f"beyond the last radius, by an exponential tail: {listed} of the light"]

@@ -47,20 +47,20 @@ class TransportSection(Section):
 
 
 def solved(solution: Scattered, complete: bool) -> str:
-    """Say how far a solution is, channel by channel."""
-    costs = [
+    """Return a sentence on a solution: the residual of every channel and the products it took."""
+    channels = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"
         for channel, residual, products in zip("RGB", solution.residuals, solution.convolutions, strict=True)
         if products
     ]
-    if not costs:
+    if not channels:
         return "no light to solve for"
-    costs[0] += " products"
-    return f"{'solved' if complete else 'on the way'}: {', '.join(costs)}"
+    channels[0] += " products"
+    return f"{'solved' if complete else 'on the way'}: {', '.join(channels)}"
 
 
 def chosen(finished: Finished, milliseconds: Timings) -> str:
-    """Return the grid and what it costs, as far as that is known."""
+    """Return a sentence on the grid and its cost, as far as that is known."""
     grid = finished.lit.grid
     text = f"{grid.width} x {grid.height} x {grid.n_layers} nodes of {grid.texel:.3g} mm"
     new_light, new_material = NEW_LIGHT, NEW_MATERIAL
@@ -70,6 +70,6 @@ def chosen(finished: Finished, milliseconds: Timings) -> str:
         slowest = max(entries, key=lambda stage: milliseconds[stage], default=Stage.ENTRY.of(1))
         new_light, new_material = (slowest, *rest), (Stage.SPECTRA, *rest)
     if all(stage in milliseconds for stage in (*new_light, *new_material)):
-        light, material = (sum(milliseconds[stage] for stage in group) for group in (new_light, new_material))
+        light, material = (sum(milliseconds[stage] for stage in stages) for stages in (new_light, new_material))
         text += f"; new light in {light:.0f} ms, a new material in {material:.0f} ms"
     return text

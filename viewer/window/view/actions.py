@@ -49,7 +49,7 @@ class MemoryClipboard:
         return self.text
 
     def set(self, text: str) -> None:
-        """Take a text."""
+        """Replace the text."""
         self.text = text
 
 

@@ -57,7 +57,7 @@ class ViewArea:
         self.refining = False
         self._context, self._gui, self._painter, self._session, self._wake = context, gui, painter, session, wake
         self.subject = subject
-        self._other: Live | None = None  # of the kept state
+        self._kept_live: Live | None = None  # of the kept state
         self._key: object = None
         self._changed_at = -1e9
         self._dragged = False
@@ -119,11 +119,11 @@ class ViewArea:
             return not self.subject.busy
         if self.detail.samples < SAMPLES or not self.live.is_settled(scene):
             return False
-        return self._session.view.split is None or self._other is None or not self._other.working
+        return self._session.view.split is None or self._kept_live is None or not self._kept_live.working
 
     def lives(self) -> list[Live]:
         """Return what has workers."""
-        return [self.live] + ([self._other] if self._other is not None else [])
+        return [self.live] + ([self._kept_live] if self._kept_live is not None else [])
 
     def transparent(self) -> Picture | None:
         """Draw the object alone, antialiased."""
@@ -233,12 +233,12 @@ class ViewArea:
         """Draw the kept state from the same camera, at the same exposure."""
         session = self._session
         assert session.kept is not None
-        if self._other is None:
-            self._other = self.subject.make_live(self._context, self._wake, self.live.assets)
+        if self._kept_live is None:
+            self._kept_live = self.subject.make_live(self._context, self._wake, self.live.assets)
         kept = self._sized(replace(session.kept, camera=session.scene.camera))
         assert kept is not None
         try:
-            self._other.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)
+            self._kept_live.draw(kept, self.detail, show, self._exposure() if show == "radiance" else None)
         except Exception as error:
             session.fail(error)
             session.kept, session.view.split = None, None
@@ -275,14 +275,14 @@ class ViewArea:
         left, top, right, bottom = self._drawn_at
         if self.picture.transparent:
             checkerboard(draw, self._drawn_at)
-        second = self._other.picture if self._other is not None and view.split is not None else None
-        split = view.split if view.split is not None and second is not None else 1.0
+        kept = self._kept_live.picture if self._kept_live is not None and view.split is not None else None
+        split = view.split if view.split is not None and kept is not None else 1.0
         middle = left + split * (right - left)
-        first = self._painter.show(self.picture.image.color_attachments[0])
-        draw.add_image(first, (left, top), (middle, bottom), (0.0, 1.0), (split, 0.0))
-        if second is not None:
-            kept = self._painter.show(second.image.color_attachments[0])
-            draw.add_image(kept, (middle, top), (right, bottom), (split, 1.0), (1.0, 0.0))
+        left_image = self._painter.show(self.picture.image.color_attachments[0])
+        draw.add_image(left_image, (left, top), (middle, bottom), (0.0, 1.0), (split, 0.0))
+        if kept is not None:
+            right_image = self._painter.show(kept.image.color_attachments[0])
+            draw.add_image(right_image, (middle, top), (right, bottom), (split, 1.0), (1.0, 0.0))
             draw.add_line((middle, top), (middle, bottom), imgui.get_color_u32((1.0, 1.0, 1.0, 0.7)), 1.5)
             assert self._session.kept is not None
             draw_label((middle, top), f"A  {_named(self._session.scene)}", from_right=True)

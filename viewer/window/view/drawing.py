@@ -1,4 +1,4 @@
-"""How pictures are laid into the view."""
+"""Pictures laid into the view."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from milkglass.viewer.gui.toolkit import imgui
 
 
 def developed(image: Any, maps: Any, key: float, white: float) -> Any:
-    """Tone-map a layer (h, w, 3) for the average of all lit texels of its maps: (h, w, 4) uint8."""
+    """Return a layer (h, w, 3) tone-mapped for the average of all lit texels of its maps: (h, w, 4) uint8."""
     values = np.tensordot(LUMINANCE, maps, axes=(0, 0))
     average = log_average(values, (values > 1e-4 * values.max()).astype(np.float64))
     exposure = key / average if average > 0.0 else 0.0
@@ -20,7 +20,7 @@ def developed(image: Any, maps: Any, key: float, white: float) -> Any:
 
 
 def fitted(box: Box, size: tuple[int, int], share: float = 1.0) -> Box:
-    """Return the largest box of a size's proportions in the middle of another."""
+    """Return the largest box of the proportions of `size` in the middle of `box`."""
     width, height = box[2] - box[0], box[3] - box[1]
     scale = share * min(width / size[0], height / size[1])
     x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
@@ -29,7 +29,7 @@ def fitted(box: Box, size: tuple[int, int], share: float = 1.0) -> Box:
 
 
 def checkerboard(draw: Any, box: Box, side: float = 14.0) -> None:
-    """Draw what stands for transparent."""
+    """Draw the checkerboard that stands for a transparent ground."""
     draw.add_rect_filled((box[0], box[1]), (box[2], box[3]), imgui.get_color_u32((0.23, 0.23, 0.24, 1.0)))
     light = imgui.get_color_u32((0.28, 0.28, 0.29, 1.0))
     draw.push_clip_rect((box[0], box[1]), (box[2], box[3]), True)

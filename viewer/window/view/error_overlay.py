@@ -1,4 +1,4 @@
-"""The error over the picture: a coloured dot at every point measured, what it says, and the scale of the colours."""
+"""The error over the picture: a coloured dot at every point measured, its numbers, the scale of the colours."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ from milkglass.viewer.gui.sliders import percent, significant
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.error import Measured
 
-SMALLEST, LARGEST = 0.15, 0.32  # radius of a dot, in letters' heights
-OF_SPACING = 0.25  # of the mean distance of the points
-FADED = 0.35  # opacity of what is outdated
-NEAR = 0.2  # how far beside a dot the pointer may be, in letters' heights
+SMALLEST_RADIUS, LARGEST_RADIUS = 0.15, 0.32  # of a dot, in letters' heights
+RADIUS_SHARE = 0.25  # of the mean distance of the points
+FADED_OPACITY = 0.35  # of an outdated map
+REACH = 0.2  # of the pointer beside a dot, in letters' heights
 
 
 class ErrorOverlay:
-    """Draws the map of a measurement, and keeps what does not change from frame to frame."""
+    """Draws the map of a measurement; places and colours are kept from frame to frame."""
 
     def __init__(self) -> None:
         self._of: Measured | None = None
@@ -28,7 +28,7 @@ class ErrorOverlay:
         self._end = 1.0
 
     def draw(self, measured: Measured, picture: Box, right: float, *, faded: bool, is_hovered: bool) -> None:
-        """Draw it over the picture, left of `right`, in the current ImGui window.
+        """Draw the map over the picture, left of `right`, in the current ImGui window.
 
         Parameters
         ----------
@@ -48,10 +48,10 @@ class ErrorOverlay:
         centres = np.array(picture[:2]) + self._places * [width, height]
         pixel = width * height / (measured.size[0] * measured.size[1])  # of the picture measured, on screen
         spacing = np.sqrt(measured.covered * pixel / max(1, len(centres)))
-        radius = float(np.clip(OF_SPACING * spacing, SMALLEST * em, LARGEST * em))
+        radius = float(np.clip(RADIUS_SHARE * spacing, SMALLEST_RADIUS * em, LARGEST_RADIUS * em))
         draw: Any = imgui.get_window_draw_list()
         draw.push_clip_rect((picture[0], picture[1]), (right, picture[3]), True)
-        alpha = FADED if faded else 1.0
+        alpha = FADED_OPACITY if faded else 1.0
         # Two rims, so that a dot stands out from an object of any colour, its own too.
         dark, light = (imgui.get_color_u32((*(3 * (grey,)), 0.8 * alpha)) for grey in (0.0, 0.95))
         corners = 12 if radius > 0.2 * em else 8
@@ -65,7 +65,7 @@ class ErrorOverlay:
         if is_hovered and mouse.x < right and len(centres):
             distance = np.hypot(centres[:, 0] - mouse.x, centres[:, 1] - mouse.y)
             nearest = int(distance.argmin())
-            if distance[nearest] <= radius + NEAR * em:
+            if distance[nearest] <= radius + REACH * em:
                 place = (float(centres[nearest, 0]), float(centres[nearest, 1]))
                 draw.add_circle(place, radius + 2.5, imgui.get_color_u32((1.0, 1.0, 1.0, 0.95)), 16, 2.0)
                 read_dot(measured, nearest)
@@ -84,7 +84,7 @@ class ErrorOverlay:
 
 
 def read_dot(measured: Measured, i: int) -> None:
-    """Say what was found at a point, at the pointer."""
+    """Show the numbers of a point in a tooltip."""
     error = measured.error
     rows = (
         ("M", error.points.exitance[i], lambda value: significant(float(value))),
@@ -112,7 +112,7 @@ def read_dot(measured: Measured, i: int) -> None:
 
 
 def draw_scale(draw: Any, picture: Box, end: float) -> None:
-    """Draw the colours and what they stand for on a dark plate, in a corner where no message comes to lie."""
+    """Draw the scale of the colours on a dark plate, in a corner where no message comes to lie."""
     em, title = imgui.get_font_size(), "error, worst channel"
     width, pad = max(11.0 * em, imgui.calc_text_size(title).x), 0.5 * em
     left, top = picture[0] + 0.8 * em, picture[1] + 0.8 * em

@@ -10,13 +10,13 @@ Point = tuple[float, float]
 
 
 class ViewMouse:
-    """Turns a session's camera and lights."""
+    """Moves the camera and the lights of a session by the mouse."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
 
     def move(self, box: Box, live: Live) -> Point | None:
-        """Do what the mouse does in a box of the window; returns where it was double-clicked."""
+        """Apply what the mouse does in a box of the window; returns the place of a double click, None without one."""
         session, io = self._session, imgui.get_io()
         imgui.set_cursor_screen_pos((box[0], box[1]))
         flags = imgui.ButtonFlags_

@@ -1,4 +1,4 @@
-"""What lies over the view: messages, the cheat sheet, what is going on."""
+"""Texts over the view: messages, the cheat sheet, the status line."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,8 +8,8 @@ from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.toolkit import ERROR, MUTED, Gui, icons, imgui
 from milkglass.viewer.session.session import Message
 
-SECONDS, ERROR_SECONDS = 4.0, 15.0
-SHOWN_AT_ONCE = 4
+MESSAGE_SECONDS, ERROR_SECONDS = 4.0, 15.0
+LARGEST_COUNT = 4  # of messages at once
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class _Shown:
 
 
 class Messages:
-    """Sentences at the foot of the view, each for a while."""
+    """Shows messages at the foot of the view, for some seconds."""
 
     def __init__(self) -> None:
         self._shown: list[_Shown] = []
@@ -28,25 +28,25 @@ class Messages:
         """Show new messages, emptying the list; a repeated one starts anew."""
         for message in messages:
             self._shown = [shown for shown in self._shown if shown.message != message]
-            self._shown.append(_Shown(message, now + (ERROR_SECONDS if message.is_error else SECONDS)))
+            self._shown.append(_Shown(message, now + (ERROR_SECONDS if message.is_error else MESSAGE_SECONDS)))
         messages.clear()
-        self._shown = [shown for shown in self._shown if shown.until > now][-SHOWN_AT_ONCE:]
+        self._shown = [shown for shown in self._shown if shown.until > now][-LARGEST_COUNT:]
 
     @property
     def texts(self) -> list[str]:
-        """What is shown."""
+        """Sentences that show."""
         return [shown.message.text for shown in self._shown]
 
     def next_end(self) -> float | None:
-        """When the next one goes away."""
+        """Time at which the next message goes away, None if none shows."""
         return min((shown.until for shown in self._shown), default=None)
 
     def clear(self) -> None:
-        """Take all away."""
+        """Take all messages away."""
         self._shown.clear()
 
     def draw(self, view: Box) -> None:
-        """Draw them at the foot of the view, the newest lowest."""
+        """Draw the messages at the foot of the view, the newest lowest."""
         bottom = view[3] - 3.0 * imgui.get_font_size()
         for i, shown in enumerate(reversed(self._shown)):
             width = min(46.0 * imgui.get_font_size(), view[2] - view[0] - 24.0)
@@ -69,7 +69,7 @@ class Messages:
 
 
 def draw_status(view: Box, left: str, right: str) -> None:
-    """Write a line at the foot of the view: on the left what is seen, on the right what is going on."""
+    """Write the status line at the foot of the view: the model on the left, progress on the right."""
     draw: Any = imgui.get_window_draw_list()
     style = imgui.get_style()
     height = imgui.get_font_size()
@@ -84,7 +84,7 @@ def draw_status(view: Box, left: str, right: str) -> None:
 
 
 def draw_label(corner: tuple[float, float], text: str, *, from_right: bool = False) -> None:
-    """Write a word on a dark plate, such as the A and B of a comparison."""
+    """Write a label on a dark plate, such as the A and B of a comparison."""
     draw: Any = imgui.get_window_draw_list()
     size = imgui.calc_text_size(text)
     x, y = (corner[0] - size.x - 20.0 if from_right else corner[0] + 8.0), corner[1] + 8.0
@@ -117,11 +117,11 @@ def _help_group(gui: Gui, title: str, rows: Rows) -> None:
     imgui.pop_font()
     start, em = imgui.get_cursor_pos_x(), imgui.get_font_size()
     keys_width = max(imgui.calc_text_size(keys).x for keys, _ in rows) + em
-    for keys, action in rows:
+    for keys, title in rows:
         imgui.text_unformatted(keys)
         imgui.same_line()
         imgui.set_cursor_pos_x(start + keys_width)
-        imgui.text_disabled(action)
+        imgui.text_disabled(title)
     imgui.spacing()
 
 

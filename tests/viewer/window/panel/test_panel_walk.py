@@ -289,7 +289,7 @@ def try_profiles(walker: Walker) -> None:
     choose("profiles.other", "burley")(walker)
     choose("profiles.quantity", PER_RADIUS)(walker)
     walker.click("profiles.log")
-    assert (view.other, view.quantity, view.log_radius) == ("burley", PER_RADIUS, False)
+    assert (view.second, view.quantity, view.log_radius) == ("burley", PER_RADIUS, False)
     edge = walker.place("profiles.edge")
     walker.drag(edge, (0.0, -90.0))
     assert walker.place("profiles.edge")[1] < edge[1] - 60.0

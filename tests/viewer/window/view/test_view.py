@@ -26,7 +26,7 @@ def test_left_drag_orbits_by_the_distance_and_not_by_the_jump_of_the_press(drive
     start = driver.session.scene.camera
     driver.drag(CENTRE, (20.0, 10.0))
     camera = driver.session.scene.camera
-    step = navigation.TURN * 1000.0 / SIZE[1]
+    step = navigation.DEGREES_A_PIXEL * 1000.0 / SIZE[1]
     assert camera.azimuth_deg == pytest.approx(start.azimuth_deg - 20.0 * step)
     assert camera.elevation_deg == pytest.approx(start.elevation_deg + 10.0 * step)
     assert not driver.session.can_undo
@@ -47,7 +47,7 @@ def test_shift_drag_and_middle_drag_move_the_point_under_the_pointer_along(drive
 
 def test_wheel_zooms_and_stays_in_range(driver):
     driver.scroll(CENTRE, 2.0)
-    assert driver.session.scene.camera.zoom == pytest.approx(navigation.ZOOM**2)
+    assert driver.session.scene.camera.zoom == pytest.approx(navigation.ZOOM_A_NOTCH**2)
     driver.scroll(CENTRE, -1000.0)
     assert driver.session.scene.camera.zoom == 0.01
 
@@ -112,7 +112,7 @@ def test_a_drag_that_comes_all_at_once_is_not_lost(driver):
     for event in place:
         driver.app.handle(event)
     driver.frames(5)
-    step = navigation.TURN * 1000.0 / SIZE[1]
+    step = navigation.DEGREES_A_PIXEL * 1000.0 / SIZE[1]
     assert driver.session.scene.camera.azimuth_deg == pytest.approx(start.azimuth_deg - 20.0 * step)
 
 
