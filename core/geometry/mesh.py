@@ -108,7 +108,7 @@ class Flaws:
     @property
     def solid(self) -> bool:
         """Whether the mesh is closed, 2-manifold along every edge, and consistently wound outwards."""
-        return self == Flaws(0, 0, 0, False)
+        return self == Flaws(0, 0, 0, inverted=False)
 
 
 def up_rotation(up: str) -> Array:
@@ -273,7 +273,7 @@ def find_flaws(vertices: Array, faces: npt.NDArray[np.integer]) -> Flaws:
     """Return the flaws of welded vertices and faces; faces that repeat a vertex do not count."""
     faces = faces[~repeats_vertex(faces)]
     if len(faces) == 0:
-        return Flaws(0, 0, 0, False)
+        return Flaws(0, 0, 0, inverted=False)
     order, starts, counts, forward = half_edges(faces, len(vertices))
     balance = np.add.reduceat(np.where(forward, 1, -1)[order], starts)
     boundary = int(np.count_nonzero(counts == 1))

@@ -80,7 +80,7 @@ class Atlas:
         return result
 
 
-def fit_atlas(grid: LayerGrid, tsc: bool, vertices: npt.ArrayLike, body: npt.NDArray[np.integer]) -> Atlas:
+def fit_atlas(grid: LayerGrid, *, tsc: bool, vertices: npt.ArrayLike, body: npt.NDArray[np.integer]) -> Atlas:
     """Return the atlas of the bodies' layers, cropped from those of the object.
 
     Parameters

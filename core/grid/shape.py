@@ -65,11 +65,11 @@ class ConvolutionShape:
 
     @property
     def _padded(self) -> tuple[int, int, int]:
-        return _fast_lengths((self.n_layers, self.height, self.width), self._required, self.mixes_pairs)
+        return _fast_lengths((self.n_layers, self.height, self.width), self._required, pairs=self.mixes_pairs)
 
 
 @functools.lru_cache(maxsize=1024)
-def _fast_lengths(sizes: tuple[int, int, int], required: tuple[int, int, int], pairs: bool) -> tuple[int, int, int]:
+def _fast_lengths(sizes: tuple[int, int, int], required: tuple[int, int, int], *, pairs: bool) -> tuple[int, int, int]:
     """Return even sizes of at least `required` with the smallest total cost: rows transformed first, layers last."""
     n, rows, _ = sizes
 

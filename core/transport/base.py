@@ -139,7 +139,7 @@ class SurfaceLights(Protocol):
 
     eta: float
 
-    def at(self, points: Array, normals: Array, reach: float, thin: bool) -> list[LightAtPoints]:
+    def at(self, points: Array, normals: Array, reach: float, *, thin: bool) -> list[LightAtPoints]:
         """Return every light at points (n, 3) with unit outward normals (n, 3).
 
         Parameters

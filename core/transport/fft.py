@@ -179,7 +179,7 @@ class NodeExitance:
         term = tables.local
         weights = self.transport.weights(self.grid, self.grid.coordinates(points))
         found = gather(weights, self.volume).astype(np.float64)
-        at_points = lights.at(points, normals, term.reach, False)
+        at_points = lights.at(points, normals, term.reach, thin=False)
         found += term.factors[0] * np.sum([light.irradiance for light in at_points], axis=0)
         if term.reach > 0.0:
             for light in at_points:

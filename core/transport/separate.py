@@ -224,7 +224,9 @@ class OfBodies:
     def atlas(self, grid: LayerGrid) -> Atlas:
         """Return the bodies' parts of the whole object's layers."""
         with self._lock:  # lighting asks too, perhaps in another thread
-            atlas = self._atlases.get(grid) or fit_atlas(grid, self.smooth, self.mesh.vertices, self._of_vertex)
+            atlas = self._atlases.get(grid) or fit_atlas(
+                grid, tsc=self.smooth, vertices=self.mesh.vertices, body=self._of_vertex
+            )
             older = [(key, atlas_kept) for key, atlas_kept in self._atlases.items() if key != grid]
             self._atlases = {**dict(older[1 - ATLASES :]), grid: atlas}
         return atlas
@@ -283,7 +285,7 @@ class OfBodies:
             if (known := parts.get(i)) is not None and known.is_solved and known.grid == grid:
                 continue
 
-            def notify(part: Scattered, i: int = i, coarse: bool = coarse, grid: LayerGrid = grid) -> bool:
+            def notify(part: Scattered, i: int = i, *, coarse: bool = coarse, grid: LayerGrid = grid) -> bool:
                 nonlocal stopped
                 take(i, part)
                 stopped = go_on is not None and not go_on(newest)

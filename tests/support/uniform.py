@@ -42,7 +42,7 @@ class UniformlyScattered:
         return np.zeros_like(self.volume)
 
     def exitance(self, points, normals, lights, tables):
-        return SHARE * sum(light.irradiance for light in lights.at(points, normals, 0.0, False))
+        return SHARE * sum(light.irradiance for light in lights.at(points, normals, 0.0, thin=False))
 
     def on_layers(self):
         return self.volume

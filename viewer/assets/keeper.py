@@ -152,7 +152,7 @@ class Assets:
         """Return how closed a mesh is, or each of its bodies, see `core.transport.diffusion.boundary.row_sums`."""
         return self.get(RowSumsOf(mesh, separate))
 
-    def possible(self, settings: TransportSettings, mesh: Mesh, separate: bool = False) -> TransportSettings:
+    def possible(self, settings: TransportSettings, mesh: Mesh, *, separate: bool = False) -> TransportSettings:
         """Return the settings that are used: another method's where one needs a closed mesh and this is not.
 
         `separate` bodies are closed each for itself.

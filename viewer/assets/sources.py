@@ -179,7 +179,7 @@ class DetailOf:
         """Decode the pictures; returns the detail, and sentences on what of it failed."""
         model = assets.get(self.model)
         pictures = self.texture, self.normal_map
-        return detail_of(model.look, model.mesh, self.model.name, *pictures, self.colours, self.relief)
+        return detail_of(model.look, model.mesh, self.model.name, *pictures, colours=self.colours, relief=self.relief)
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ class QualityOf:
 
     def load(self, assets: "Assets") -> Quality:
         """Choose the quality, by the shape where the method needs to know it."""
-        mesh, settings = self.mesh, assets.possible(self.settings, self.mesh, self.separate)
+        mesh, settings = self.mesh, assets.possible(self.settings, self.mesh, separate=self.separate)
         shape = assets.roughness(mesh) if settings.facts.needs_roughness else None
         quality = choose_quality(settings, self.profiles, mesh, shape, self.sharp_light)
         if settings != self.settings:

@@ -105,6 +105,7 @@ def bake_visibility(
     mesh: Mesh,
     progress: Callable[[float], object] = lambda _: None,
     cancelled: threading.Event | None = None,
+    *,
     ahead: bool = False,
 ) -> BakedVisibility:
     """Refine a mesh and cast rays from its vertices, or find on disk what they met; errors as `core`'s `bake`.

@@ -81,11 +81,11 @@ class DrivenWindow(Headless):
         """Move the pointer to a position and press the left button."""
         self._place = place
         self._send(MouseMoved(*place))
-        self._send(MouseButton("left", True))
+        self._send(MouseButton("left", pressed=True))
 
     def release(self) -> None:
         """Release the left button."""
-        self._send(MouseButton("left", False))
+        self._send(MouseButton("left", pressed=False))
 
     def click(self, place: tuple[float, float]) -> None:
         """Press and release the left button at a position."""

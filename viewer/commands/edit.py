@@ -50,7 +50,7 @@ def _edit(
         scene = changed(scene, [Change("photo", "behind", background, "--background")])
     check(scene, photo, mask, output, depth_output)
     layers = any(format_of(name).linear for name in output)
-    edited = _run(scene, photo, mask, samples, layers)
+    edited = _run(scene, photo, mask, samples, layers=layers)
     for warning in edited.warnings:
         typer.echo(f"milkglass: warning: {warning}.", err=True)
     _save(edited, output, depth_output, scene.photo.behind)
@@ -82,7 +82,7 @@ def check(scene: Scene, photo: str, mask: str, outputs: list[str], depth_output:
             raise InputError(f"{output} is to be written twice; choose another name")
 
 
-def _run(scene: Scene, photo: str, mask: str, samples: int, layers: bool) -> "Edited":
+def _run(scene: Scene, photo: str, mask: str, samples: int, *, layers: bool) -> "Edited":
     from rich.console import Console
 
     from milkglass.viewer.files.photograph import load_photo

@@ -96,7 +96,7 @@ def material_table(material: Material) -> RenderableType:
     return Group(channels, common)
 
 
-def _library_table(listed: Sequence[Material], stacked: bool) -> Table:
+def _library_table(listed: Sequence[Material], *, stacked: bool) -> Table:
     path = "mfp" if stacked else "mean free path"
     headings = ["name", "source", "eta", "sigma_s'", "sigma_a", path, "1/sigma_tr", "R_d", "colour"]
     rows = [_row(material, "\n" if stacked else " ") for material in listed]

@@ -199,9 +199,9 @@ def _parameters(extra_flags: Sequence[Flag]) -> list[inspect.Parameter]:
     )
     light = typer.Option(
         "--light", metavar="KIND:x,y,z...", rich_help_panel="Light",
-        help=f"KIND:x,y,z[:r,g,b][:key=value]; {_kinds(True)} (towards the light; irradiance), or {_kinds(False)} "
-        "(position in mm; intensity); then keys of the scene file, such as radius_mm=40. May be repeated, replaces the "
-        "scene's lights.",
+        help=f"KIND:x,y,z[:r,g,b][:key=value]; {_kinds(distant=True)} (towards the light; irradiance), or "
+        f"{_kinds(distant=False)} (position in mm; intensity); then keys of the scene file, such as radius_mm=40. May "
+        "be repeated, replaces the scene's lights.",
     )  # fmt: skip
     return [
         _parameter("model", str, model),
@@ -213,7 +213,7 @@ def _parameters(extra_flags: Sequence[Flag]) -> list[inspect.Parameter]:
     ]
 
 
-def _kinds(distant: bool) -> str:
+def _kinds(*, distant: bool) -> str:
     return ", ".join(name for name, kind in LIGHT_KINDS.items() if distant == kind.DISTANT)
 
 

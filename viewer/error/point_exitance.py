@@ -58,7 +58,7 @@ class RayLights:
         lights._body = faces
         return lights
 
-    def at(self, points: Array, normals: Array, reach: float, thin: bool) -> list[LightAtPoints]:
+    def at(self, points: Array, normals: Array, reach: float, *, thin: bool) -> list[LightAtPoints]:
         """See `core.transport.base.SurfaceLights.at`."""
         no_light, ones, zeros = np.zeros((len(points), 3)), np.ones(len(points)), np.zeros(len(points))
         far_sides = self._far_sides(points, normals, reach) if reach > 0.0 else []

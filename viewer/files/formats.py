@@ -91,7 +91,7 @@ def format_of(path: str | os.PathLike[str]) -> PictureFormat:
     return found
 
 
-def check_picture_output(path: str | os.PathLike[str], linear: bool = True) -> None:
+def check_picture_output(path: str | os.PathLike[str], *, linear: bool = True) -> None:
     """Raise InputError if no picture can be written at path, to be called before any work is done.
 
     `linear` says whether formats that hold linear layers will do.

@@ -51,7 +51,7 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
     if has_normals.any():
         sound = found.closed and found.non_manifold_edges == 0 and found.inconsistent_edges == 0
         before = faces[:, 0].copy()
-        faces[has_normals], normals = _reconcile(vertices, normals, faces[has_normals], sound)
+        faces[has_normals], normals = _reconcile(vertices, normals, faces[has_normals], sound=sound)
         corners = np.where((faces[:, 0] != before)[:, None], corners[:, ::-1], corners)
         if not sound:
             left = find_flaws(vertices[first], group[faces])
@@ -69,7 +69,7 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
     return mesh, np.concatenate([corners[has_normals], corners[~has_normals]]), _warning(path, found)
 
 
-def _reconcile(vertices: Array, normals: Array, faces: Ints, sound: bool) -> tuple[Ints, Array]:
+def _reconcile(vertices: Array, normals: Array, faces: Ints, *, sound: bool) -> tuple[Ints, Array]:
     """Make the file's normals and the winding of its faces agree; compute those that are zero.
 
     The winding of a closed, consistent mesh is sure, and normals follow it. Elsewhere the normals are the

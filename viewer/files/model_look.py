@@ -144,7 +144,14 @@ class LookParts:
 
 
 def detail_of(
-    look: Look | None, mesh: Mesh, name: str, texture: Path | None, normal_map: Path | None, colours: bool, relief: bool
+    look: Look | None,
+    mesh: Mesh,
+    name: str,
+    texture: Path | None,
+    normal_map: Path | None,
+    *,
+    colours: bool,
+    relief: bool,
 ) -> tuple[MeshDetail | None, tuple[str, ...]]:
     """Return the decoded detail of a look, given pictures in place of the file's, and a sentence on each that failed.
 

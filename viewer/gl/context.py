@@ -135,7 +135,7 @@ def window_context() -> moderngl.Context:
     return prepare_context(context, of_window=True)
 
 
-def prepare_context(context: moderngl.Context, of_window: bool = False) -> moderngl.Context:
+def prepare_context(context: moderngl.Context, *, of_window: bool = False) -> moderngl.Context:
     """Set what every pass takes for granted on a context that is current in this thread, and return it."""
     # The last reference to a texture may go in any thread, and the garbage collector runs in all of them: what is
     # dropped waits in a queue for the thread that has the context, see `free_dropped`.
@@ -235,7 +235,7 @@ def over_object(
     return framebuffer
 
 
-def draw_over_object(context: moderngl.Context, triangle: moderngl.VertexArray, has_depth: bool) -> None:
+def draw_over_object(context: moderngl.Context, triangle: moderngl.VertexArray, *, has_depth: bool) -> None:
     """Add a full-screen triangle, at the far plane, where the object is: all else costs nothing if depth is known."""
     context.enable_only(moderngl.BLEND | (moderngl.DEPTH_TEST if has_depth else 0))
     context.blend_func = moderngl.ONE, moderngl.ONE

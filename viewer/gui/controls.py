@@ -110,7 +110,7 @@ class Controls:
     ) -> Any:  # fmt: skip
         """Draw the control of any value that a `Setting` describes; returns the new value, None if unchanged."""
         imgui.begin_disabled(off is not None)
-        self.begin_row(label, on_reset is not None)
+        self.begin_row(label, resettable=on_reset is not None)
         if declared.choices and not declared.pattern:
             new = self._choice(name, declared, value, automatic)
         elif declared.kind == "boolean":
@@ -122,13 +122,13 @@ class Controls:
             new = self._number(name, declared, value, reach or REACH.get(name), automatic)
         hint = TYPE_HINT if declared.kind in ("number", "integer") else RESET_HINT
         tip = explained(declared, default) + "\n" + (hint if off is None else off)
-        self.end_row(name, label, tip, on_reset, value != default, is_off=off is not None)
+        self.end_row(name, label, tip, on_reset, differs=value != default, is_off=off is not None)
         imgui.end_disabled()
         return new
 
     # the parts of a row
 
-    def begin_row(self, label: str, resettable: bool = False, colour: Any = None) -> None:
+    def begin_row(self, label: str, *, resettable: bool = False, colour: Any = None) -> None:
         """Draw the label of a row, whose control is the next ImGui item; leave room for a reset if `resettable`."""
         imgui.align_text_to_frame_padding()
         start = imgui.get_cursor_screen_pos()
@@ -144,7 +144,7 @@ class Controls:
 
     def end_row(
         self, name: str, label: str, tip: str, on_reset: Callable[[], object] | None = None,
-        differs: bool = False, is_off: bool = False,
+        *, differs: bool = False, is_off: bool = False,
     ) -> None:  # fmt: skip
         """Finish a row after its control: note its box, draw the tooltip, and the reset unless the row is off."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()

@@ -31,14 +31,14 @@ class Sliders:
         flags = imgui.SliderFlags_.logarithmic.value if logarithmic else 0
         self._hide(name)
         changed, new = imgui.slider_float(f"##{name}", value, low, high, f"%.{DECIMALS}f", flags)
-        self._paint(name, position(value, low, high, logarithmic), text, colour)
+        self._paint(name, position(value, low, high, logarithmic=logarithmic), text, colour)
         return float(f"{new:.6g}") if changed else None
 
     def integer(self, name: str, value: int, low: int, high: int, text: str) -> int | None:
         """Draw a slider of whole numbers that shows `text`; returns the new value, None if unchanged."""
         self._hide(name)
         changed, new = imgui.slider_int(f"##{name}", value, low, high)
-        self._paint(name, position(value, low, high, False), text, ACCENT)
+        self._paint(name, position(value, low, high, logarithmic=False), text, ACCENT)
         return int(new) if changed else None
 
     def _hide(self, name: str) -> None:
@@ -73,7 +73,7 @@ class Sliders:
         draw.pop_clip_rect()
 
 
-def position(value: float, low: float, high: float, logarithmic: bool) -> float:
+def position(value: float, low: float, high: float, *, logarithmic: bool) -> float:
     """Return the place of a value on a slider, [0, 1], on the scale that ImGui uses."""
     if high <= low:
         return 0.0

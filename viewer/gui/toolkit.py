@@ -114,7 +114,7 @@ class Gui:
         elif isinstance(event, Typed):
             io.add_input_characters_utf8(event.text)
         elif isinstance(event, Focused):
-            self._focus(event.focused)
+            self._focus(focused=event.focused)
 
     def begin(self, now: float) -> None:
         """Start a frame; `now` in seconds, from any start."""
@@ -156,7 +156,7 @@ class Gui:
                 io.add_key_event(getattr(imgui.Key, modifier), bool(down))
         io.add_key_event(key, event.pressed)
 
-    def _focus(self, focused: bool) -> None:
+    def _focus(self, *, focused: bool) -> None:
         io = imgui.get_io()
         io.add_focus_event(focused)
         if not focused:  # what is released elsewhere is never reported here

@@ -53,7 +53,7 @@ def scene_sources(scene: Scene, assets: Assets, *, draft: bool = False) -> Itera
         yield RowSumsOf(mesh, scene.separate)
     if draft:
         return
-    settings = assets.possible(scene.transport, mesh, scene.separate)
+    settings = assets.possible(scene.transport, mesh, separate=scene.separate)
     if settings.facts.needs_roughness:
         yield RoughnessOf(mesh)
     yield SamplesOf(mesh, sample_spacing(mesh, settings, quality_of(scene, mesh, assets).resolution))

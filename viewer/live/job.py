@@ -120,7 +120,7 @@ class TransportJob:
         self.future: Future[Outcome] = worker.submit(self._scatter)
         self.future.add_done_callback(lambda _: wake())
 
-    def supersede(self, at_once: bool) -> None:
+    def supersede(self, *, at_once: bool) -> None:
         """Tell it that newer light waits: it ends `at_once` (another model's), else as soon as it may be seen."""
         self._superseded.set()
         if at_once:

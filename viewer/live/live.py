@@ -122,7 +122,7 @@ class Live:
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
         """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""
         self.renderer.stages.begin(allowance())
-        newest = self._newest(scene, Detail(False, samples))
+        newest = self._newest(scene, Detail(samples=samples))
         done = True
         if newest is not None:
             drawn, lit, finished = newest

@@ -39,7 +39,7 @@ class CompositePass:
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
         return self._variant(detail=True)
 
-    def _variant(self, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+    def _variant(self, *, detail: bool) -> tuple[Program, moderngl.VertexArray]:
         program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
@@ -80,4 +80,4 @@ class CompositePass:
                 "u_weight": weight,
             }
         )
-        draw_over_object(self._context, triangle, target.framebuffer.depth_attachment is not None)
+        draw_over_object(self._context, triangle, has_depth=target.framebuffer.depth_attachment is not None)

@@ -58,13 +58,13 @@ class PixelIrradiancePass:
         self._context = context
         self._variants = {(False, False): self._variant(soft=False, detail=False)}
 
-    def _drawn_with(self, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+    def _drawn_with(self, *, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
         """Return the cheapest program for a light and a surface, made at its first use."""
         if (soft, detail) not in self._variants:
-            self._variants[soft, detail] = self._variant(soft, detail)
+            self._variants[soft, detail] = self._variant(soft=soft, detail=detail)
         return self._variants[soft, detail]
 
-    def _variant(self, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+    def _variant(self, *, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
         program = Program(self._context, "fullscreen.vert", "irradiance_pixels.frag", soft=soft, detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
@@ -95,7 +95,7 @@ class PixelIrradiancePass:
         framebuffer.use()
         framebuffer.clear()
         for source in sources:
-            program, triangle = self._drawn_with(source.is_soft, gbuffer.detail is not None)
+            program, triangle = self._drawn_with(soft=source.is_soft, detail=gbuffer.detail is not None)
             values = {
                 **source.uniforms(gather.eta, sample, samples),
                 **source.shadow.depth_uniforms(),
@@ -123,7 +123,7 @@ class PixelIrradiancePass:
                 framebuffer.use()
                 self._context.scissor = None if rows >= height else (0, low, width, rows)
                 program.set(values)
-                draw_over_object(self._context, triangle, framebuffer.depth_attachment is not None)
+                draw_over_object(self._context, triangle, has_depth=framebuffer.depth_attachment is not None)
                 self._context.scissor = None
 
 

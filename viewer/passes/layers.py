@@ -27,7 +27,7 @@ class LayersPass:
         self._program.set({"u_world_to_grid": np.asarray(grid.world_to_grid)})
         return np.frombuffer(buffers.transform(self._program), np.float32).reshape(-1, 3)
 
-    def check_limits(self, grid: LayerGrid, layers_follow: bool = False) -> None:
+    def check_limits(self, grid: LayerGrid, *, layers_follow: bool = False) -> None:
         """Refuse layers that the GPU cannot hold, before anything is computed.
 
         `layers_follow` says that fewer texels would mean fewer layers too.

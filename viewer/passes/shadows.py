@@ -126,6 +126,8 @@ class ShadowsPass:
         return texture
 
     def _depths(self, texture: moderngl.Texture) -> moderngl.Sampler:
-        sampler = self._context.sampler(False, False, filter=(moderngl.NEAREST, moderngl.NEAREST), texture=texture)
+        sampler = self._context.sampler(
+            repeat_x=False, repeat_y=False, filter=(moderngl.NEAREST, moderngl.NEAREST), texture=texture
+        )
         sampler.compare_func = ""
         return sampler

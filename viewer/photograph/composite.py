@@ -58,17 +58,17 @@ class Compositor:
         """Return the picture in bands of at most `BAND` rows, from the top; some are computed ahead."""
         h, w = self._edited.photo.size
         rows = (Region(top, 0, min(BAND, h - top), w) for top in range(0, h, BAND))
-        return ahead(lambda place: self._developed(place, transparent), rows)
+        return ahead(lambda place: self._developed(place, transparent=transparent), rows)
 
     @computed_once
     def _shown(self) -> Float32:
         """The object's radiance under the photograph's tone curve, linear in [0, 1]."""
         return np.minimum(tone_map(self._radiance, 1.0, self._edited.white), 1.0).astype(np.float32)
 
-    def _developed(self, rows: Region, transparent: bool) -> PixelsInt:
+    def _developed(self, rows: Region, *, transparent: bool) -> PixelsInt:
         """Return rows of the picture, (h, w, 3 or 4)."""
         photo = self._edited.photo
-        out = _beside(photo, rows, transparent)
+        out = _beside(photo, rows, transparent=transparent)
         place = _common(rows, _grown(photo.outline, _EDGE_MARGIN))
         if place.height <= 0 or place.width <= 0:
             return out
@@ -205,7 +205,7 @@ def _binomial(values: Float32) -> Float32:
     return quarter * (values[:, :-2] + values[:, 2:]) + half * values[:, 1:-1]
 
 
-def _beside(photo: Photo, rows: Region, transparent: bool) -> PixelsInt:
+def _beside(photo: Photo, rows: Region, *, transparent: bool) -> PixelsInt:
     """Return a copy of the photograph's rows, or transparent black, (h, w, 3 or 4)."""
     cut = slice(rows.top, rows.top + rows.height)
     if transparent:

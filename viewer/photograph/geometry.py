@@ -114,7 +114,7 @@ def make_geometry(
     mapped = None
     if depth is not None:
         mapped = _height_from_map(
-            read_depth(depth, photo), photo, framing, outline, strength, depth_format_of(depth).relative
+            read_depth(depth, photo), photo, framing, outline, strength, relative=depth_format_of(depth).relative
         )
     shown = colour @ LUMINANCE.astype(np.float32)
     shading = _shading(shown, coverage, share, base if mapped is None else mapped, framing.step, white)
@@ -170,7 +170,7 @@ def read_depth(path: Path, photo: Photo) -> Float32:
 
 
 def _height_from_map(
-    values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, relative: bool
+    values: Float32, photo: Photo, framing: Framing, outline: Outline, strength: float, *, relative: bool
 ) -> Array:
     """Return the height of the nodes, in nodes, by a depth map; beyond the mask it continues."""
     region = framing.region

@@ -64,7 +64,7 @@ class Lighting:
         bodies, separate = None, scene.separate
         if separate:
             bodies = run(Stage.FIND_BODIES, [model], lambda: self._assets.bodies(model.mesh))
-        settings = self._assets.possible(scene.transport, model.mesh, separate)
+        settings = self._assets.possible(scene.transport, model.mesh, separate=separate)
         if scene.model.bodies is None and bodies is not None:
             bodies = separate_by_default(bodies, settings.facts)
         count = 1 if bodies is None else bodies.count

@@ -112,7 +112,7 @@ class Frame:
         return tuple(channels), channel_bands(channels)
 
 
-def read_frame(picture: Picture, timings: Timings, last: bool = False) -> Frame:
+def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Frame:
     """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
     with current(picture.image.ctx) as context:
         free_dropped(context)

@@ -69,7 +69,7 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
         return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
 
 
-def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, parts: bool) -> tuple[Picture, Timings]:
+def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
     renderer = Renderer()
     picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
@@ -145,7 +145,7 @@ class Renderer:
         say = progress or (lambda _: None)
         self.stages.begin()
         self.transport_stages.begin()
-        lit, gather = self._scattered(scene, say, draft)
+        lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
         if last:
             lit = self._without_transport(lit)
@@ -153,7 +153,7 @@ class Renderer:
         say("drawing")
         return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts, develop=develop)
 
-    def _scattered(self, scene: Scene, say: Progress, draft: bool) -> tuple[LitScene, Gather]:
+    def _scattered(self, scene: Scene, say: Progress, *, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
         lit = self.light(scene, say, draft)
         say("scattering light through the layers")
@@ -214,7 +214,7 @@ class Renderer:
         offsets = pixel_offsets(samples, seed)
         shading = self._shading
         if show == "radiance" and not develop:
-            return shading.undeveloped(scene, lit, gather, offsets, parts, quick)
+            return shading.undeveloped(scene, lit, gather, offsets, parts=parts, quick=quick)
         return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
 
     @_in_turn

@@ -83,7 +83,7 @@ class Shading:
             The stages have an allowance, and the pixels take more.
         """
         display = scene.display
-        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        composite = self._pixels(scene, lit, gather, offsets, parts=parts, quick=quick)
         texture = composite.textures[show]
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if exposure_for is None else exposure_for
@@ -99,10 +99,10 @@ class Shading:
         return self._picture(scene, lit, composite, image, average)
 
     def undeveloped(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool, quick: bool = False
     ) -> Picture:
         """Draw a scene without exposure and tone map: the image is the composite's own framebuffer."""
-        composite = self._pixels(scene, lit, gather, offsets, parts, quick)
+        composite = self._pixels(scene, lit, gather, offsets, parts=parts, quick=quick)
         return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
 
     def _picture(
@@ -129,7 +129,7 @@ class Shading:
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
         """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
-            self._pixels(scene, lit, gather, offsets, parts)
+            self._pixels(scene, lit, gather, offsets, parts=parts)
         except Unfinished:
             return False
         return True
@@ -145,15 +145,15 @@ class Shading:
             World space, mm; M, without what colours do to light that leaves.
         """
         lit = lit.without_tint()
-        textures = self._pixels(scene, lit, gather, pixel_offsets(1), True).textures
+        textures = self._pixels(scene, lit, gather, pixel_offsets(1), parts=True).textures
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
 
     def _pixels(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool, quick: bool = False
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool, quick: bool = False
     ) -> Composite:
         """Shade every pixel once a sample."""
-        targets, key = self._pixel_work(scene, lit, gather, offsets, parts)
+        targets, key = self._pixel_work(scene, lit, gather, offsets, parts=parts)
         large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
         sharing = PARTS if quick and large and len(offsets) == 1 else len(offsets)
 
@@ -167,7 +167,7 @@ class Shading:
         return self._stages.spread(Stage.COMPOSITE, (*key, sharing), shade)
 
     def _pixel_work(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool
+        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool
     ) -> tuple[Composite, tuple[object, ...]]:
         """Return the targets of the pixels, and everything that these depend on."""
         size = scene.display.image_size

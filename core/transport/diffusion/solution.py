@@ -107,7 +107,7 @@ class Solution:
             equation = replace(equation, depths=depths_at_nodes(boundary, equation.reach))
         if equation.bending is not None:
             equation = replace(equation, bending=bending_at_nodes(boundary, self.media))
-        light_at_points = lights.at(points, normals, sheet_reach(self.boundaries), equation.reach > 0.0)
+        light_at_points = lights.at(points, normals, sheet_reach(self.boundaries), thin=equation.reach > 0.0)
         return point_exitance(
             self.volume, self.mean_fluence(), self.grid, equation, lights.eta, points, normals, light_at_points
         )

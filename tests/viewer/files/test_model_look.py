@@ -16,7 +16,7 @@ from tests.support.skins import FLAT, ball_with_map, picture, write_ball, write_
 
 def detail_at(path, texture=None, normal_map=None) -> tuple[MeshDetail | None, tuple[str, ...]]:
     model = read_model(path, 20.0)
-    return detail_of(model.look, model.mesh, path.name, texture, normal_map, True, True)
+    return detail_of(model.look, model.mesh, path.name, texture, normal_map, colours=True, relief=True)
 
 
 def colours_at(detail: MeshDetail) -> tuple[np.ndarray, np.ndarray]:

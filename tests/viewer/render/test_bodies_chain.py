@@ -209,7 +209,7 @@ def test_an_atlas_reads_its_limits(context):
 
     mesh = plates()
     body = find_bodies(mesh).of_vertex(mesh)
-    atlas = fit_atlas(fit_box(mesh.bounds, 0.5), True, mesh.vertices, body)
+    atlas = fit_atlas(fit_box(mesh.bounds, 0.5), tsc=True, vertices=mesh.vertices, body=body)
     layers = LayersPass(context)
     layers.check_atlas(atlas)
     with pytest.raises(InputError, match="for 2 bodies"):

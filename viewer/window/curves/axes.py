@@ -29,14 +29,16 @@ class Axes:
 
     def share(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Array, Array]:
         """Return the places of values: 0 at the start of an axis, 1 at its end."""
-        return _share(np.asarray(x), self.x, self.log_x), _share(np.asarray(y), self.y, self.log_y)
+        return _share(np.asarray(x), self.x, logarithmic=self.log_x), _share(
+            np.asarray(y), self.y, logarithmic=self.log_y
+        )
 
     def value(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return the values at places; the inverse of `share`."""
-        return _value(x, self.x, self.log_x), _value(y, self.y, self.log_y)
+        return _value(x, self.x, logarithmic=self.log_x), _value(y, self.y, logarithmic=self.log_y)
 
 
-def plotted(curves: Curves, per_radius: bool) -> Array:
+def plotted(curves: Curves, *, per_radius: bool) -> Array:
     """Return the curves over the radii, (3, n): R_d in mm^-2, or 2 pi r R_d in mm^-1, whose area is the reflectance."""
     return 2.0 * np.pi * curves.radii * curves.values if per_radius else curves.values
 
@@ -51,7 +53,7 @@ def axes_for(shown: Sequence[Curves], marks: Sequence[Mark], *, log_radius: bool
         x = round_down(AXIS_START * min(lengths, default=0.01)), round_up(1.2 * max(far, size))
     else:
         x = 0.0, round_up(far)
-    values = [plotted(curves, per_radius)[:, _inside(curves.radii, x)] for curves in bright]
+    values = [plotted(curves, per_radius=per_radius)[:, _inside(curves.radii, x)] for curves in bright]
     top = max((float(value.max()) for value in values if value.size), default=1.0) or 1.0
     if per_radius:
         return Axes(x, (0.0, round_up(1.05 * top)), log_radius, False)
@@ -103,14 +105,14 @@ def _inside(radii: Array, x: tuple[float, float]) -> npt.NDArray[np.bool_]:
     return (radii >= x[0]) & (radii <= x[1])
 
 
-def _share(values: Array, ends: tuple[float, float], logarithmic: bool) -> Array:
+def _share(values: Array, ends: tuple[float, float], *, logarithmic: bool) -> Array:
     low, high = ends
     if logarithmic:
         return np.asarray(np.log(values / low) / math.log(high / low))
     return np.asarray((values - low) / (high - low))
 
 
-def _value(shares: Array, ends: tuple[float, float], logarithmic: bool) -> Array:
+def _value(shares: Array, ends: tuple[float, float], *, logarithmic: bool) -> Array:
     low, high = ends
     if logarithmic:
         return np.asarray(low * np.exp(shares * math.log(high / low)))

@@ -53,17 +53,17 @@ class ProfilePlot:
         quiet = flags.no_legend.value | flags.no_mouse_text.value | flags.no_menus.value | flags.no_box_select.value
         if not implot.begin_plot("##profiles", (-1.0, -1.0), quiet | flags.no_title.value):
             return
-        self._set_up(target, per_radius)
+        self._set_up(target, per_radius=per_radius)
         position, size, limits = implot.get_plot_pos(), implot.get_plot_size(), implot.get_plot_limits()
         self.box = position.x, position.y, position.x + size.x, position.y + size.y
         self.axes = replace(target, x=(limits.x.min, limits.x.max), y=(limits.y.min, limits.y.max))
         self._draw_marks(marks)
         for i, (name, curves) in reversed(list(enumerate(named))):
-            self._draw_curves(name, curves, per_radius, dashed=i > 0)
+            self._draw_curves(name, curves, per_radius=per_radius, dashed=i > 0)
         hovered = implot.is_plot_hovered()
-        self._watch(target, hovered)
+        self._watch(target, hovered=hovered)
         if hovered:
-            self._read(named, per_radius)
+            self._read(named, per_radius=per_radius)
         implot.end_plot()
         self._write_labels(marks)
 
@@ -90,7 +90,7 @@ class ProfilePlot:
         ):
             style.set_color_(getattr(implot.Col_, name), imgui.ImVec4(*colour))
 
-    def _set_up(self, target: Axes, per_radius: bool) -> None:
+    def _set_up(self, target: Axes, *, per_radius: bool) -> None:
         x, y = implot.ImAxis_.x1.value, implot.ImAxis_.y1.value
         implot.setup_axes("r, mm", "2π r R_d, 1/mm" if per_radius else "R_d, 1/mm²")
         for axis, is_logarithmic, ends in ((x, target.log_x, target.x), (y, target.log_y, target.y)):
@@ -104,7 +104,7 @@ class ProfilePlot:
             self._target = target
         implot.setup_finish()
 
-    def _watch(self, target: Axes, hovered: bool) -> None:
+    def _watch(self, target: Axes, *, hovered: bool) -> None:
         """Find out whether a person moves the axes, or wants all back."""
         if not hovered:
             return
@@ -113,10 +113,10 @@ class ProfilePlot:
         elif imgui.get_io().mouse_wheel != 0.0 or imgui.is_mouse_dragging(imgui.MouseButton_.left.value):
             self._moved = True
 
-    def _draw_curves(self, name: str, curves: Curves, per_radius: bool, *, dashed: bool) -> None:
+    def _draw_curves(self, name: str, curves: Curves, *, per_radius: bool, dashed: bool) -> None:
         assert self.axes is not None
         size = self.box[2] - self.box[0], self.box[3] - self.box[1]
-        for (letter, colour), values in zip(CHANNELS, plotted(curves, per_radius), strict=True):
+        for (letter, colour), values in zip(CHANNELS, plotted(curves, per_radius=per_radius), strict=True):
             positive = values > 0.0
             x, y = curves.radii[positive], values[positive]
             spec = implot.Spec()
@@ -161,7 +161,7 @@ class ProfilePlot:
             draw.add_text((left, self.box[1] - (row + 1) * line - 2.0), imgui.get_color_u32((*INK, 1.0)), text)
         self._rows = 1 + max((row for row, *_ in taken), default=0)
 
-    def _read(self, named: Sequence[tuple[str, Curves]], per_radius: bool) -> None:
+    def _read(self, named: Sequence[tuple[str, Curves]], *, per_radius: bool) -> None:
         """Read all curves at the pointer's radius."""
         r, x = float(implot.get_plot_mouse_pos().x), imgui.get_io().mouse_pos.x
         if r <= 0.0 or not any(curves.profiles for _, curves in named):
@@ -173,7 +173,7 @@ class ProfilePlot:
         imgui.text_unformatted(f"r = {significant(r)} mm")
         if imgui.begin_table("##read", 5, imgui.TableFlags_.sizing_fixed_fit.value):
             for name, curves in named:
-                for row in reading(name, curves, r, per_radius):
+                for row in reading(name, curves, r, per_radius=per_radius):
                     imgui.table_next_row()
                     for i, cell in enumerate(row):
                         imgui.table_next_column()
@@ -183,7 +183,7 @@ class ProfilePlot:
         imgui.end_tooltip()
 
 
-def reading(name: str, curves: Curves, r: float, per_radius: bool) -> list[tuple[str, ...]]:
+def reading(name: str, curves: Curves, r: float, *, per_radius: bool) -> list[tuple[str, ...]]:
     """Return the rows of curves at a radius, of a label, three texts and a unit: values, and the flux within."""
     if not curves.profiles:
         return []

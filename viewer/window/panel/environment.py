@@ -44,7 +44,7 @@ class EnvironmentSection(Section):
 
     def _builtin(self) -> None:
         controls, environment = self._controls, self._session.scene.environment
-        controls.begin_row("Built in", True)
+        controls.begin_row("Built in", resettable=True)
         name = controls.choice(
             "environment.builtin", environment.builtin, BUILTIN_PROBES, environment.builtin or "none"
         )
@@ -52,7 +52,9 @@ class EnvironmentSection(Section):
             self._session.change([Change("environment", "builtin", name, "environment.builtin")])
         tip = f"{explained(settings_of(environment)['builtin'], None)}\n{RESET_HINT}"
         differs = environment.builtin is not None
-        controls.end_row("environment.builtin", "Built in", tip, self._remove if differs else lambda: None, differs)
+        controls.end_row(
+            "environment.builtin", "Built in", tip, self._remove if differs else lambda: None, differs=differs
+        )
 
     def _remove(self) -> None:
         scene = self._session.scene

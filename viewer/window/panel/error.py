@@ -45,7 +45,7 @@ class ErrorSection(Section):
         error, live = seen.error, seen.live
         is_off = solves(live)
         imgui.begin_disabled(is_off)
-        self._wishes(is_off)
+        self._wishes(is_off=is_off)
         imgui.end_disabled()
         if is_off:
             self._controls.note(NOT_EQUATION_1)
@@ -56,9 +56,9 @@ class ErrorSection(Section):
             return
         self._state(error)
         if error.trouble is None or error.outdated:
-            self._numbers(error.result, error.outdated, live)
+            self._numbers(error.result, outdated=error.outdated, live=live)
 
-    def _wishes(self, is_off: bool) -> None:
+    def _wishes(self, *, is_off: bool) -> None:
         """Draw what can be asked for; `is_off` where it would be in vain."""
         view, controls = self._session.view, self._controls
         controls.begin_row("Measure")
@@ -66,7 +66,7 @@ class ErrorSection(Section):
         controls.end_row("error.measure", "Measure", NOT_EQUATION_1 if is_off else MEASURE_TIP)
         if clicked:
             view.measure = self._was_measuring = not view.measure
-        self._points(is_off)
+        self._points(is_off=is_off)
         controls.begin_row("Show map")
         clicked, _ = imgui.checkbox("##error.map", view.error_map)
         controls.end_row("error.map", "Show map", NOT_EQUATION_1 if is_off else MAP_TIP)
@@ -91,10 +91,10 @@ class ErrorSection(Section):
                 imgui.same_line()
             controls.note(sentence)
 
-    def _points(self, is_off: bool) -> None:
+    def _points(self, *, is_off: bool) -> None:
         view, controls = self._session.view, self._controls
         tip = f"{POINTS_TIP}\n{FEWEST_POINTS} to {MOST_POINTS}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
-        controls.begin_row("Points", True)
+        controls.begin_row("Points", resettable=True)
         points = controls.sliders.integer(
             "error.points", view.error_points, FEWEST_POINTS, MOST_POINTS, f"{view.error_points}"
         )
@@ -102,11 +102,12 @@ class ErrorSection(Section):
             view.error_points = min(max(points, FEWEST_POINTS), MOST_POINTS)
         controls.end_row(
             "error.points", "Points", NOT_EQUATION_1 if is_off else tip,
-            lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS), view.error_points != DEFAULT_ERROR_POINTS,
-            is_off,
+            lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS),
+            differs=view.error_points != DEFAULT_ERROR_POINTS,
+            is_off=is_off,
         )  # fmt: skip
 
-    def _numbers(self, measured: Measured | None, outdated: bool, live: Live) -> None:
+    def _numbers(self, measured: Measured | None, *, outdated: bool, live: Live) -> None:
         """Write the numbers, grey if they are of an earlier picture; dashes before there are any."""
         imgui.begin_disabled(outdated)
         if imgui.begin_table("##error", 4, imgui.TableFlags_.sizing_stretch_prop.value):

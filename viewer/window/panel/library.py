@@ -56,7 +56,7 @@ class LibraryList:
         except InputError as error:
             kept, problem = (), str(error)
         found = library.found(self._only, self._search, kept)
-        chosen = self._list(found, current, keeps)
+        chosen = self._list(found, current, keeps=keeps)
         if chosen is None and enter and found:
             chosen = found[0]
             imgui.close_current_popup()
@@ -77,7 +77,7 @@ class LibraryList:
             imgui.end_combo()
         self._controls.mark(f"{self._key}.filter")
 
-    def _list(self, found: list[Material], current: str | None, keeps: bool) -> Material | None:
+    def _list(self, found: list[Material], current: str | None, *, keeps: bool) -> Material | None:
         controls, row, chosen = self._controls, imgui.get_frame_height(), None
         imgui.begin_child(
             f"##{self._key}.list",

@@ -192,7 +192,7 @@ class LightsSection(Section):
         """Draw the rows of a distant light's direction."""
         (key,) = light.VECTORS
         default = _default(name, light.KIND, key, NEW_LIGHT.direction)
-        self._controls.begin_row("Direction", True)
+        self._controls.begin_row("Direction", resettable=True)
         dragged = self._sphere(f"{name}.sphere", light)
 
         new = light if dragged is None else light.with_values(**{key: dragged})
@@ -200,7 +200,7 @@ class LightsSection(Section):
         tip = explained(settings_of(light)[key], None)
         tip += "\nDrag the sphere: it shows the light as the camera sees it; hollow is behind.\n" + RESET_HINT
         self._controls.end_row(
-            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), new.vector != default
+            f"{name}.sphere", "Direction", tip, lambda: was_reset.append(True), differs=new.vector != default
         )
         if was_reset:
             new = light.with_values(**{key: default})
@@ -220,13 +220,13 @@ class LightsSection(Section):
     def _angle(self, name: str, label: str, value: float, default: float) -> float | None:
         result: list[float] = []
         span = 180.0 if label == "Azimuth" else 90.0
-        self._controls.begin_row(label, True)
+        self._controls.begin_row(label, resettable=True)
         new = self._controls.sliders.number(name, value, -span, span, f"{value:.1f}°")
         if new is not None:
             result.append(new)
         tip = f"{'Around the up axis, 0 is +z' if span > 90 else 'Above the horizon'}; unit deg.\n{TYPE_HINT}"
         differs = abs(value - default) > 0.05
-        self._controls.end_row(name, label, tip, lambda: result.append(default), differs)
+        self._controls.end_row(name, label, tip, lambda: result.append(default), differs=differs)
         return result[-1] if result else None
 
     def _point(self, name: str, light: Light, key: str) -> Light:
@@ -235,14 +235,16 @@ class LightsSection(Section):
         defaults = getattr(as_kind(NEW_LIGHT, light.KIND), key)
         for axis, label in enumerate(AXES[key]):
             reset: list[float] = []
-            self._controls.begin_row(label, True)
+            self._controls.begin_row(label, resettable=True)
             flags = imgui.SliderFlags_.none.value
             changed, new = imgui.drag_float(f"##{name}.{label}", position[axis], 1.0, 0.0, 0.0, "%.1f mm", flags)
             if changed:
                 position[axis] = plain(new)
             tip = f"{explained(declared, None)}\nDrag, or {TYPE_HINT[0].lower()}{TYPE_HINT[1:]}"
             differs = position[axis] != defaults[axis]
-            self._controls.end_row(f"{name}.{label}", label, tip, partial(reset.append, defaults[axis]), differs)
+            self._controls.end_row(
+                f"{name}.{label}", label, tip, partial(reset.append, defaults[axis]), differs=differs
+            )
             position[axis] = reset[-1] if reset else position[axis]
         try:
             return light.with_values(**{key: tuple(position)})
@@ -259,7 +261,7 @@ class LightsSection(Section):
         brightest = max(value)
         colour = tuple(channel / brightest for channel in value) if brightest > 0.0 else (1.0, 1.0, 1.0)
         chosen: dict[str, Any] = {}
-        self._controls.begin_row("Colour", True)
+        self._controls.begin_row("Colour", resettable=True)
         flags = imgui.ColorEditFlags_.float.value | imgui.ColorEditFlags_.no_inputs.value
         changed, new = imgui.color_edit3(f"##{name}.colour", list(colour), flags)
         if changed and max(new) > 0.0:
@@ -267,7 +269,7 @@ class LightsSection(Section):
         tip = f"Linear RGB, the brightest channel is 1. Click to choose.\n{RESET_HINT}"
         self._controls.end_row(
             f"{name}.colour", "Colour", tip, lambda: chosen.update(colour=default_colour),
-            max(abs(a - b) for a, b in zip(colour, default_colour, strict=True)) > 1e-4,
+            differs=max(abs(a - b) for a, b in zip(colour, default_colour, strict=True)) > 1e-4,
         )  # fmt: skip
         label = key.capitalize()
         new_brightness = self._controls.value(

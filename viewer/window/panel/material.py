@@ -48,7 +48,7 @@ class MixtureRows:
     def _admixture(self) -> None:
         controls, session = self._controls, self._session
         admixture, name = session.scene.material.admixture(), session.scene.material.mix_with
-        controls.begin_row("Mix with", True)
+        controls.begin_row("Mix with", resettable=True)
         if admixture is not None:
             side = imgui.get_frame_height()
             kept = None if name is not None else own_materials.named_like(admixture)
@@ -65,7 +65,7 @@ class MixtureRows:
                 session.edit("material", mix_with=chosen.name)
             imgui.end_combo()
         tip = f"{MIX_TIP}\n{RESET_HINT}"
-        controls.end_row("material.mix_with", "Mix with", tip, self._remove, admixture is not None)
+        controls.end_row("material.mix_with", "Mix with", tip, self._remove, differs=admixture is not None)
 
     def _remove(self) -> None:
         self._session.edit("material", mix_with=None)
@@ -128,7 +128,7 @@ class MaterialSection(Section):
         tip = f"A material of the library; type to search. The swatch is its colour under white light.\n{RESET_HINT}"
         default = MaterialSettings(name="marble").name
         controls.end_row(
-            "material.name", "Material", tip, lambda: session.edit("material", name=default), name != default
+            "material.name", "Material", tip, lambda: session.edit("material", name=default), differs=name != default
         )
 
     def _coefficients(self, key: str, symbol: str) -> None:
@@ -141,7 +141,7 @@ class MaterialSection(Section):
         declared = settings_of(session.scene.material)[key]
         for channel, (letter, colour) in enumerate(CHANNELS):
             name, label = f"material.{key}.{letter}", f"{symbol} {letter}"
-            controls.begin_row(label, True)
+            controls.begin_row(label, resettable=True)
             text = f"{significant(values[channel])} /mm"
             new = controls.sliders.number(
                 name, values[channel], 0.0, LARGEST_SIGMA, text, logarithmic=True, colour=colour
@@ -155,7 +155,7 @@ class MaterialSection(Section):
 
             tip = f"{explained(declared, None)}\n{TYPE_HINT}"
             differs = default is not None and default[channel] != values[channel]
-            controls.end_row(name, label, tip, reset, differs)
+            controls.end_row(name, label, tip, reset, differs=differs)
 
     def _change(self, material: Material, key: str, channel: int, value: float) -> None:
         """Change one coefficient; coefficients equal to the library's become that material again."""

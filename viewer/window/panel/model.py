@@ -67,14 +67,14 @@ class ModelSection(Section):
         path = getattr(session.scene.model, key)
         mapped = path is not None or (look is not None and look.mapped)
         imgui.begin_disabled(not mapped)
-        controls.begin_row(label, True)
+        controls.begin_row(label, resettable=True)
         spare = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
         name = ("of the file" if of_file else "none") if path is None else path.name
         if imgui.button(f"{name}##model.{key}", (-spare, 0.0)):
             self._commands.request(f"open_{key}")
         tip = explained(settings_of(session.scene.model)[key], None) + "\n" + (RESET_HINT if mapped else NO_MAP)
         reset = lambda: session.edit("model", **{key: None})  # noqa: E731
-        controls.end_row(f"model.{key}", label, tip, reset, path is not None, is_off=not mapped)
+        controls.end_row(f"model.{key}", label, tip, reset, differs=path is not None, is_off=not mapped)
         imgui.end_disabled()
 
 

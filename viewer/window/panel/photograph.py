@@ -55,26 +55,30 @@ class PhotographSection(Section):
 
     def _depth(self) -> None:
         session, controls, depth = self._session, self._controls, self._session.scene.photo.depth
-        controls.begin_row("Depth", True)
+        controls.begin_row("Depth", resettable=True)
         spare = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
         if imgui.button(f"{'estimated' if depth is None else depth.name}##photo.depth", (-spare, 0.0)):
             self._commands.request("open_depth")
         tip = explained(settings_of(session.scene.photo)["depth"], None)
         reset = lambda: session.edit("photo", depth=None)  # noqa: E731
-        controls.end_row("photo.depth", "Depth", tip, reset, depth is not None)
+        controls.end_row("photo.depth", "Depth", tip, reset, differs=depth is not None)
         controls.setting("photo.depth_strength", "Depth strength")
         controls.setting("photo.depth_smoothing", "Depth smoothing", off=None if depth is None else DEPTH_GIVEN)
 
     def _behind(self) -> None:
         session, controls, behind = self._session, self._controls, self._session.scene.photo.behind
-        controls.begin_row("Behind edges", True)
+        controls.begin_row("Behind edges", resettable=True)
         new = controls.choice("photo.behind", behind, BEHIND, tips=BEHIND_TIPS)
         if new is not None:
             session.edit("photo", behind=new)
         tip = f"{explained(settings_of(session.scene.photo)['behind'], None)}\n{RESET_HINT}"
         default = default_of("photo", "behind")
         controls.end_row(
-            "photo.behind", "Behind edges", tip, lambda: session.edit("photo", behind=default), behind != default
+            "photo.behind",
+            "Behind edges",
+            tip,
+            lambda: session.edit("photo", behind=default),
+            differs=behind != default,
         )
 
     def _mask(self, work: PhotoWork) -> None:

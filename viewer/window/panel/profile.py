@@ -105,7 +105,7 @@ class ProfileRows:
         controls, material = self._controls, self._session.scene.material
         letter, tint = channel
         name, label, values = f"material.{key}.{letter}", f"{label} {letter}", getattr(material, key)
-        controls.begin_row(label, True)
+        controls.begin_row(label, resettable=True)
         low, high = ends or (0.0, 1.0)
         new = controls.sliders.number(name, values[i], low, high, text, logarithmic=ends is not None, colour=tint)
 
@@ -118,7 +118,7 @@ class ProfileRows:
             put(new)
         first = start[key][i] if start else values[i]
         tip = f"{explained(settings_of(material)[key], None)}\n{TYPE_HINT}"
-        controls.end_row(name, label, tip, lambda: put(first), values[i] != first)
+        controls.end_row(name, label, tip, lambda: put(first), differs=values[i] != first)
 
 
 def _spare() -> float:

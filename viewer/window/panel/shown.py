@@ -26,21 +26,21 @@ class ShownRows:
     def draw(self, live: Live) -> None:
         """Draw the rows in the current ImGui window."""
         view, controls = self._session.view, self._controls
-        controls.begin_row("Show", True)
+        controls.begin_row("Show", resettable=True)
         view.show = (
             controls.choice("show", view.show, SHOWN, tips=TIPS, flags=imgui.ComboFlags_.height_large.value)
             or view.show
         )
         tip = f"What the view shows: the picture, or one of its parts.\n{RESET_HINT}"
-        controls.end_row("show", "Show", tip, lambda: setattr(view, "show", "beauty"), view.show != "beauty")
+        controls.end_row("show", "Show", tip, lambda: setattr(view, "show", "beauty"), differs=view.show != "beauty")
         if view.show in ("layer in", "layer out") and live.finished is not None:
             last = live.finished.lit.grid.n_layers - 1
             view.layer = min(view.layer, last)
-            controls.begin_row("Layer", True)
+            controls.begin_row("Layer", resettable=True)
             layer = controls.sliders.integer("layer", view.layer + 1, 1, last + 1, f"{view.layer + 1} of {last + 1}")
             if layer is not None:
                 view.layer = min(max(layer - 1, 0), last)
             controls.end_row(
                 "layer", "Layer", f"Counted from the camera.\n{RESET_HINT}",
-                lambda: setattr(view, "layer", 0), view.layer != 0,
+                lambda: setattr(view, "layer", 0), differs=view.layer != 0,
             )  # fmt: skip

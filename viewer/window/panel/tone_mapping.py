@@ -39,19 +39,19 @@ class ToneMappingSection(Section):
     def _image_size(self) -> None:
         session = self._session
         width, height = session.scene.display.image_size
-        self._controls.begin_row("Picture size", True)
+        self._controls.begin_row("Picture size", resettable=True)
         changed, size = imgui.input_int2("##image_size", [width, height])
         if changed and imgui.is_item_deactivated_after_edit() | all(16 <= side <= 16384 for side in size):
             session.edit("display", image_size=tuple(size))
         self._controls.end_row(
             "display.image_size", "Picture size", f"Width and height; unit px.\n{RESET_HINT}",
-            lambda: session.edit("display", image_size=(1024, 1024)), (width, height) != (1024, 1024),
+            lambda: session.edit("display", image_size=(1024, 1024)), differs=(width, height) != (1024, 1024),
         )  # fmt: skip
 
     def _background(self) -> None:
         session, controls = self._session, self._controls
         current = session.scene.display.background
-        controls.begin_row("Background", True)
+        controls.begin_row("Background", resettable=True)
         imgui.set_next_item_width(imgui.get_content_region_avail().x - 2.4 * imgui.get_frame_height())
         kinds = ["black", "transparent", "environment", "colour"]
         if not session.scene.environment.given:
@@ -69,5 +69,5 @@ class ToneMappingSection(Section):
                 session.edit("display", background="#" + "".join(f"{round(255 * channel):02x}" for channel in new))
         controls.end_row(
             "display.background", "Background", tip,
-            lambda: session.edit("display", background="black"), current != "black",
+            lambda: session.edit("display", background="black"), differs=current != "black",
         )  # fmt: skip

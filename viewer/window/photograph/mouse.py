@@ -53,7 +53,7 @@ class PhotoMouse:
             self._wheel()
         place = self._to_photo((io.mouse_pos.x, io.mouse_pos.y))
         if work.tool is not None and (self._last is not None or (started and io.mouse_down[0])):
-            self._use_tool(place, io.mouse_down[0])
+            self._use_tool(place, pressed=io.mouse_down[0])
         elif active and not started and (io.mouse_delta.x or io.mouse_delta.y):
             self._move(box[3] - box[1])
 
@@ -66,7 +66,7 @@ class PhotoMouse:
         elif self._last is not None:
             draw.add_rect(to_window(self._last), (pointer.x, pointer.y), colour, 0.0, 1.5)
 
-    def _use_tool(self, place: Point, pressed: bool) -> None:
+    def _use_tool(self, place: Point, *, pressed: bool) -> None:
         work, start = self._work, self._last
         self._last = (start or place) if work.tool == "box" else place
         if work.tool == "brush":

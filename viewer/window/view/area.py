@@ -268,7 +268,7 @@ class ViewArea:
     def _put_shown(self, draw: Any) -> None:
         view = self._session.view
         if view.show in ("layer in", "layer out"):
-            self._put_map(draw, view.show == "layer in", view.layer)
+            self._put_map(draw, is_incoming=view.show == "layer in", layer=view.layer)
             return
         if self.picture is None:
             return
@@ -288,7 +288,7 @@ class ViewArea:
             draw_label((middle, top), f"A  {_named(self._session.scene)}", from_right=True)
             draw_label((middle, top), f"B  {_named(self._session.kept)}")
 
-    def _put_map(self, draw: Any, is_incoming: bool, layer: int) -> None:
+    def _put_map(self, draw: Any, *, is_incoming: bool, layer: int) -> None:
         """Show one layer, tone-mapped by itself, as the camera that it was made for sees it."""
         finished = self.live.finished
         if finished is None:

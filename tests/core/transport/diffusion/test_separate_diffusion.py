@@ -31,7 +31,7 @@ class Darkness:
     def __init__(self, eta):
         self.eta = eta
 
-    def at(self, points, normals, reach, thin):
+    def at(self, points, normals, reach, *, thin):
         return []
 
 

@@ -66,9 +66,9 @@ def test_curves_are_the_profile(name):
     assert max(rest) == pytest.approx(0.01, rel=1e-6)
     assert curves.reach == reach(own, 0.01)
     assert np.all(np.diff(curves.radii) > 0.0)
-    np.testing.assert_array_equal(plotted(curves, False), curves.values)
+    np.testing.assert_array_equal(plotted(curves, per_radius=False), curves.values)
     # the area below 2 pi r R_d is the reflectance
-    areas = np.trapezoid(plotted(curves, True), curves.radii, axis=1)
+    areas = np.trapezoid(plotted(curves, per_radius=True), curves.radii, axis=1)
     np.testing.assert_allclose(areas, curves.totals, rtol=2e-3)
 
 
@@ -112,7 +112,7 @@ def test_axes_span_what_is_shown():
     linear = axes_for([curves], marks, log_radius=False, per_radius=True)
     assert linear.x[0] == linear.y[0] == 0.0
     assert curves.reach <= linear.x[1] <= 2.5 * curves.reach
-    assert plotted(curves, True).max() < linear.y[1]
+    assert plotted(curves, per_radius=True).max() < linear.y[1]
     # black, or nothing at all, has axes too
     for shown in ([], [curves_of(MaterialSettings(sigma_s_prime=(0,) * 3, sigma_a=(1,) * 3), unread)]):
         for log_radius in (True, False):

@@ -138,7 +138,7 @@ def test_pointer_and_wheel(driver):
     np.testing.assert_allclose([*plot.axes.x, *plot.axes.y], [*whole.x, *whole.y])
     driver.send(MouseMoved(*middle))
     name, curves = driver.app.profiles.named[0]
-    value, within = reading(name, curves, 2.0, False)
+    value, within = reading(name, curves, 2.0, per_radius=False)
     assert value == ("dipole", *(f"{float(p.radial(2.0)):.5f}" for p in curves.profiles), "1/mm²")
     share = float(curves.profiles[0].total_within(2.0) / curves.profiles[0].total(0.0))
     assert float(within[1]) == pytest.approx(100.0 * share, abs=0.06)
