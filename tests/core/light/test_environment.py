@@ -181,6 +181,7 @@ def test_published_means_and_irradiance_of_a_floor(hdr, name, mean, up):
     np.testing.assert_allclose(env.lookup(env.irradiance_table(probe.sh, 1.0), AXES[0]), up, **within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [UFFIZI, UFFIZI_SMALL, GALILEO, GALILEO_ANGULAR, PISA])
 def test_table_equals_direct_integration(hdr, name):
     """The target is 1 % rms; 0.04 to 0.15 % is reached, and this holds it."""

@@ -41,11 +41,13 @@ def assert_conserves(pixels, eta, at_least=0):
     np.testing.assert_allclose(found, expected, rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eta", [1.0, 1.5])
 def test_a_sun_and_a_lamp_leave_as_much_light_as_there_was(eta):
     assert_conserves(sky(*SPOTS), eta, at_least=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "at_least", "eta"),
     [

@@ -108,6 +108,7 @@ def test_what_is_not_there_is_not_shared():
     assert MIN_UNOCCLUDED < 1e-3
 
 
+@pytest.mark.slow
 def test_a_lobe_sees_what_is_free():
     """A ball over a block: the block's top reflects the sky beside the ball, and below it the ball."""
     mesh = refined(mesh_of(block((40.0, 2.0, 40.0)), part(8.0, (0.0, 10.0, 0.0))), 2.5).mesh

@@ -29,6 +29,7 @@ def casts(monkeypatch):
     return counted
 
 
+@pytest.mark.slow
 def test_rays_are_cast_once_a_shape(casts, folder):
     first, again = bake_visibility(ball(subdivisions=2)), bake_visibility(ball(subdivisions=2))
     assert len(casts) == 1
@@ -39,6 +40,7 @@ def test_rays_are_cast_once_a_shape(casts, folder):
     assert len(list(folder.iterdir())) == 2  # and nothing temporary
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
 def test_a_damaged_file_is_made_anew(casts, folder, damage):
     bake_visibility(ball(subdivisions=2))

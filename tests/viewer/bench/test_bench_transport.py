@@ -136,6 +136,7 @@ def test_both_means_are_told(capsys):
     assert sum(line[1:2] == ["boundary_condition.anisotropy"] for line in lines) == 1
 
 
+@pytest.mark.slow
 def test_a_model_is_compared_with_photons_where_it_is_closed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bench.bench_transport, "N_REGIONS", 12)
     monkeypatch.setitem(SHAPES, "ball, 4 mm", lambda: ball(4.0, subdivisions=2))

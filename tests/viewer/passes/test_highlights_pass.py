@@ -133,6 +133,7 @@ def sheet_before_a_wall():
     return mesh_of(block((12.0, 12.0, 1.0)), block((9.0, 9.0, 2.0), (0.0, 0.0, -1.75)))
 
 
+@pytest.mark.slow
 def test_light_behind_a_sheet_is_that_of_its_other_side(context, tmp_path, monkeypatch):
     monkeypatch.setattr("milkglass.viewer.assets.visibility.LONGEST_EDGE", 0.1)
     monkeypatch.setattr("milkglass.core.light.bake.MIN_RAYS", 0)

@@ -122,6 +122,7 @@ def reached(declared: Setting) -> list[Part]:
     return sorted(set().union(*(part.downstream for part in declared.moves)) - PHOTOGRAPHS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
 def test_a_setting_runs_again_what_it_moves(renderer, named, monkeypatch, name):
     monkeypatch.setattr(sources, "builtin_model", lambda size_mm, up: cube(size_mm))

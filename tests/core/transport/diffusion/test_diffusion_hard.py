@@ -283,6 +283,7 @@ def test_several_lights_add_up():
         np.testing.assert_allclose(every.two_A_M[channel], total, atol=2e-4 * total.max())
 
 
+@pytest.mark.slow
 def test_strands_thinner_than_nodes_near_each_other():
     """The sculpture at 15 mm: strands of 0.27 mean free paths, on which weak directions had light of 17 and -17."""
     medium = Medium(0.97, 0.03, 1.5)
