@@ -10,6 +10,7 @@ import pytest
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.gl.context import current, driver_name, free_dropped, headless_context, leave_framebuffer
+from tests.support.display import virtual_display
 from tests.support.paths import PACKAGES, ROOT
 from tests.support.rendering import MeshRenderer
 from tests.support.shapes import ball, cube, plate, torus_knot
@@ -58,6 +59,13 @@ def context() -> Iterator[moderngl.Context]:
         pytest.skip(str(problem))
     with current(context):
         yield context
+
+
+@pytest.fixture(scope="session")
+def display() -> Iterator[str]:
+    """The name of an X display that no other process of the tests draws on."""
+    with virtual_display() as name:
+        yield name
 
 
 @pytest.fixture(scope="session")

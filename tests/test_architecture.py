@@ -73,6 +73,7 @@ def transport_classes() -> set[str]:
     }
 
 
+@pytest.mark.slow
 def test_transports_are_told_apart_in_their_rooms_only(transport_classes):
     found = [
         f"{path}:{line}: {what}"
@@ -141,6 +142,7 @@ def clock_assertions_in(tree: ast.AST) -> list[int]:
     return [node.lineno for node in ast.walk(tree) if isinstance(node, ast.Assert) and reads_clock(node.test, known)]
 
 
+@pytest.mark.slow
 def test_no_test_asserts_elapsed_time():
     """It depends on what else the machine does: count the work, or measure it with `milkglass bench`."""
     found = [f"{path}:{line}" for path, tree in syntax_trees("tests") for line in clock_assertions(tree)]
@@ -196,6 +198,7 @@ def private_reaches(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, ast.unparse(node)
 
 
+@pytest.mark.slow
 def test_what_is_inherited_from_is_abstract():
     trees = [tree for folder in ("core", "viewer") for _, tree in syntax_trees(folder)]
     assert inherited_and_instantiated(trees) == set(INHERITED)
@@ -239,6 +242,7 @@ def bound_names(tree: ast.AST) -> Iterator[str]:
             yield node.asname
 
 
+@pytest.mark.slow
 def test_names_are_no_pronouns_or_particles():
     found = [
         f"{path}: {name}"

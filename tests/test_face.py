@@ -45,6 +45,7 @@ print(json.dumps([(dict(os.environ), threading.active_count()) == before, sorted
     assert foreign == set()
 
 
+@pytest.mark.slow
 def test_a_picture_leaves_the_threads_and_the_environment_as_they_were(context, model):
     """Those of NumPy's matrix products above all: they are the process's, not ours."""
     code = f"""

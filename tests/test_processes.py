@@ -194,10 +194,9 @@ if __name__ == "__main__":
 
 @pytest.mark.window
 @pytest.mark.slow
-def test_beside_a_window_pictures_are_made_in_another_thread(context, model, tmp_path):
+def test_beside_a_window_pictures_are_made_in_another_thread(display, context, model, tmp_path, monkeypatch):
     """Where the window's context is current, EGL's cannot be: a sentence, not a picture of something else."""
-    if not os.environ.get("DISPLAY"):
-        pytest.skip("there is no display")
+    monkeypatch.setenv("DISPLAY", display)
     code = """
 import glfw
 main = in_thread(lambda: picture(0))

@@ -83,6 +83,7 @@ def test_points_of_the_surface_find_their_body_across_a_narrow_gap():
     np.testing.assert_array_equal(bodies_at(mesh, bodies, points), bodies.of_face[face])
 
 
+@pytest.mark.slow
 def test_what_parts_apart_cost_grows_as_their_number():
     """Of balls whose boxes do not overlap no pair is looked at, and none has a loop of its own."""
     assert find_bodies(torus_knot()).count == 1

@@ -70,6 +70,7 @@ def test_has_thin_parts_of_one_to_three_percent_and_thick_ones(made: Arrays) -> 
     assert area[thickness > 0.1].sum() > 0.1
 
 
+@pytest.mark.slow
 def test_is_the_same_in_every_process(made: Arrays) -> None:
     script = (
         "import hashlib, numpy as np; from milkglass.core.geometry.sculpture import sculpture;"
@@ -79,6 +80,7 @@ def test_is_the_same_in_every_process(made: Arrays) -> None:
     assert printed.strip() == digest(made)
 
 
+@pytest.mark.slow
 def test_becomes_a_mesh_in_millimetres(made: Arrays) -> None:
     mesh = builtin_model(100.0)
     assert len(mesh.faces) == len(made[1])

@@ -34,6 +34,7 @@ def assert_filters(latlong, shininess):
 SHININESSES = [1.0, 2.5, 12.0, 80.0, 300.0, 1200.0, 2000.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shininess", SHININESSES)
 @pytest.mark.parametrize("name", ["uffizi_latlong_1200x600.hdr", "galileo_latlong_1024x512_derived.hdr"])
 def test_a_measured_probe_under_a_lobe(data_dir, name, shininess):
@@ -48,6 +49,7 @@ def test_a_lamp_in_the_sky_under_a_lobe(shininess):
     assert_filters(sky(SPOTS[1], ((0.1, 1.0, 0.0), 12.0, (5.0, 5.0, 7.0)), height=384), shininess)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shininess", [1.0, 80.0, 1279.0, 1e5])
 def test_a_white_sky_stays_white(shininess):
     filtered = LobeFilter(Probe.from_pixels(np.full((64, 128, 3), 0.7, np.float32))).filtered(shininess)

@@ -37,6 +37,7 @@ def test_what_a_preset_costs_grows_as_its_pixels(name):
     assert peak_bytes(lambda: preset(name)) < 200 * 256 * 512
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_is_the_same_light_at_any_resolution(name):
     coarse, fine = (irradiance_table(Probe.from_pixels(preset(name, height)).sh, 1.5) for height in (128, 512))

@@ -37,6 +37,7 @@ def occluded(mesh, visibility, places, probe, rotation, eta=ETA):
     return whole * np.einsum("nk,nkc->nc", places.weights, shares)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [ball, cube])
 def test_a_convex_object_in_a_white_furnace_loses_nothing(shape):
     fine = refined(shape(), 4.0).mesh
@@ -49,6 +50,7 @@ def test_a_convex_object_in_a_white_furnace_loses_nothing(shape):
     np.testing.assert_allclose(occluded(fine, visibility, places, probe, 30.0), expected, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_faces_of_a_coarse_round_object_are_not_in_their_own_way():
     """Shading normals there look below the faces' planes, by up to 20 degrees."""
     fine = refined(ball(subdivisions=1), 2.0).mesh
@@ -58,6 +60,7 @@ def test_the_faces_of_a_coarse_round_object_are_not_in_their_own_way():
     assert shares.mean() > 0.998
 
 
+@pytest.mark.slow
 def test_a_closed_cavity_is_dark():
     mesh = mesh_of(part(10.0, subdivisions=2), part(8.0, subdivisions=2, inverted=True))
     shares = transfer(bake(mesh)).shares(Probe.from_pixels(sky_pixels()).sh)
@@ -97,6 +100,7 @@ def test_scans_under_uffizi(data_dir, name):
         assert rms(occluded(mesh, visibility, places, probe, rotation), reference) < 0.035
 
 
+@pytest.mark.slow
 def test_what_is_not_there_is_not_shared():
     """A black probe, and one that shines where a point cannot look, leave no NaN."""
     visibility = transfer(bake(ball(subdivisions=2)))

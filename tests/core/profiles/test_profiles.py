@@ -271,6 +271,7 @@ sys.exit(main(["render", "--profile", "exponential", *picture]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_profile_in_the_registry_is_in_help_and_pictures(tmp_path):
     command = [sys.executable, "-c", NEW_PROFILE, str(tmp_path / "a.exr")]

@@ -43,6 +43,7 @@ def test_graded_sources_cover_the_surface(make):
     assert np.all(np.einsum("ij,ij->i", sources.normals, sources.face_normals) > 0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["wholemilk", "skimmilk"])
 @pytest.mark.parametrize("make", [ball, torus_knot, plate])
 def test_few_graded_sources_are_worth_many_even_ones(make, material):
@@ -98,6 +99,7 @@ def test_what_lies_beyond_a_point_light_casts_no_shadow():
     np.testing.assert_array_equal(occluder.reached(points, normals, (1.0, 0.0, 20.0)), [False, False])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["directional", "point", "environment"])
 def test_the_lights_are_the_renderers(renderer_of, tmp_path, kind):
     """E of the picture at pixels in the light, but for a few at the edge of a shadow."""

@@ -166,6 +166,7 @@ def test_constant_light_on_a_wide_plane_leaves_as_constant_light(spacing_of_mean
     assert ratio.std() < {0.5: 0.002, 1.0: 0.01, 2.0: 0.02}[spacing_of_mean_free_path]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["marble", "whole milk", "skin1", "ketchup"])
 @pytest.mark.parametrize("shape", ["ball", "plate"])
 def test_phase_of_the_grid_changes_little(solids, shape, name):

@@ -103,6 +103,7 @@ def convolved(transport, grid, layer, profile, area):
     return out[tuple(slice(n) for n in grid.shape)]
 
 
+@pytest.mark.slow
 def test_dipoles_of_any_library_material_are_finite(context):
     """Every material of the library on one grid: finite, not negative beyond rounding."""
     lit = Lit(ball(20.0, 4), materials.lookup("marble"))

@@ -36,6 +36,7 @@ def exitance_at(points: np.ndarray, mesh: Mesh, samples: SurfaceSamples, flux: n
     return gather(tent_matrix(grid, grid.coordinates(points)), volume)
 
 
+@pytest.mark.slow
 def test_converges_to_the_direct_sum(lit_ball: tuple[Mesh, SurfaceSamples, np.ndarray]) -> None:
     mesh, samples, flux = lit_ball
     material = materials.lookup("skim milk")

@@ -62,6 +62,7 @@ def test_a_damaged_file_is_made_anew(casts, folder, damage):
     assert len(casts) == 2
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_done_without(casts, folder):
     folder.write_text("a file where the folder would be")
     bake_visibility(ball(subdivisions=2))

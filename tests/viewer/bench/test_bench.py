@@ -130,6 +130,7 @@ def test_plans_name_what_exists():
     assert str(Scheme("ewald", None, 40, assignment="tent")) == "ewald 40 tent"
 
 
+@pytest.mark.slow
 def test_error_falls_with_layers_and_the_split_beats_the_paper(coarse_reference):
     schemes = (Scheme("layered", 2, 64), Scheme("layered", 32, 64), Scheme("ewald", None, 40))
     rows = list(error_rows(schemes, {"plate": SHAPES["plate"]}, ["skim milk"], ["back"], 60))
@@ -160,6 +161,7 @@ def test_points_are_visible():
     assert ((target.points.normals @ towards) > -1e-3).all()
 
 
+@pytest.mark.slow
 def test_the_reference_is_the_direct_sum_of_every_material_and_light():
     """Against an even cover by `core.reference.equation.direct_exitance`."""
     mesh = ball(diameter=4.0, subdivisions=3)
@@ -246,6 +248,7 @@ def test_solutions_of_diffusion_are_timed_to_their_end(tmp_path, monkeypatch):
         assert int(row["products"]) > 1
 
 
+@pytest.mark.slow
 def test_yardsticks_transform_the_boxes_of_the_default(tmp_path):
     shapes = {"ball": lambda: ball(subdivisions=2)}
     (row,) = yardstick_rows(shapes, DEFAULT, 2, 500)
@@ -272,6 +275,7 @@ def test_bare_transforms_are_whole_ones():
     np.testing.assert_allclose(found, box.size * box, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_model_joins_the_error_sweep(tmp_path, coarse_reference):
     mesh = ball(diameter=1.0, subdivisions=2)
     trimesh.Trimesh(mesh.vertices, mesh.faces).export(tmp_path / "egg.ply")

@@ -83,6 +83,7 @@ def test_a_finer_grid_of_the_same_has_no_numerical_error():
     np.testing.assert_allclose(numerical_error(evaluate(1.1), evaluate(1.0), surface), 0.1)
 
 
+@pytest.mark.slow
 def test_shapes_are_closed_solids():
     for make in SHAPES.values():
         assert is_closed(row_sums(make()))

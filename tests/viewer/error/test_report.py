@@ -162,6 +162,7 @@ def test_layered_transport_has_a_report_without_a_prediction(renderer_of):
     json.dumps(content, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_environment_alone_is_measured(renderer_of, tmp_path):
     ones = np.ones((16, 32), np.float32)
     images.write_exr(tmp_path / "white.exr", dict.fromkeys("RGB", ones))
@@ -244,6 +245,7 @@ def of_coefficients(scene, *sigma_s_prime: float):
     return replace(scene, material=material)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scattering", "lights", "reason"),
     [
@@ -261,6 +263,7 @@ def test_what_photons_cannot_tell_is_said(renderer_of, scattering, lights, reaso
     assert summary(report, "a.json").splitlines()[1].startswith("Error against transport was not measured: ")
 
 
+@pytest.mark.slow
 def test_an_open_mesh_has_no_photons(context):
     scene = scene_of(*MILKY, "transport.method=diffusion", method="ewald")
     content = error_report(MeshRenderer(context, mesh_of(sheet(0.0))), scene, points=5, photons=10).content
@@ -318,6 +321,7 @@ def test_bad_reports_are_one_sentence_and_code_2(tmp_path, capsys, monkeypatch, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_picture_without_the_object_writes_nothing(context, tmp_path, capsys, monkeypatch):
     """A speck between two pixels."""

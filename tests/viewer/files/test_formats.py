@@ -46,6 +46,7 @@ def test_an_unknown_suffix_is_told_of_all_formats(npy):
         format_of("a.gif")
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_the_command_line_writes_a_new_format(tmp_path, npy, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -237,6 +237,7 @@ def test_other_peoples_noise_is_held_back(tmp_path: Path, caplog: pytest.LogCapt
     assert not logging.getLogger("trimesh").level
 
 
+@pytest.mark.slow
 def test_measured_models(data_dir: Path) -> None:
     expected = {
         "dragon_100k.ply": (100_000, None),
@@ -269,6 +270,7 @@ def test_what_loading_costs_grows_as_the_faces_do(tmp_path: Path, suffix: str) -
     assert held[1] < 1.1 * held[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_the_builtin_model_is_placed_like_a_file(up: str) -> None:
     mesh = builtin_model(80.0, up)

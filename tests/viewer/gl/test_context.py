@@ -20,6 +20,7 @@ from tests.support.rendering import MeshRenderer, scene_of
 # The context
 
 
+@pytest.mark.slow
 def test_importing_makes_no_context():
     """Every module of the package, in a process of its own, where making a context is an error."""
     code = """

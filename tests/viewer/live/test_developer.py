@@ -44,6 +44,7 @@ def drawn(live, scene, detail, show="radiance"):
     raise AssertionError("the picture does not come to rest")
 
 
+@pytest.mark.slow
 def test_a_picture_is_what_the_developer_makes(developed):
     live, developer, scene = developed
     picture = drawn(live, scene, Detail(False, 2, True))

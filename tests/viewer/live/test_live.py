@@ -138,6 +138,7 @@ def test_a_thousand_random_changes_end_in_the_picture_of_their_sum(driver, conte
     assert np.abs(picture.astype(int) - expected).max() <= 1
 
 
+@pytest.mark.slow
 def test_old_volume_keeps_the_picture_alive_until_the_new_one_is_there(driver, monkeypatch):
     live, gate = driver.view.live, threading.Event()
     scatter = live.renderer.scatter
@@ -201,6 +202,7 @@ def test_file_deleted_while_open_does_not_matter(driver, model, tmp_path):
     assert "not a file" in driver.app.messages[-1]
 
 
+@pytest.mark.slow
 def test_moved_slider_is_drawn_with_fewer_texels_and_settles_to_all(driver):
     driver.session.edit("transport", resolution=256, layers=24)
     driver.settle()
@@ -213,6 +215,7 @@ def test_moved_slider_is_drawn_with_fewer_texels_and_settles_to_all(driver):
     assert live.finished.lit.quality.resolution == 256
 
 
+@pytest.mark.slow
 def test_a_dragged_material_leaves_the_processor_to_the_worker_until_its_volume_is_there(driver, monkeypatch):
     from milkglass.viewer.gui.events import MouseButton, MouseMoved
 

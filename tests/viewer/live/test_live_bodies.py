@@ -25,6 +25,7 @@ def put(driver, *assignments):
     driver.session.put(apply_set(driver.session.scene, assignments))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "lit"), [("layered", set()), ("ewald", LIT)])
 def test_separating_neither_loads_nor_samples_again(driver, method, lit):
     """Only the sheets of ewald need shadow maps that tell bodies apart."""
@@ -39,6 +40,7 @@ def test_separating_neither_loads_nor_samples_again(driver, method, lit):
     np.testing.assert_array_equal(driver.picture(), joined)
 
 
+@pytest.mark.slow
 def test_a_change_of_separate_bodies_runs_what_depends_on_it(driver):
     put(driver, "model.bodies=separate")
     driver.settle()
@@ -95,6 +97,7 @@ def test_layers_show_all_bodies_together(driver):
     np.testing.assert_array_equal(np.frombuffer(texture.read(), np.uint8).reshape(expected.shape), expected)
 
 
+@pytest.mark.slow
 def test_diffusion_in_separate_bodies(driver):
     """Solved body by body: what depends on a change runs again, for all of them; layers show them together."""
     put(driver, "transport.method=diffusion", "transport.resolution=32", "model.bodies=joined")
@@ -133,6 +136,7 @@ def test_diffusion_in_separate_bodies(driver):
     assert np.abs(driver.picture().astype(int) - joined).max() <= 2
 
 
+@pytest.mark.slow
 def test_a_drag_in_separate_bodies_shows_coarse_solutions_and_ends_in_the_fine_one(driver):
     put(driver, "transport.method=diffusion", "transport.resolution=64", "model.bodies=separate")
     driver.settle()

@@ -245,6 +245,7 @@ def test_a_history_of_changes_ends_in_the_picture_of_their_sum(driver):
         assert off.max() <= 2, method
 
 
+@pytest.mark.slow
 def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(driver, monkeypatch):
     put(driver, "transport.resolution=64")
     driver.settle()
@@ -275,6 +276,7 @@ def test_an_open_mesh_falls_back_and_says_so(driver, tmp_path):
     assert live.finished.lit.quality.method == "ewald"
 
 
+@pytest.mark.slow
 def test_controls_without_meaning_are_off_and_the_rest_works(driver):
     for section in SECTIONS:
         driver.click(f"section.{section}", 0.3)
@@ -298,6 +300,7 @@ def test_controls_without_meaning_are_off_and_the_rest_works(driver):
     assert "transport.assignment=tsc" in driver.app.panel.controls.boxes
 
 
+@pytest.mark.slow
 def test_the_error_is_not_measured_against_another_equation(driver):
     driver.key("e")
     driver.settle()

@@ -113,6 +113,7 @@ def test_off_costs_nothing(driver):
     assert error._worker is None
 
 
+@pytest.mark.slow
 def test_separate_bodies_are_measured_each_alone(driver, context, tmp_path):
     two = mesh_of(ball(1.0), ball(1.0, (2.1, 0.0, 0.0)))
     trimesh.Trimesh(two.vertices, two.faces, vertex_normals=two.normals, process=False).export(tmp_path / "two.ply")
@@ -160,6 +161,7 @@ def test_what_exitance_does_not_depend_on_leaves_the_numbers_as_they_are(driver)
     assert driver.app.error.result is result
 
 
+@pytest.mark.slow
 def test_a_change_makes_numbers_old_until_the_picture_rests_again(driver):
     first = measured(driver)
     driver.session.edit("material", name="ketchup")
@@ -231,6 +233,7 @@ def test_undo_and_another_model_while_it_measures(driver, tmp_path):
     assert measured(driver).error.deviation == expected
 
 
+@pytest.mark.slow
 def test_a_measurement_looks_often_whether_to_go_on(driver, monkeypatch):
     """So that giving it up takes a small share of it, whatever else the machine does."""
     looks, enough = [], threading.Event()
@@ -330,6 +333,7 @@ def test_nothing_is_measured_before_there_is_a_picture(context, model, monkeypat
     driver.close()
 
 
+@pytest.mark.slow
 def test_progress_wakes_the_window_and_is_whole(driver, monkeypatch):
     woken, shares = [], []
     driver.app.error._wake = lambda: woken.append(1)

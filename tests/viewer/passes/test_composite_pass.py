@@ -43,6 +43,7 @@ def single_samples(renderer, scene, offsets) -> list[Frame]:
     return [read_frame(shade(scene, lit, gather, renderer._lighting, (o,), True), {}) for o in offsets]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("projection", PROJECTIONS)
 @pytest.mark.parametrize("eta", [1.0, 1.3, 1.5, 2.5])
@@ -166,6 +167,7 @@ def test_the_picture_does_not_depend_on_keeping_the_parts(renderer_of):
     np.testing.assert_array_equal(read_image(without), with_parts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 7])
 def test_a_seed_gives_the_same_bits_again(context, shapes, renderer_of, seed):
     first = renderer_of("cube").render(scene_of(), samples=4, seed=seed)

@@ -36,6 +36,7 @@ def shot(renderer, path, *assignments, **options):
     return renderer.render(of(path, *assignments, **options), samples=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["layered", "ewald", "diffusion"])
 def test_one_colour_everywhere_is_a_factor_wherever_it_acts(renderer, tmp_path, method):
     path = write_ball(tmp_path / "ball.glb", picture((C, C, C)))
@@ -132,6 +133,7 @@ def test_texture_coordinates_without_an_area_have_no_relief(renderer, tmp_path):
     np.testing.assert_allclose(frame.irradiance, none.irradiance, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["half", "after"])
 def test_the_report_sums_what_the_picture_shows(renderer, tmp_path, mode):
     dots = np.full((16, 32, 3), 255, np.uint8)
@@ -144,6 +146,7 @@ def test_the_report_sums_what_the_picture_shows(renderer, tmp_path, mode):
     assert "colours" in report.content["transport_error"]["not_measured"]
 
 
+@pytest.mark.slow
 def test_a_thin_sheet_has_the_colour_of_its_other_side(renderer, tmp_path):
     box = trimesh.creation.box((2.0, 2.0, 0.02)).subdivide().subdivide().subdivide()
     behind = box.vertices[:, 2] < 0.0

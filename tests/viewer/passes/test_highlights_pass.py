@@ -95,6 +95,7 @@ def test_what_is_in_the_way_is_mirrored_as_bright_as_the_object(lit):
     assert np.median(blocked) < 0.5
 
 
+@pytest.mark.slow
 def test_a_convex_object_loses_no_highlight(context, sky):
     renderer = MeshRenderer(context, ball())
     scene = replace(around(scene_of(), sky), specular=SHINY)
@@ -105,6 +106,7 @@ def test_a_convex_object_loses_no_highlight(context, sky):
     np.testing.assert_allclose(frames[1].specular, frames[0].specular, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_what_shows_no_highlight_evaluates_none(context, sky):
     renderer = MeshRenderer(context, ball())
     for scene in (

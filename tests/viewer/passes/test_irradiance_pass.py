@@ -199,6 +199,7 @@ def test_a_bright_spot_lights_the_side_that_faces_it(context, passes, rotation):
     assert brightest @ lamp_at > 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["uffizi_latlong_1200x600.hdr", "galileo_latlong_1024x512_derived.hdr"])
 def test_the_environment_against_direct_integration(context, passes, data_dir, name):
     path = data_dir / "hdr" / name

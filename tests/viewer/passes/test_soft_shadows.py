@@ -58,6 +58,7 @@ def samples_at(points, normals):
     return SurfaceSamples(np.float32(points), np.float32(normals), np.ones(len(points), np.float32))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SIZED)
 def test_soft_shadows_against_rays(irradiance_of, shapes, name):
     """Mean absolute error below 4 % of the mean, a draft's below 8 %."""
@@ -159,6 +160,7 @@ def test_samples_of_a_pixel_share_sub_lights_out(renderer_of):
     np.testing.assert_allclose(four.irradiance[seen].mean(axis=0), three.irradiance[seen].mean(axis=0), rtol=5e-3)
 
 
+@pytest.mark.slow
 def test_pixels_and_samples_see_the_same(renderer_of, irradiance_of, shapes):
     for light in (SIZED["rectangle"], SpotLight((15.0, 20.0, 40.0), cone_deg=12.0)):
         frame = renderer_of("knot").render(scene_of("camera.azimuth_deg=190", lights=(light,)), samples=1)
@@ -169,6 +171,7 @@ def test_pixels_and_samples_see_the_same(renderer_of, irradiance_of, shapes):
         np.testing.assert_allclose(frame.irradiance[seen].mean(axis=0), expected.mean(axis=0), rtol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "shininess"), [("phong", 10), ("phong", 2000), ("normalized", 300)])
 def test_the_highlight_of_a_disc_is_whole_and_smooth(renderer_of, model, shininess):
     """As much light as of a sharp light, and no dots of sub-lights: one maximum across it."""
@@ -275,6 +278,7 @@ def test_while_a_light_is_dragged_it_has_few_sub_lights(driver):
     assert len(live.lit.sources[0].shadow.lights) == whole  # a material leaves shadows alone
 
 
+@pytest.mark.slow
 def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkeypatch):
     """No frame draws more than its share of shadow maps; another edit starts again; the end is the headless picture."""
     live, session, drawn = driver.view.live, driver.session, []

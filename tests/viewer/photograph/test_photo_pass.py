@@ -68,6 +68,7 @@ def close_to(picture: np.ndarray, other: np.ndarray) -> bool:
     return bool(difference.max() <= 12 and (difference > 3).mean() < 0.01)
 
 
+@pytest.mark.slow
 def test_the_window_shows_what_edit_writes(window, context) -> None:
     shown = window()
     work, picture = work_of(shown), shown.picture()
@@ -85,6 +86,7 @@ def test_the_window_shows_what_edit_writes(window, context) -> None:
     assert not alone[work.photo.mask == 0][:20].any()
 
 
+@pytest.mark.slow
 def test_steep_parts_are_filled_without_steps(window, context) -> None:
     """Of a ball read four times as deep most is too steep to be trusted."""
     deep = replace(SCENE, photo=replace(SCENE.photo, depth_strength=4.0))
@@ -100,6 +102,7 @@ def test_steep_parts_are_filled_without_steps(window, context) -> None:
     assert np.abs(picture - written)[inside].mean() < 3.7
 
 
+@pytest.mark.slow
 def test_light_by_hand_is_as_bright_as_edit_makes_it(window, context) -> None:
     lamp = DirectionalLight((0.0, 0.6, 0.8), (40.0, 40.0, 40.0))
     by_hand = replace(SCENE, lights=(lamp,), environment=replace(EnvironmentSettings(), intensity=0.0))
@@ -109,6 +112,7 @@ def test_light_by_hand_is_as_bright_as_edit_makes_it(window, context) -> None:
     assert developed(shown).exposure == pytest.approx(written.exposure, rel=0.1)
 
 
+@pytest.mark.slow
 def test_material_and_depth_change_the_object_alone(window) -> None:
     shown = window()
     before, made = shown.picture(), work_of(shown).object
@@ -130,6 +134,7 @@ def test_material_and_depth_change_the_object_alone(window) -> None:
     np.testing.assert_array_equal(shown.picture()[far], before[far])
 
 
+@pytest.mark.slow
 def test_how_depth_is_read_is_undone_saved_and_opened(window, tmp_path: Path) -> None:
     assert PhotoSettings().depth_smoothing == SMOOTHING
     shown = window()
@@ -168,6 +173,7 @@ def test_a_depth_map_takes_the_place_of_the_estimate(window, tmp_path: Path) -> 
     assert shown.session.scene.photo.depth is None
 
 
+@pytest.mark.slow
 def test_a_split_view_shows_the_photograph_twice(window) -> None:
     shown = window()
     before = shown.picture()
@@ -192,6 +198,7 @@ def test_the_camera_is_the_photographs(window) -> None:
     assert not shown.session.view.measure
 
 
+@pytest.mark.slow
 def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     shown = window(masked=False)
     work = work_of(shown)
@@ -222,6 +229,7 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     assert work.tool is None
 
 
+@pytest.mark.slow
 def test_what_is_under_the_pointer_stays_there_when_the_mask_is_painted_from_close_by(window) -> None:
     shown = window()
     work, brush = work_of(shown), work_of(shown).brush

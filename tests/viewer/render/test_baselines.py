@@ -46,6 +46,7 @@ PICTURES: dict[str, tuple[str | None, Scene]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PICTURES)
 def test_a_picture_is_its_baseline(request, context, on_llvmpipe, renderer_of, name):
     shape, scene = PICTURES[name]

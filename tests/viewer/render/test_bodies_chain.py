@@ -44,6 +44,7 @@ def of_plates(context):
     return MeshRenderer(context, plates())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_plate_in_the_shadow_of_another_glows_only_where_they_are_joined(of_plates, method):
     """Measured in marble with 80 nodes: .319 .227 .154 (R, G, B), a tenth of the irradiance; and nothing."""
@@ -56,6 +57,7 @@ def test_a_plate_in_the_shadow_of_another_glows_only_where_they_are_joined(of_pl
     assert (joined.exitance[separate.exitance > 0.0] > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_the_light_of_a_thin_sheet_does_not_jump_to_the_next(context, lamp):
     """Plates of 0.1 mm, 0.05 mm apart: without bodies in the shadow map the front one has an exitance of .04."""
@@ -67,6 +69,7 @@ def test_the_light_of_a_thin_sheet_does_not_jump_to_the_next(context, lamp):
     assert behind.exitance[inside(behind, 4) & (behind.normal[..., 2] < -0.99)].min() > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lamp", ["directional", "point"])
 def test_a_thin_sheet_keeps_its_own_light(context, lamp):
     """A lit plate of 0.4 mm, seen from its far side beside a small body: measured .9 %, and 5 % without the term."""
@@ -93,6 +96,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_exitance_is_the_float64_sum_over_the_points_own_body(context, name):
     """Rms over all channels at 200 visible points; measured at most .23 % (ball and sheets)."""
@@ -109,6 +113,7 @@ def test_exitance_is_the_float64_sum_over_the_points_own_body(context, name):
     assert error_report(renderer, joined, points=20).content["model"]["bodies"] == {"mode": "joined", "count": 1}
 
 
+@pytest.mark.slow
 def test_layered_tends_to_the_sum_over_the_points_own_body(context):
     """Measured 3.5 % with 128 layers; its tents lose the rest, in joined bodies too."""
     mesh, direction = CASES["balls"]
@@ -117,6 +122,7 @@ def test_layered_tends_to_the_sum_over_the_points_own_body(context):
     assert error_report(MeshRenderer(context, mesh), own, points=200).deviation.rms_together < 0.05
 
 
+@pytest.mark.slow
 def test_the_reference_sums_over_the_own_body_alone():
     mesh = plates()
     bodies = find_bodies(mesh)
@@ -134,6 +140,7 @@ def test_the_reference_sums_over_the_own_body_alone():
     assert (together[~front] >= alone[~front] * (1.0 - 1e-3)).all()
 
 
+@pytest.mark.slow
 def test_one_body_gives_the_bits_of_joined_and_says_so(context):
     renderer = MeshRenderer(context, mesh_of(ball(9.0), ball(5.0, inverted=True)))
     joined, separate = (renderer.render(scene(mode=mode)) for mode in ("joined", "separate"))
@@ -165,6 +172,7 @@ def test_orbiting_ewald_convolves_nothing(of_plates):
     assert of_plates.timings.keys() >= {"weights", "convolution", "bodies", "layer volume"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -188,6 +196,7 @@ def test_a_change_runs_only_what_depends_on_it(context, change, expected):
     assert "samples" not in renderer.timings or "resolution" in str(change)
 
 
+@pytest.mark.slow
 def test_two_hundred_balls(context):
     """All are lit or dark on their own; measured 1.3 s for the first picture of 256,000 samples."""
     renderer = MeshRenderer(context, scattered(200, 2))

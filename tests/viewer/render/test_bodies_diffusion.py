@@ -55,6 +55,7 @@ def test_touching_tubes(context, material):
     assert any("one body" in warning for warning in alone.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lamp", ["directional", "point"])
 def test_light_does_not_jump_from_a_thin_sheet_to_the_next(context, lamp):
     """Plates of 0.3 mm, 0.05 mm apart, of half a cell each: joined, the one in front glows as if it were lit."""
@@ -82,6 +83,7 @@ def test_bodies_far_apart_and_linked_rings_are_as_joined(context):
         assert relative_rms(separate.exitance[pixels], joined.exitance[pixels]).max() < 0.005
 
 
+@pytest.mark.slow
 def test_a_model_of_one_body_is_rendered_bit_by_bit_as_if_joined(context):
     mesh = mesh_of(ball(8.0), ball(4.0, inverted=True))  # a cavity is of the body around it
     lights = (DirectionalLight((0.2, 0.3, 1.0)), PointLight((30.0, 0.0, -20.0)))
@@ -93,6 +95,7 @@ def test_a_model_of_one_body_is_rendered_bit_by_bit_as_if_joined(context):
         np.testing.assert_array_equal(getattr(separate, name), getattr(joined, name))
 
 
+@pytest.mark.slow
 def test_a_file_that_is_rendered_to_exr(tmp_path):
     mesh = tubes()
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(tmp_path / "tubes.ply")
@@ -110,6 +113,7 @@ def test_a_file_that_is_rendered_to_exr(tmp_path):
     assert totals["separate"] < 1e-3
 
 
+@pytest.mark.slow
 def test_an_environment_lights_every_body(context, tmp_path):
     probe = tmp_path / "even.exr"
     images.write_exr(probe, {c: np.ones((16, 32), np.float32) for c in "RGB"})
@@ -120,6 +124,7 @@ def test_an_environment_lights_every_body(context, tmp_path):
     assert np.isfinite(frame.radiance).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["tubes", "plates"])
 def test_exitance_at_points_is_that_of_the_pixels(context, model):
     """What a report compares with photons. Rms, measured: 2e-7 (tubes), 1e-4 (plates of half a cell).
@@ -144,6 +149,7 @@ def test_dipoles_of_separate_bodies_are_not_compared_with_photons(context):
     assert "with transport diffusion only" in obstacle(dipoles, renderer.light(dipoles))
 
 
+@pytest.mark.slow
 def test_a_picture_rendered_alone_lets_go_of_the_bodies(context):
     renderer = MeshRenderer(context, plates())
     solver = renderer.light(scene(lights=BEHIND)).transport
@@ -165,6 +171,7 @@ def test_another_material_and_light_solve_the_bodies_again(context):
         assert relative_rms(again.exitance[lit], fresh.exitance[lit]).max() < 0.005
 
 
+@pytest.mark.slow
 def test_blocks_that_lie_upon_each_other(context):
     """Joined, a place on the common plane is on both surfaces, and ewald takes over; each alone is closed."""
     mesh = mesh_of(block((5, 5, 5)), block((4, 4, 4), (4.5, 0.1, 0.1)))
@@ -179,6 +186,7 @@ def test_blocks_that_lie_upon_each_other(context):
     assert M[body == 1].sum() < 1e-3 * M[body == 0].sum()
 
 
+@pytest.mark.slow
 def test_bodies_are_separate_by_default_where_the_method_asks_for_it(context):
     renderer, mesh = MeshRenderer(context, tubes()), tubes()
     default = scene()

@@ -33,6 +33,7 @@ def visible_points(frame, seed=0):
     return rows[chosen], columns[chosen]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [FRONT, BACK], ids=["front", "back"])
 @pytest.mark.parametrize("material", ["skimmilk", "marble"])
 @pytest.mark.parametrize("shape", ["ball", "knot", "plate"])
@@ -52,6 +53,7 @@ def test_the_error_falls_with_the_layers(renderer_of, shapes, shape, material, d
     assert np.all(errors[-1] < LIMITS[material, direction]), errors
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_resolution(renderer_of, shapes):
     """Ketchup, whose mean free path of half a millimetre needs fine texels, on the plate lit from the front."""
     light = DirectionalLight(FRONT)
@@ -100,6 +102,7 @@ def test_ewald_meets_its_error_target(renderer_of, shapes, shape, material, dire
     assert np.prod(renderer.light(scene).grid.shape) < 64 * 128 * 128 / 8
 
 
+@pytest.mark.slow
 def test_the_two_methods_converge_to_each_other(renderer_of):
     """Many layers and a fine split, on the knot lit from behind: they share no kernel, no weights and no box."""
     light = (DirectionalLight(BACK),)

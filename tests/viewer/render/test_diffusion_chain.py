@@ -51,6 +51,7 @@ def sphere(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eta", [1.3, 1.5])
 @pytest.mark.parametrize("radius", [2, 4, 8, 16])
 def test_pixels_of_spheres_against_a_photon_walk(context, data_dir, sphere, radius, eta):
@@ -79,6 +80,7 @@ def test_pixels_of_spheres_against_a_photon_walk(context, data_dir, sphere, radi
         assert M[BINS // 2 :].sum() == pytest.approx(truth[BINS // 2 :].sum(), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "eta"), [(2, 1.3), (8, 1.3), (8, 1.5)])
 def test_light_from_all_around_against_a_photon_walk(context, sphere, tmp_path, radius, eta):
     """A ball in a white surround is evenly bright; what leaves it is measured by photons of their own walk."""

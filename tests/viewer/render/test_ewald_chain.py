@@ -91,6 +91,7 @@ def test_sheets_from_two_spacings_to_a_tenth_lit_from_behind(context, material):
             assert np.all(errors < limit), (share, errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["knot", "plate"])
 def test_a_smaller_error_target_takes_more_nodes_and_errs_less(renderer_of, oracles, shape):
     errors, nodes = [], []
@@ -118,6 +119,7 @@ def test_a_target_out_of_reach_says_what_to_expect(renderer_of):
     assert "\n" not in warning
 
 
+@pytest.mark.slow
 def test_a_target_that_a_person_sets_may_take_a_larger_grid(renderer_of):
     """Spectralon again: nearly twice the nodes, and less error."""
     renderer, errors, nodes = renderer_of("knot"), [], []

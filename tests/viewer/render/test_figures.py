@@ -50,6 +50,7 @@ def test_the_readme_has_a_command_for_each() -> None:
     assert [name for name in SCENES if f"--scene tests/figures/{name}.toml" not in text] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if not name.startswith("figure3")])
 def test_a_figure_renders_without_clipping(name: str, renderer: Renderer, data_dir: Path) -> None:
     frame = renderer.render(small(name, data_dir), samples=1)
@@ -61,6 +62,7 @@ def test_a_figure_renders_without_clipping(name: str, renderer: Renderer, data_d
     assert 30 < np.median(frame.image[shown][:, :3].max(axis=1)) < 230
 
 
+@pytest.mark.slow
 def test_jade_glows_where_it_is_thin(renderer: Renderer, data_dir: Path) -> None:
     """Lit from behind alone: what is seen in shadow is light that came through, more of it and paler where thin."""
     frame = renderer.render(small("figure5_jade", data_dir), samples=1)
@@ -73,6 +75,7 @@ def test_jade_glows_where_it_is_thin(renderer: Renderer, data_dir: Path) -> None
     assert red > 2.0 * green
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["jade", "wax"])
 def test_a_photograph_takes_each_material(material: str, context, tmp_path: Path) -> None:
     scene = apply_set(Scene.load(FIGURES / "figure3.toml"), [f"material.name={material}"])

@@ -30,6 +30,7 @@ def test_without_its_row_nobody_knows_it():
         apply_set(Scene(), [f"transport.method={uniform.NAME}"])
 
 
+@pytest.mark.slow
 def test_pixels_have_its_exitance(context, scene):
     frame = MeshRenderer(context, ball(20.0, 4)).render(scene, samples=1)
     seen = inside(frame)
@@ -53,12 +54,14 @@ def test_so_have_points_of_each_body(context, scene, mode):
     assert off.any(axis=1).mean() < 0.01  # at the rims of shadows
 
 
+@pytest.mark.slow
 def test_its_error_is_reported(context, scene):
     content = error_report(MeshRenderer(context, ball(20.0, 4)), scene, points=20).content
     assert content["transport"]["method"] == uniform.NAME
     assert "difference" in content
 
 
+@pytest.mark.slow
 def test_the_window_draws_it(context, scene):
     live = Live(context, lambda: None)
     try:

@@ -54,6 +54,7 @@ def test_the_image_does_not_depend_on_the_unit_of_light(renderer_of, s, method):
     assert np.abs(other.image.astype(int) - one.image).max() <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("s", [1e-3, 0.1, 30.0, 1e3])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_larger_object_of_a_thinner_material_looks_the_same(context, renderer_of, shapes, s, method):
@@ -264,6 +265,7 @@ def test_a_png_is_the_image(renderer_of, tmp_path, background, components):
         assert 0 < np.count_nonzero((pixels[..., 3] > 0) & (pixels[..., 3] < 255)) < 4000
 
 
+@pytest.mark.slow
 def test_the_python_interface_of_the_readme(context, tmp_path, monkeypatch):
     """`import milkglass as mg` and a scene of dataclasses."""
     from milkglass import Frame, Scene, render

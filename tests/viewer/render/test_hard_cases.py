@@ -348,6 +348,7 @@ def test_extreme_lenses_from_the_poles(renderer_of, view_angle, elevation):
     assert_sensible(renderer_of("knot").render(scene, samples=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(16, 16), (512, 16), (16, 300)], ids=str)
 def test_odd_image_sizes(renderer_of, size):
     frame = renderer_of("ball").render(scene_of(f"display.image_size={list(size)}"), samples=1)

@@ -135,6 +135,7 @@ def test_a_setting_runs_again_what_it_moves(renderer, named, monkeypatch, name):
     assert parts_run(renderer, scene, after) == reached(SETTINGS[name]), sorted(renderer.timings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "key"), LIGHT_SETTINGS)
 def test_a_setting_of_a_light_runs_again_what_it_moves(renderer, named, kind, key):
     declared = settings_of(LIGHT_KINDS[kind])

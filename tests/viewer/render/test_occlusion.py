@@ -30,12 +30,14 @@ def sky(tmp_path_factory):
     return write_probe(tmp_path_factory.mktemp("probe") / "sky.exr", sky_pixels())
 
 
+@pytest.mark.slow
 def test_a_white_furnace_is_even(context, tmp_path):
     white = write_probe(tmp_path / "white.exr", np.ones((16, 32, 3), np.float32))
     frame = MeshRenderer(context, ball()).render(around(scene_of(), white), samples=1)
     np.testing.assert_allclose(frame.irradiance[inside(frame)], irradiance_zonal(ETA)[0], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_pixels_and_samples_have_the_irradiance_of_rays(context, sky):
     mesh, rng = shaded_ball(), np.random.default_rng(3)
     renderer = MeshRenderer(context, mesh)
@@ -59,6 +61,7 @@ def test_pixels_and_samples_have_the_irradiance_of_rays(context, sky):
     assert (frame.irradiance[seen] <= without.irradiance[seen] * (1.0 + 1e-5)).all()
 
 
+@pytest.mark.slow
 def test_lamps_of_a_probe_and_its_rest_together_have_the_irradiance_of_rays(context):
     """Shadow maps for what is taken out of it, visibility for what stays."""
     renderer, window = MeshRenderer(context, shaded_ball()), EnvironmentSettings(builtin="window")
@@ -82,6 +85,7 @@ def test_what_no_scene_needs_is_not_baked(context, sky, monkeypatch):
     renderer.render(scene_of(), samples=1)
 
 
+@pytest.mark.slow
 def test_another_light_or_turn_bakes_nothing_again(context, sky, tmp_path):
     renderer = MeshRenderer(context, ball())
     renderer.render(around(scene_of(), sky), samples=1)
@@ -104,6 +108,7 @@ def test_separate_bodies_are_in_each_others_way(context, sky, tmp_path):
     np.testing.assert_allclose(frames[0].irradiance, frames[1].irradiance, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_progress_is_told(context, sky):
     said = []
     MeshRenderer(context, mesh_of(part(2.2, subdivisions=2))).render(
@@ -180,6 +185,7 @@ def test_the_window_gives_rays_up_at_once(context, model, sky, monkeypatch, how,
             driver.close()
 
 
+@pytest.mark.slow
 def test_a_probe_of_one_colour_is_occluded_in_it(context, tmp_path):
     red = np.zeros((16, 32, 3), np.float32)
     red[..., 0] = 1.0

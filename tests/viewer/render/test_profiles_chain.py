@@ -37,6 +37,7 @@ def test_ewald_is_close_to_the_profiles_own_integral(context, table, name):
     assert max(report.content["error"]["rms"]) < 0.015
 
 
+@pytest.mark.slow
 def test_profiles_differ_and_diffusion_has_none(context, table):
     renderer = MeshRenderer(context, ball(subdivisions=4))
     for method, kinds in (("layered", 6), ("ewald", 6)):
@@ -50,6 +51,7 @@ def test_profiles_differ_and_diffusion_has_none(context, table):
     assert all(np.array_equal(M, solved[0]) for M in solved[1:])
 
 
+@pytest.mark.slow
 def test_switching_costs_the_spectra_and_the_convolution(context, table):
     renderer = MeshRenderer(context, ball(subdivisions=4))
     fine = ["transport.layers=8", "transport.resolution=128"]

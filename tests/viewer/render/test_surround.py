@@ -34,6 +34,7 @@ def probe_of(*spots):
     return Probe.from_pixels(sky(*spots, height=128))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["knot", "plate"])
 def test_strong_sources_cast_shadows_and_the_rest_shines_all_around(renderer_of, shapes, tmp_path, shape):
     around = environment(tmp_path, *SPOTS, rotation_deg=50.0, intensity=2.0, occluded=False)
@@ -58,6 +59,7 @@ def test_without_extraction_nothing_casts_a_shadow(renderer_of, tmp_path):
     assert np.all(relative_rms(frame.irradiance[seen], env.lookup(table, frame.normal[seen])) < 2e-3)
 
 
+@pytest.mark.slow
 def test_turning_the_probe_and_the_camera_with_it_shows_the_same_ball(renderer_of, tmp_path):
     around = environment(tmp_path, *SPOTS)
     one = renderer_of("ball").render(lit_by(around, "camera.azimuth_deg=20"), samples=1)
@@ -85,6 +87,7 @@ def test_what_runs_again(renderer_of, tmp_path):
     assert np.all(dark.radiance == 0.0)
 
 
+@pytest.mark.slow
 def test_while_a_probe_is_turned_its_sources_cast_no_shadow_maps(renderer_of, tmp_path):
     renderer, around = renderer_of("knot"), environment(tmp_path, *SPOTS)
     renderer.light(lit_by(around))
@@ -131,6 +134,7 @@ def camera_eye(frame, points):
     return np.broadcast_to(towards, points.shape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["phong", "normalized"])
 @pytest.mark.parametrize("shininess", [1, 10, 80, 800])
 def test_highlights_against_direct_integrals(renderer_of, tmp_path, model, shininess):
@@ -167,6 +171,7 @@ def test_a_source_shines_alike_as_a_lamp_and_in_the_environment(renderer_of, tmp
     assert np.all(relative_rms(lamp.irradiance[seen], whole.irradiance[seen]) < 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["studio", "backlight", "window", "overcast"])
 def test_a_builtin_environment_lights_alone_and_returns_from_a_scene_file(renderer_of, tmp_path, name):
     scene = apply_set(scene_of(lights=None), [f"environment.builtin={name}", "environment.rotation_deg=40"])

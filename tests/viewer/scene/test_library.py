@@ -71,6 +71,7 @@ def test_a_mean_free_path_beyond_the_object_is_told(settings, expected):
     assert said is None if expected is None else expected in said
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize(
     ("method", "resolution", "word"), [("layered", 16, "texels or layers"), ("ewald", 16, "nodes")]

@@ -111,6 +111,7 @@ def test_a_table_is_read_again_when_it_has_changed(table):
         settings.profiles()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -67,6 +67,7 @@ def test_every_command_runs_on_a_model_or_says_why_not(driver, tmp_path, command
     assert (driver.session.scene.model != scene.model) == (command.id == "open")
 
 
+@pytest.mark.slow
 def test_what_means_nothing_to_a_photograph_is_said(context, tmp_path):
     driver = Driver(small_scene(tmp_path), SIZE, photo=PhotoWork(small_photo(tmp_path)))
     driver.app.commands.run("toggle_measure")

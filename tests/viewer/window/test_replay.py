@@ -25,6 +25,7 @@ SIZE = (640, 360)
 CENTRE = (130.0, 180.0)
 
 
+@pytest.mark.slow
 def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
     model = write_knot(tmp_path / "knot.ply")
     path, other = tmp_path / "drag.jsonl", write_knot(tmp_path / "dropped.ply")

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Key, Recorder, R
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.commands import COMMANDS
 from milkglass.viewer.window.replay import play
+from tests.support.display import missing
 from tests.support.driving import Driver, headless_picture, small_scene, write_knot
 from tests.support.paths import ROOT
 from tests.support.waiting import DEADLINE, wait_until
@@ -34,34 +35,10 @@ NAMES = {"Ctrl": "ctrl", "Shift": "shift", "Enter": "Return"}  # xdotool's
 VIEW = ("-m", "milkglass.viewer.commands.cli", "view")
 
 
-def missing(what: str) -> None:
-    """Skip, but not where the tests are meant to be complete."""
-    if os.environ.get("CI"):
-        pytest.fail(f"continuous integration needs {what}")
-    pytest.skip(f"needs {what}")
-
-
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    """The display there is, or one of our own."""
+@pytest.fixture(autouse=True)
+def needs_xdotool() -> None:
     if shutil.which("xdotool") is None:
         missing("xdotool")
-    if os.environ.get("DISPLAY"):
-        yield os.environ["DISPLAY"]
-        return
-    if shutil.which("Xvfb") is None:
-        missing("a display, or Xvfb to make one")
-    read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24"]
-    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
-    os.close(write)
-    with os.fdopen(read) as pipe:
-        number = pipe.readline().strip()
-    try:
-        yield f":{number}"
-    finally:
-        server.terminate()
-        server.wait()
 
 
 def environment_of(display: str, folder: Path) -> dict[str, str]:
@@ -180,21 +157,15 @@ class RealWindow:
         tasks = Path(f"/proc/{self.process.pid}/task").glob("*/stat")
         return all(task.read_text().rsplit(") ", 1)[1][0] == "S" for task in tasks)
 
-    def rest(self) -> None:
-        """Wait until the process has nothing to do."""
+    def rest(self, seconds: float = 0.5) -> None:
+        """Wait until the process has nothing to do, so that no thread of it wakes for a number of seconds."""
 
         def resting() -> bool:
             before = self.wakes()
-            time.sleep(0.5)
+            time.sleep(seconds)
             return self.sleeps() and self.wakes() == before
 
         self.until(resting)
-
-    def is_idle(self) -> bool:
-        """Whether nothing in the process wakes for a while."""
-        before = self.wakes()
-        time.sleep(2.0)
-        return self.wakes() == before
 
     def stop(self) -> None:
         """End it, whatever state it is in."""
@@ -248,8 +219,7 @@ def test_open_orbit_slide_save_screenshot_quit_replay(display, context, tmp_path
         window.press("ctrl+s")
         window.until(lambda: Scene.load(scene_file).material.name is None)
         window.press("Escape")  # "saved scene.toml" would lie over the picture
-        window.rest()
-        assert window.is_idle()
+        window.rest(seconds=2.0)  # and draws no more: a window that nobody touches costs nothing
         seen = window.screenshot(1)
         window.act("windowsize", number, SIZE[0] + 90, SIZE[1] - 70, seen=lambda new: any("Resized" in e for e in new))
         window.rest()
@@ -374,8 +344,7 @@ def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, con
         window.point((20, 20))
         start = window.screenshot(1)
         window.press("Escape", "e")
-        window.rest()
-        assert window.is_idle()  # what has been measured is not measured again
+        window.rest(seconds=2.0)  # what has been measured is not measured again
         dotted = window.screenshot(2)
         for name in ("error.map", "error.measure"):
             window.press("Escape")
@@ -397,6 +366,7 @@ def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, con
     assert np.mean(np.abs(found - painted).max(axis=1) <= 3) > 0.5  # small and close together: many lie under others
 
 
+@pytest.mark.slow
 def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):
     window = RealWindow(display, tmp_path, str(tmp_path / "none.ply"))
     _, errors = window.process.communicate(timeout=DEADLINE)
@@ -405,6 +375,7 @@ def test_a_missing_model_is_one_sentence_and_no_window(display, tmp_path):
     assert errors.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_every_key_of_the_cheat_sheet_runs_its_command(display, tmp_path, scene_file, remembered):
     noted = tmp_path / "noted"
     program = (str(ROOT / "tests" / "support" / "noted_window.py"), str(scene_file), str(noted))

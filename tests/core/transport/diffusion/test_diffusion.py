@@ -48,6 +48,7 @@ def relative(found, expected, weights):
 # The dense matrix itself, then with it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("medium", [MARBLE, Medium(2.62, 0.4, 1.5)])
 def test_dense_matrix_has_the_eigenvalues_of_the_sphere(medium):
     shape = trimesh.creation.icosphere(3, 5.0)
@@ -85,6 +86,7 @@ def channel_with(mesh, medium, points, strengths, resolution=48):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("medium", [SKIM_MILK, MARBLE, Medium(1.0, 0.1, 1.3)], ids=["skim milk", "marble", "absorbing"])
 @pytest.mark.parametrize("shape", [blob, lambda: torus((36, 18), (5.0, 2.5))], ids=["blob", "torus"])
 def test_agrees_with_the_dense_solution(shape, medium):
@@ -99,6 +101,7 @@ def test_agrees_with_the_dense_solution(shape, medium):
     assert dense.areas @ found == pytest.approx(dense.areas @ expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_agrees_with_the_dense_solution_lit_from_outside():
     """Entry of light too: on a convex body rays and chords have their closed form, sources are 16 a face."""
     medium, R = Medium(1.0, 0.01, 1.3), 5.0
@@ -191,6 +194,7 @@ def test_closed_form_of_the_slab_against_a_photon_walk(data_dir):
 # Balls
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eta", [1.3, 1.5])
 @pytest.mark.parametrize("radius", [2, 4, 8, 16])
 def test_ball_against_a_photon_walk(data_dir, radius, eta):
@@ -222,6 +226,7 @@ def test_what_the_tolerance_leaves_in_deep_shadow():
 # Energy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [ball, torus, cube], ids=["ball", "torus", "cube"])
 def test_what_is_not_absorbed_leaves(shape):
     media = (Medium(2.62, 0.0, 1.5), Medium(0.7, 0.0, 1.3), Medium(10.0, 0.0, 1.3))

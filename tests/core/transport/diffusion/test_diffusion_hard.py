@@ -118,6 +118,7 @@ def offset(mesh):
     return np.array([0.0, 0.0, mesh.vertices[:, 2].max()])
 
 
+@pytest.mark.slow
 def test_littered_with_tiny_parts():
     rng = np.random.default_rng(0)
     u = rng.normal(size=(35, 3))
@@ -168,6 +169,7 @@ def test_product_in_float32_is_that_in_float64():
 SHAPES = {"ball": ball(20.0, 4), "cube": cube(), "knot": torus_knot(n_along=240, n_around=24)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_exitance_does_not_depend_on_the_grids_phase(shape):
     mesh = SHAPES[shape]
@@ -184,6 +186,7 @@ def test_exitance_does_not_depend_on_the_grids_phase(shape):
             assert other.leaving(channel) == pytest.approx(fields[0].leaving(channel), rel=0.01)
 
 
+@pytest.mark.slow
 def test_exitance_moves_and_turns_with_the_object():
     mesh = torus_knot(n_along=240, n_around=24)
     rotation = trimesh.transformations.random_rotation_matrix(np.array([0.3, 0.6, 0.1]))[:3, :3]

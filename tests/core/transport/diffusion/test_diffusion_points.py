@@ -81,6 +81,7 @@ def test_a_film_beside_a_thick_part_keeps_its_light():
         assert at_points[:, channel].min() > 0.02 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["ball", "plate"])
 @pytest.mark.parametrize("method", ["ewald", "layered"])
 def test_points_are_the_pixels_of_dipoles(renderer_of, shape, method):

@@ -115,6 +115,7 @@ def test_same_bits_every_time(solver):
         np.testing.assert_array_equal(one.two_A_M[channel], other.two_A_M[channel])
 
 
+@pytest.mark.slow
 def test_the_detail_of_the_last_solution_serves_the_next(products):
     """On half the nodes first: what these lack is taken from the last solution, and the answer is the same."""
     mesh = ball(20.0, 4)

@@ -39,6 +39,7 @@ def vector_areas(mesh, samples):
     return samples.areas[:, None] * cross / np.linalg.norm(cross, axis=1, keepdims=True)
 
 
+@pytest.mark.slow
 def test_sums_of_each_patch():
     mesh = torus_knot(n_along=120, n_around=16)
     samples, patches = patched(mesh, 1.0)

@@ -167,6 +167,7 @@ def test_without_light_nothing_is_solved():
         assert solution.pixel_tables().equation.depths is None
 
 
+@pytest.mark.slow
 def test_specks_take_few_nodes_and_share_their_kernels():
     """35 of less than a cell: measured 0.15 s on two busy cores beside the 0.5 s of the ball."""
     rng = np.random.default_rng(1)

@@ -68,6 +68,7 @@ def test_every_slider_changes_its_own_key_and_the_picture_and_resets(driver):
         driver.session.put(before)
 
 
+@pytest.mark.slow
 def test_boolean_and_choices_change_the_picture(driver):
     for section in SECTIONS:
         driver.click(f"section.{section}", 0.3)
@@ -179,6 +180,7 @@ def test_lights_are_added_duplicated_switched_and_removed(driver):
     assert driver.session.scene.lights is None
 
 
+@pytest.mark.slow
 def test_light_is_turned_on_the_sphere_and_by_angles_and_brightened(driver):
     pictures = [driver.picture()]
     centre = driver.place("lights.0.sphere")
@@ -195,6 +197,7 @@ def test_light_is_turned_on_the_sphere_and_by_angles_and_brightened(driver):
     assert all(isinstance(light, DirectionalLight) for light in driver.session.scene.lights)
 
 
+@pytest.mark.slow
 def test_a_kind_in_the_registry_is_chosen_and_edited_in_the_panel(driver, monkeypatch):
     monkeypatch.setitem(LIGHT_KINDS, RingLight.KIND, RingLight)
     driver.click("lights.0.kind")
@@ -246,6 +249,7 @@ def test_exposure_lock_holds_the_exposure(driver):
     assert driver.picture().mean() < 0.8 * brighter.mean()
 
 
+@pytest.mark.slow
 def test_probe_lights_and_shows_and_is_removed(driver, tmp_path):
     from milkglass.viewer.files.images import write_exr
 

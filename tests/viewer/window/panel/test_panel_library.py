@@ -43,6 +43,7 @@ def give_name(driver, name):
     driver.click("own.save")
 
 
+@pytest.mark.slow
 def test_own_materials_are_kept_chosen_renamed_and_deleted(driver):
     session = driver.session
     session.put(apply_set(session.scene, MILKY))

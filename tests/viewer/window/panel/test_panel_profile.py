@@ -1,6 +1,7 @@
 """The panel's rows for profiles and for a material by colour."""
 
 import numpy as np
+import pytest
 
 from milkglass.core.material import library as materials
 from milkglass.core.profiles.registry import PROFILES
@@ -16,6 +17,7 @@ def choose(driver, control, choice):
     driver.settle()
 
 
+@pytest.mark.slow
 def test_every_profile_is_offered_and_makes_another_picture(driver):
     driver.click("material.profile")
     offered = {name.split("=")[1] for name in driver.app.panel.controls.boxes if name.startswith("material.profile=")}
@@ -55,6 +57,7 @@ def test_a_wrong_file_leaves_everything_as_it_was(driver, tmp_path):
     assert "skin.csv, line 4: R rises" in driver.app.messages[-1]
 
 
+@pytest.mark.slow
 def test_diffusion_greys_the_choice_with_the_reason(driver, monkeypatch):
     controls, reasons = driver.app.panel.controls, {}
     draw = controls.value

@@ -1,5 +1,7 @@
 """The list of the panel's sections: what shows, what unfolds, and how little a new one is."""
 
+import pytest
+
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.window.panel import panel
 from milkglass.viewer.window.panel.panel import SECTIONS
@@ -35,12 +37,14 @@ def test_a_section_is_a_class_and_a_line_of_the_list(context, model, monkeypatch
     driver.close()
 
 
+@pytest.mark.slow
 def test_a_photograph_has_a_section_and_lacks_those_of_a_model(context, tmp_path):
     driver = Driver(small_scene(tmp_path), photo=PhotoWork(small_photo(tmp_path)))
     assert titles(driver) == [section.title for section in SECTIONS if section.title not in OF_MODEL]
     driver.close()
 
 
+@pytest.mark.slow
 def test_a_key_that_measures_unfolds_the_errors_section(context, model):
     driver = Driver(small_scene(model), (900, 600))
     driver.key("e")

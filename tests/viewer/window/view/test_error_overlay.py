@@ -58,6 +58,7 @@ def test_the_key_measures_opens_the_section_and_shows_the_map(driver):
     assert np.array_equal(view_pixels(driver), plain)
 
 
+@pytest.mark.slow
 def test_the_map_can_be_hidden_and_stays_only_with_the_camera(driver):
     driver.settle()
     plain = driver.app.frame(driver.target) or view_pixels(driver)
@@ -109,6 +110,7 @@ def test_a_dot_says_what_was_found_there(driver, monkeypatch):
     assert np.mean(view_pixels(driver) != before) > 0.02  # the real one is drawn
 
 
+@pytest.mark.slow
 def test_switches_and_slider_of_the_panel(driver):
     driver.key("e")  # unfolds the section and scrolls to it
     driver.key("e")
@@ -129,6 +131,7 @@ def test_switches_and_slider_of_the_panel(driver):
     assert driver.app.error.progress is None
 
 
+@pytest.mark.slow
 def test_the_panel_may_be_hidden_and_the_window_resized_while_it_measures(driver):
     driver.key("tab")
     driver.key("e")
@@ -144,6 +147,7 @@ def test_the_panel_may_be_hidden_and_the_window_resized_while_it_measures(driver
     assert "error.measure" in driver.app.panel.controls.boxes
 
 
+@pytest.mark.slow
 def test_split_view_and_layers_with_a_measurement(driver):
     driver.key("e")
     for key in ("k", "v"):

@@ -116,6 +116,7 @@ def test_corners_are_near_photons():
     assert max(back.error.rms) < 0.027
 
 
+@pytest.mark.slow
 def test_few_are_not_worth_their_rays():
     """A knob on a large plate is beside an edge; that share comes and goes evenly with the mean free path."""
     mesh = turned([(0.0, -2.0), (14.0, -2.0), (14.0, 2.0), (3.0, 2.0), (3.0, 5.0), (0.0, 5.0)], 1.0)
