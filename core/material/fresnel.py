@@ -67,6 +67,7 @@ def internal_moment(eta: float, power: int) -> float:
     return critical ** (power + 1) + float(np.sum(weights * (power + 1.0) * mu**power * reflected))
 
 
+@functools.cache
 def hemispherical_transmittance(eta: float) -> float:
     """Return 2 int_0^1 F_t(mu) mu dmu, the share of uniform diffuse light that enters, in [0, 1]."""
     # Gauss-Legendre in t = sqrt(mu), which resolves the steep rise of F_t near grazing incidence.

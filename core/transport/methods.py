@@ -28,6 +28,9 @@ class Method:
         Whether pixels ask for the light that enters the other side of thin sheets.
     solves : bool
         Whether an equation is solved in steps, begun from the last solution, for the light that pixels have then too.
+    normalises_flux : bool
+        Whether the flux of radiance that leaves is M, L = F_t M / (pi T) with T the mean of F_t; else L = F_t M / pi,
+        equation (7), whose flux is T M.
     takes_each_light : bool
         Whether light enters light by light, with its direction, and not as one sum of fluxes.
     separates_bodies : bool
@@ -49,6 +52,7 @@ class Method:
     needs_roughness: bool = False
     knows_sheets: bool = True
     solves: bool = False
+    normalises_flux: bool = False
     takes_each_light: bool = False
     separates_bodies: bool = False
     on_open_surface: str | None = None
@@ -67,6 +71,7 @@ METHODS = {
         _AVERAGED,
         uses_profile=False,
         solves=True,
+        normalises_flux=True,
         takes_each_light=True,
         separates_bodies=True,
         on_open_surface="ewald",

@@ -13,6 +13,7 @@ import numpy as np
 from milkglass.core.geometry.mesh import Mesh, longest_side
 from milkglass.core.grid.assignment import TENT
 from milkglass.core.grid.kernels import MAX_CONVOLVERS, Kernels
+from milkglass.core.material.fresnel import hemispherical_transmittance
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness
 from milkglass.core.transport.base import SeparableTransport
@@ -126,6 +127,14 @@ class Quality:
             f"about {percent(self.predicted_lit)} error to expect where light falls, up to about "
             f"{percent(self.predicted_error)} where it only shines through"
         )
+
+    def exit_normalisation(self, eta: float) -> float:
+        """Return N, sr, of L = F_t(mu) M / N, the radiance that leaves: the one place where exitance becomes radiance.
+
+        N = int F_t mu dw = pi T, T = 2 int_0^1 F_t(mu) mu dmu from outside, where the method normalises flux, so that
+        the flux of L is M; else pi, equation (7).
+        """
+        return np.pi * (hemispherical_transmittance(eta) if self.facts.normalises_flux else 1.0)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 #version 330
-// Radiance towards the eye: exitance gathered from the layers, (7) L = F_t M / pi, plus the highlight.
+// Radiance towards the eye: exitance gathered from the layers, L = F_t M / N with N = pi, (7), or int F_t cos dw, by
+// which flux is M (core/transport/quality.py); plus the highlight.
 // Exitance is M = gathered + local: what the layers carry, and what they are too coarse for (core/transport/pixels.py);
 // with transport `diffusion` the equation of core/transport/diffusion/pixels.py. DETAIL: the surface has colours.
 // Every output is weighted by u_weight and blended additively: the samples of a pixel add up to their mean.
@@ -32,6 +33,7 @@ uniform bool u_fresnel;
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
+uniform float u_exit_normalisation;  // N, sr
 uniform float u_weight;         // 1 / samples of a pixel
 
 layout(location = 0) out vec4 o_radiance;  // a: coverage
@@ -132,7 +134,7 @@ void main() {
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
-    vec3 subsurface = entering * exitance / PI;
+    vec3 subsurface = entering * exitance / u_exit_normalisation;
     vec3 highlight = specular.rgb + mirrored_self(pixel, normal, to_eye, entering, exitance / PI);
     o_radiance = u_weight * vec4(subsurface + highlight, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);

@@ -8,8 +8,8 @@ are excluded.
 
 What remains even of an exact exitance M:
 
-* Pictures have (7), L = F_t M / pi, whose flux is M times the mean F_t of diffuse light, 0.94 for eta = 1.3 and 0.91
-  for 1.5, while all of M leaves in traced paths.
+* `ewald` and `layered` have (7), L = F_t M / pi, whose flux is M times the mean F_t of diffuse light, 0.94 for
+  eta = 1.3 and 0.91 for 1.5, while all of M leaves in traced paths.
 * Light that has left, or was reflected, meets concave objects again, in traced paths alone: in bright hollows pictures
   and photons have half of the light or less. On convex objects transport alone is compared.
 """

@@ -76,7 +76,6 @@ class CompositePass:
                 "u_occluded_lobe": gbuffer.lobe is not None,
                 **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
                 "u_eye": tuple(camera.eye),
-                "u_eta": gather.eta,
                 "u_weight": weight,
             }
         )

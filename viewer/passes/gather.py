@@ -53,6 +53,8 @@ class Gather:
         Whether to gather with quadratic B-splines rather than tents.
     eta : float
         On the way out.
+    exit_normalisation : float
+        `core.transport.quality.Quality.exit_normalisation`.
     windows : texture, optional
         Where the volume is an atlas of bodies: `core.grid.atlas.Atlas.windows`, three texels a body.
     """
@@ -63,6 +65,7 @@ class Gather:
     world_to_texture: npt.NDArray[np.float64]
     smooth: bool
     eta: float
+    exit_normalisation: float
     windows: moderngl.Texture | None = None
 
     def light_uniforms(self) -> dict[str, object]:
@@ -86,6 +89,8 @@ class Gather:
         textures, tables = self.tables, self.tables.tables
         return {
             "t_exitance": self.volume,
+            "u_eta": self.eta,
+            "u_exit_normalisation": self.exit_normalisation,
             "u_smooth": self.smooth,
             **self._placed,
             "u_diffusion": tables.solves,

@@ -135,7 +135,7 @@ class Lighting:
         fluence = volume
         if tables.solves:
             fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
-        placed = scattered.world_to_texture, lit.transport.smooth, lit.eta
+        placed = scattered.world_to_texture, lit.transport.smooth, lit.eta, lit.quality.exit_normalisation(lit.eta)
         return Gather(volume, fluence, textures, *placed, self._windows(scattered.windows))
 
     def _windows(self, windows: Float32 | None) -> moderngl.Texture | None:

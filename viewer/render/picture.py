@@ -62,7 +62,7 @@ class Frame:
     irradiance, exitance : (H, W, 3) float32
         E that enters and M that leaves, means over the covered part of the pixel.
     subsurface, specular : (H, W, 3) float32
-        F_t M / pi and the highlights; they sum to `radiance`.
+        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights; they sum to `radiance`.
     timings : dict
         Stage -> ms, of the stages that ran.
     warnings : tuple of str

@@ -174,7 +174,7 @@ class Shading:
         depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         key = [size, parts, depth]
         targets = self._run(Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts, depth))
-        volume = gather.volume, gather.fluence, gather.tables, gather.eta
+        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.material import library as materials
+from milkglass.core.material.fresnel import transmittance
 from milkglass.core.material.library import Material
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.transport.accuracy import LIT, SHINING
@@ -19,9 +20,11 @@ from milkglass.core.transport.ewald import (
     TAIL,
     padded_nodes,
 )
+from milkglass.core.transport.methods import METHODS
 from milkglass.core.transport.quality import (
     COARSEST,
     DEFAULT_ERROR_TARGET,
+    Quality,
     make_transport,
     sample_spacing,
     survey_spacing,
@@ -49,6 +52,31 @@ def ewald(**settings) -> TransportSettings:
 
 def nodes(quality, found, mesh) -> int:
     return padded_nodes(make_transport(quality), found, mesh)
+
+
+def mean_transmittance(n: float) -> float:
+    """2 int_0^1 F_t(mu) mu dmu in closed form, n > 1 (Duntley 1942, The optical properties of diffusing materials)."""
+    squared = n * n
+    mirrored = 0.5 + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0) ** 2)
+    mirrored += squared * (squared - 1.0) ** 2 / (squared + 1.0) ** 3 * np.log((n - 1.0) / (n + 1.0))
+    mirrored -= 2.0 * n**3 * (squared + 2.0 * n - 1.0) / ((squared + 1.0) * (n**4 - 1.0))
+    mirrored += 8.0 * n**4 * (n**4 + 1.0) / ((squared + 1.0) * (n**4 - 1.0) ** 2) * np.log(n)
+    return 1.0 - mirrored
+
+
+@pytest.mark.parametrize("eta", [1.05, 1.3, 1.33, 1.5, 2.5])
+def test_exitance_becomes_radiance_whose_flux_is_exitance_or_by_equation_7(eta):
+    of_diffusion, *of_equation_7 = (Quality(name, 8, 64).exit_normalisation(eta) for name in METHODS)
+    assert of_equation_7 == [np.pi, np.pi]
+    assert of_diffusion == pytest.approx(np.pi * mean_transmittance(eta), rel=1e-9)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    mu = (0.5 * (nodes + 1.0)) ** 2
+    leaving = transmittance(eta, mu) / of_diffusion  # of M = 1
+    assert 2.0 * np.pi * np.sum(weights * np.sqrt(mu) * leaving * mu) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_without_a_boundary_nothing_is_normalised():
+    assert Quality("diffusion", None, 64).exit_normalisation(1.0) == pytest.approx(np.pi, rel=1e-12)
 
 
 def test_the_default_is_two_per_cent():

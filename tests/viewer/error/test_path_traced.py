@@ -64,5 +64,5 @@ def test_a_ball_is_what_paths_say(renderer_of, tmp_path):
     frame = renderer_of(mesh).render(scene)
     found = path_traced.trace(scene, mesh, frame, tmp_path / "paths.exr", 1024)
     assert all(rms < max(0.1, 3.0 * noise) for rms, noise in zip(found.rms, found.noise, strict=True))
-    np.testing.assert_allclose(found.ratio, 0.94, atol=0.08)
+    np.testing.assert_allclose(found.ratio, 1.0, atol=0.08)
     assert "difference.R" in images.read_channels(tmp_path / "paths.exr")

@@ -160,6 +160,22 @@ def test_a_white_furnace_mirrors_what_does_not_enter(renderer_of, tmp_path):
     assert frame.specular[seen][steep, 0] == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("eta", [1.3, 1.5])
+def test_in_a_white_furnace_what_does_not_absorb_is_as_bright_as_its_surroundings(renderer_of, tmp_path, eta):
+    """What leaves and what is mirrored add up to radiance 1 of 1, up to where the lobe meets the horizon."""
+    mirror = "specular.model=normalized", "specular.strength=1", "specular.shininess=500"
+    white = f"material.eta={eta}", "material.sigma_s_prime=[4, 2, 1]", "material.sigma_a=[0, 0, 0]"
+    nodes = "transport.method=diffusion", "transport.layers=40", "transport.resolution=40"
+    scene = lit_by(environment(tmp_path), "camera.orthographic=true", *mirror, *white, *nodes)
+    frame = renderer_of("ball").render(scene, samples=1)
+    seen = inside(frame)
+    steep = np.einsum("nc,nc->n", frame.normal[seen], camera_eye(frame, frame.normal[seen])) > 0.3
+    radiance = frame.radiance[seen][steep] / 0.5
+    np.testing.assert_allclose(radiance.mean(axis=0), 1.0, atol=0.01)
+    assert np.all(np.abs(radiance - 1.0) < 0.03)
+
+
 @pytest.mark.parametrize("model", ["phong", "normalized"])
 def test_a_source_shines_alike_as_a_lamp_and_in_the_environment(renderer_of, tmp_path, model):
     """Neither lost nor counted twice."""

@@ -9,7 +9,7 @@ TIPS = {
     "beauty": "the picture",
     "irradiance": "light that enters, E",
     "exitance": "light that leaves, M",
-    "subsurface": "light that leaves towards the eye, F_t M / π",
+    "subsurface": "light from inside towards the eye",
     "highlight": "the gloss alone",
     "normal": "direction of the surface",
     "layer in": "light that was put on one layer",
