@@ -88,9 +88,10 @@ class Invoked:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A frame was drawn at a time, seconds, that shows all events before it."""
+    """A frame was drawn at a time, seconds, that shows all events before it; `final` if no other is to follow it."""
 
     time: float
+    final: bool = False
 
 
 Event = MouseMoved | MouseButton | Scrolled | Key | Typed | Dropped | Resized | Focused | Closed | Invoked | Drawn

@@ -134,7 +134,8 @@ class Window:
             return
         self.app.frame(self._screen)
         if self._recorder is not None:
-            self._recorder.add(Drawn(self.app.clock()))
+            final = self.app.at_rest() and self.app.next_frame() is None
+            self._recorder.add(Drawn(self.app.clock(), final))
         glfw.swap_buffers(self._handle)
         if self.app.title != self._title:
             self._title = self.app.title

@@ -152,20 +152,24 @@ class RealWindow:
         status = [file.read_text() for file in Path(f"/proc/{self.process.pid}/task").glob("*/status")]
         return sum(int(n) for text in status for n in re.findall(r"voluntary_ctxt_switches:\s+(\d+)", text))
 
-    def sleeps(self) -> bool:
-        """Whether no thread of the process runs, or would if there were a free processor."""
-        tasks = Path(f"/proc/{self.process.pid}/task").glob("*/stat")
-        return all(task.read_text().rsplit(") ", 1)[1][0] == "S" for task in tasks)
-
-    def rest(self, seconds: float = 0.5) -> None:
-        """Wait until the process has nothing to do, so that no thread of it wakes for a number of seconds."""
+    def rest(self) -> None:
+        """Wait until the window has drawn what it will not draw again."""
 
         def resting() -> bool:
-            before = self.wakes()
-            time.sleep(seconds)
-            return self.sleeps() and self.wakes() == before
+            events = self.events()
+            return bool(events) and events[-1].get("Drawn", {}).get("final", False) is True
 
         self.until(resting)
+
+    def sleep(self) -> None:
+        """Wait until no thread of the process wakes for a while: a window that nobody touches costs nothing."""
+
+        def sleeping() -> bool:
+            before = self.wakes()
+            time.sleep(2.0)
+            return self.wakes() == before
+
+        self.until(sleeping)
 
     def stop(self) -> None:
         """End it, whatever state it is in."""
@@ -219,7 +223,8 @@ def test_open_orbit_slide_save_screenshot_quit_replay(display, context, tmp_path
         window.press("ctrl+s")
         window.until(lambda: Scene.load(scene_file).material.name is None)
         window.press("Escape")  # "saved scene.toml" would lie over the picture
-        window.rest(seconds=2.0)  # and draws no more: a window that nobody touches costs nothing
+        window.rest()
+        window.sleep()
         seen = window.screenshot(1)
         window.act("windowsize", number, SIZE[0] + 90, SIZE[1] - 70, seen=lambda new: any("Resized" in e for e in new))
         window.rest()
@@ -344,7 +349,8 @@ def test_the_error_is_measured_with_a_key_and_hidden_with_the_mouse(display, con
         window.point((20, 20))
         start = window.screenshot(1)
         window.press("Escape", "e")
-        window.rest(seconds=2.0)  # what has been measured is not measured again
+        window.rest()
+        window.sleep()  # what has been measured is not measured again
         dotted = window.screenshot(2)
         for name in ("error.map", "error.measure"):
             window.press("Escape")
