@@ -46,7 +46,7 @@ class Arrivals:
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Photons that reach the boundary from inside.
+    """Photons that reach the boundary, from inside or from outside.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Hits:
     bins : (k,)
         Bin of each point.
     lost : (l,)
-        Indices of photons that are outside by rounding, or by a hole of the mesh.
+        Indices of photons that are on the wrong side by rounding, or by a hole of the mesh.
     """
 
     index: Ints
@@ -87,6 +87,9 @@ class Shape(Protocol):
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """Return the photons whose flight of length `reach`, (n,), crosses the boundary."""
+
+    def meetings(self, position: Array, direction: Array) -> Hits:
+        """Return the photons outside, at twice `offset` from a hit, that meet the shape again."""
 
 
 class Slab:
@@ -120,6 +123,10 @@ class Slab:
         normals[2] = np.where(at_back, 1.0, -1.0)
         return Hits(index, points, normals, at_back.astype(np.int64), _NO_PHOTONS)
 
+    def meetings(self, position: Array, direction: Array) -> Hits:
+        """Return no photon, see `Shape.meetings`: the shape is convex."""
+        return _NO_HITS
+
 
 class Sphere:
     """Sphere about the origin, with bins of equal area in mu = z / radius, bin 0 at mu = 1."""
@@ -151,6 +158,10 @@ class Sphere:
         points = position[:, index] + np.maximum(distance, 0.0) * direction[:, index]
         normals = points / np.sqrt(_dot(points, points))
         return Hits(index, self._radius * normals, normals, self._bins(normals), _NO_PHOTONS)
+
+    def meetings(self, position: Array, direction: Array) -> Hits:
+        """Return no photon, see `Shape.meetings`: the shape is convex."""
+        return _NO_HITS
 
     def _bins(self, normals: Array) -> Ints:
         n = len(self.areas)
@@ -224,6 +235,21 @@ class ClosedMesh:
             np.concatenate([index[~outward], np.flatnonzero(astray)]),
         )
 
+    def meetings(self, position: Array, direction: Array) -> Hits:
+        """Return the photons outside that meet the mesh again; see `Shape.meetings`."""
+        hit_face, _ = self._rays.first(position.T, direction.T)
+        index = np.flatnonzero(hit_face >= 0)
+        faces = hit_face[index]
+        normals, onwards = self._normals[:, faces], direction[:, index]
+        to_plane = _dot(self._corners[0][:, faces] - position[:, index], normals)
+        cosine = _dot(onwards, normals)
+        inward = cosine < 0.0  # photons below a fold hit the inner side of a face
+        distance = np.maximum(to_plane / np.where(inward, cosine, -1.0), 0.0)
+        points = position[:, index] + distance * onwards - self.offset * normals
+        return Hits(
+            index[inward], points[:, inward], normals[:, inward], self._face_bins[faces[inward]], index[~inward]
+        )
+
     def _within(self, rng: np.random.Generator, faces: Ints) -> Array:
         """Return points uniform over faces (n,), (3, n)."""
         u, v = rng.random((2, len(faces)))
@@ -264,3 +290,4 @@ def _positive(value: float, quantity: str) -> float:
 
 
 _NO_PHOTONS: Ints = np.empty(0, np.int64)
+_NO_HITS = Hits(_NO_PHOTONS, np.empty((3, 0)), np.empty((3, 0)), _NO_PHOTONS, _NO_PHOTONS)
