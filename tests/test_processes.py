@@ -110,9 +110,10 @@ assert target.read()[:3] == bytes((0, 255, 0))
 assert own.error == "GL_NO_ERROR"
 """,
     "a picture that stays on the GPU, read elsewhere": """
-from milkglass.viewer.render.picture import read_frame
+from milkglass.viewer.render.picture import PictureRequest, read_frame
+from milkglass.viewer.scene.camera import pixel_offsets
 renderer, scene = mg.Renderer(), mg.Scene.from_toml(TEXT)
-drawn = renderer.draw(scene, samples=2, parts=True)
+drawn = renderer.draw(scene, PictureRequest(pixel_offsets(2), parts=True))
 frame = in_thread(lambda: read_frame(drawn, renderer.timings))
 check([frame.image], [picture(scene.camera.azimuth_deg)])
 in_thread(lambda: renderer.pick((20, 20)))

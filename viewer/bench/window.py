@@ -16,7 +16,7 @@ from milkglass.viewer.bench.speed import Timing
 from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.gui.events import MouseButton, MouseMoved
 from milkglass.viewer.passes.gbuffer import GBufferPass
-from milkglass.viewer.passes.irradiance import PixelIrradiancePass
+from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.panel.panel import WIDTH
@@ -142,7 +142,8 @@ class UnscatteredPicture:
         textures = finished.gather.tables
         local = replace(textures.tables.local, reach=0.0)
         surface = replace(finished.gather, tables=replace(textures, tables=replace(textures.tables, local=local)))
-        exhausted(self._light.steps(gbuffer, lit.sources, surface, scene.specular, self._black, lit.camera, light))
+        highlights = Highlights(scene.specular, self._black)
+        exhausted(self._light.steps(gbuffer, lit.sources, surface, highlights, lit.camera, light))
         average = self._tonemap.log_average(light.irradiance) or 1.0
         no_background = Background(self._black, 0.0, 0.0)
         self._tonemap.render(light.irradiance, average, scene.display, no_background, lit.camera, self._image)

@@ -33,7 +33,7 @@ from milkglass.viewer.error.point_exitance import scene_exitance
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 from milkglass.viewer.files.images import Pixels8, check_output, write_png
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import read_frame
+from milkglass.viewer.render.picture import PictureRequest, read_frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
@@ -239,7 +239,7 @@ def error_report(
     InputError
         As `Renderer.render`; if the picture does not show the object.
     """
-    picture = renderer.draw(scene, samples=1, parts=True, tinted=False)
+    picture = renderer.draw(scene, PictureRequest(parts=True), tinted=False)
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)
     start = time.perf_counter()

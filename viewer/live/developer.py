@@ -1,28 +1,12 @@
 """How the radiance of a lit object becomes the picture that a window shows."""
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
-
-
-@dataclass(frozen=True)
-class PictureRequest:
-    """What a picture shows, and how well; attributes as the parameters of `viewer.render.renderer.Renderer.shade`."""
-
-    samples: int
-    show: str = "radiance"
-    exposure_for: float | None = None
-    quick: bool = False
-
-    @property
-    def parts(self) -> bool:
-        """Whether what the radiance is made of is drawn too."""
-        return self.show != "radiance"
 
 
 class Developer(Protocol):
@@ -68,7 +52,4 @@ class ToneMap:
         self, renderer: Renderer, scene: Scene, lit: LitScene, finished: Finished, request: PictureRequest
     ) -> Picture:
         """Draw the picture that a scene's display settings ask for."""
-        return renderer.shade(
-            scene, lit, finished.gather, samples=request.samples, parts=request.parts, show=request.show,
-            exposure_for=request.exposure_for, quick=request.quick,
-        )  # fmt: skip
+        return renderer.shade(scene, lit, finished.gather, request)

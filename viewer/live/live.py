@@ -15,14 +15,14 @@ from milkglass.core.stages import Part, Timings, Unfinished
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
 from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, scene_sources, turn_deg
-from milkglass.viewer.live.developer import Developer, PictureRequest, ToneMap
+from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.visibility import VisibilityJob
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import pixel_offsets, place_camera
 from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
 
@@ -110,7 +110,9 @@ class Live:
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
             try:
-                request = PictureRequest(detail.samples, show, exposure_for, quick=not detail.at_once)
+                request = PictureRequest(
+                    pixel_offsets(detail.samples), show, exposure_for=exposure_for, quick=not detail.at_once
+                )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
             except Unfinished:
                 looks = ()
@@ -126,7 +128,7 @@ class Live:
         done = True
         if newest is not None:
             drawn, lit, finished = newest
-            done = self.renderer.advance(drawn, lit, finished.gather, samples=samples, parts=show != "radiance")
+            done = self.renderer.advance(drawn, lit, finished.gather, PictureRequest(pixel_offsets(samples), show))
         self._count(self.renderer.stages.timings)
         return done
 

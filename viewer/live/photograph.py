@@ -6,14 +6,14 @@ import moderngl
 
 from milkglass.core.display import luminance
 from milkglass.core.stages import Stage
-from milkglass.viewer.live.developer import PictureRequest, ToneMap
+from milkglass.viewer.live.developer import ToneMap
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.photograph.edit import PHOTOGRAPH_KEY, exposure_match
 from milkglass.viewer.photograph.gpu_composite import PhotoPass
 from milkglass.viewer.photograph.object import PhotographObject
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
 
@@ -60,13 +60,11 @@ class PhotographDeveloper:
         self, renderer: Renderer, scene: Scene, lit: LitScene, finished: Finished, request: PictureRequest
     ) -> Picture:
         """Draw the photograph, or the parts that the object's radiance is made of alone."""
-        if request.parts:
+        if request.keeps_parts:
             return self._parts.develop(renderer, scene, lit, finished, request)
         shown, behind, run = self._work.object_of(lit.model.mesh), scene.photo.behind, renderer.stages.run
         assert shown is not None
-        picture = renderer.shade(
-            scene, lit, finished.gather, samples=request.samples, quick=request.quick, develop=False
-        )
+        picture = renderer.shade(scene, lit, finished.gather, replace(request, exposure_for=None, develop=False))
         exposure, radiance = exposure_of(shown, scene, finished.lit), picture.composite.textures["radiance"]
         textures = run(Stage.PHOTO_TEXTURES, [shown], lambda: self._pass.upload(shown))
         pyramid = run(Stage.PYRAMID_TARGETS, [radiance.size], lambda: self._pass.pyramid(radiance.size))

@@ -10,9 +10,8 @@ from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
-from milkglass.viewer.passes.irradiance import PixelLight, highlight_uniforms
+from milkglass.viewer.passes.irradiance import Highlights, PixelLight
 from milkglass.viewer.scene.camera import Camera
-from milkglass.viewer.scene.settings import SpecularSettings
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
 
@@ -43,7 +42,7 @@ class CompositePass:
         program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
-    def targets(self, size: tuple[int, int], parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
+    def targets(self, size: tuple[int, int], *, parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
         """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""
         names = OUTPUTS if parts else OUTPUTS[:1]
         textures = dict(zip(names, float_targets(self._context, size, len(names)), strict=True))
@@ -54,15 +53,15 @@ class CompositePass:
         gbuffer: GBuffer,
         light: PixelLight,
         gather: Gather,
-        specular: SpecularSettings,
+        highlights: Highlights,
         camera: Camera,
         weight: float,
         target: Composite,
     ) -> None:
-        """Add one sample of every pixel, times `weight`; the caller clears `out.framebuffer` before the first."""
+        """Add one sample of every pixel, times `weight`; the caller clears its framebuffer before the first."""
         target.framebuffer.use()
         program, triangle = self._plain if gbuffer.detail is None else self._detailed
-        mirrors = highlight_uniforms(specular)
+        mirrors = highlights.uniforms()
         program.set(
             {
                 "t_position": gbuffer.position,

@@ -50,6 +50,7 @@ class GBufferPass:
     def targets(
         self,
         size: tuple[int, int],
+        *,
         occluded: bool = False,
         lobes: bool = False,
         depth: moderngl.Renderbuffer | None = None,

@@ -74,13 +74,12 @@ class PixelIrradiancePass:
         framebuffer = over_object(self._context, [irradiance, specular, local], depth)
         return PixelLight(irradiance, specular, local, framebuffer)
 
-    def steps(  # noqa: PLR0913
+    def steps(
         self,
         gbuffer: GBuffer,
         sources: Sequence[LightSource],
         gather: Gather,
-        specular: SpecularSettings,
-        highlights: moderngl.Texture,
+        highlights: "Highlights",
         camera: Camera,
         target: "PixelLight",
         sample: int = 0,
@@ -88,8 +87,7 @@ class PixelIrradiancePass:
     ) -> Steps[None]:
         """Sum E, the Phong highlights and the local exitance of all lights at every pixel, in one of its samples.
 
-        `highlights` is the environment prefiltered with the lobe, any texture without one. A step of a light with a
-        size is a band of the picture.
+        A step of a light with a size is a band of the picture.
         """
         framebuffer, drawn = target.framebuffer, 0
         framebuffer.use()
@@ -108,8 +106,8 @@ class PixelIrradiancePass:
                 "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                 "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                 "u_eye": tuple(camera.eye),
-                **highlight_uniforms(specular),
-                "t_highlights": highlights,
+                **highlights.uniforms(),
+                "t_highlights": highlights.environment,
             }
             tests = source.sub_lights // samples or 1 if source.is_soft else 0
             width, height = framebuffer.size
@@ -127,16 +125,27 @@ class PixelIrradiancePass:
                 self._context.scissor = None
 
 
-def highlight_uniforms(specular: SpecularSettings) -> dict[str, object]:
-    """Return the values for highlights.glsl."""
-    integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
-    normalized = specular.model == "normalized"
-    return {
-        "u_shininess": specular.shininess,
-        "u_lamp_strength": specular.strength / integral if normalized else specular.strength,
-        "u_surround_strength": specular.strength if normalized else specular.strength * integral,
-        "u_fresnel": normalized,
-    }
+@dataclass(frozen=True, eq=False)
+class Highlights:
+    """How a surface mirrors: Phong's lobe, and a lat-long texture of the environment prefiltered with it.
+
+    Without an environment, any texture will do.
+    """
+
+    specular: SpecularSettings
+    environment: moderngl.Texture
+
+    def uniforms(self) -> dict[str, object]:
+        """Return the values for highlights.glsl."""
+        specular = self.specular
+        integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
+        normalized = specular.model == "normalized"
+        return {
+            "u_shininess": specular.shininess,
+            "u_lamp_strength": specular.strength / integral if normalized else specular.strength,
+            "u_surround_strength": specular.strength if normalized else specular.strength * integral,
+            "u_fresnel": normalized,
+        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,6 +51,7 @@ class TonemapPass:
         background: Background,
         camera: Camera,
         target: moderngl.Framebuffer,
+        *,
         directions: bool = False,
     ) -> None:
         """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.

@@ -25,8 +25,9 @@ from milkglass.viewer.gl.context import read_rgba
 from milkglass.viewer.photograph.framing import frame_object
 from milkglass.viewer.photograph.geometry import Geometry, make_geometry
 from milkglass.viewer.render.lighting import Progress
-from milkglass.viewer.render.picture import Frame, read_frame
+from milkglass.viewer.render.picture import Frame, PictureRequest, read_frame
 from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings
 
@@ -137,12 +138,10 @@ def edit(
     # A height field casts short shadows: a window of the surround needs few sub-lights.
     picture = renderer.draw(
         placed,
-        samples=samples,
-        parts=parts or not is_lit_by_photo,
+        PictureRequest(pixel_offsets(samples), parts=parts or not is_lit_by_photo, develop=parts),
         progress=progress,
         last=True,
         draft=True,
-        develop=parts,
     )
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])

@@ -14,7 +14,41 @@ from milkglass.core.transport.quality import Quality
 from milkglass.viewer.files.formats import PictureContents, write_picture
 from milkglass.viewer.files.images import channel_bands
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
-from milkglass.viewer.passes.composite import Composite
+from milkglass.viewer.passes.composite import OUTPUTS, Composite
+from milkglass.viewer.scene.camera import pixel_offsets
+
+
+@dataclass(frozen=True)
+class PictureRequest:
+    """What a picture of a lit scene shows, and how well.
+
+    Attributes
+    ----------
+    offsets : from `viewer.scene.camera.pixel_offsets`
+        Where the samples of a pixel lie.
+    show : str
+        What the image is made of, one of `viewer.passes.composite.OUTPUTS`.
+    parts : bool
+        Whether all that radiance is made of is kept on the GPU; it always is where the image shows some of it.
+    exposure_for : float, optional
+        Log-average luminance to expose for, in place of the picture's own.
+    quick : bool
+        Whether a single sample of a pixel may see as little of large lights as each of four would.
+    develop : bool
+        Whether radiance gets exposure and tone map; a photograph has its own.
+    """
+
+    offsets: tuple[tuple[float, float], ...] = pixel_offsets(1)
+    show: str = "radiance"
+    parts: bool = False
+    exposure_for: float | None = None
+    quick: bool = False
+    develop: bool = True
+
+    @property
+    def keeps_parts(self) -> bool:
+        """Whether all of `viewer.passes.composite.OUTPUTS` are drawn, not radiance alone."""
+        return self.parts or self.show != OUTPUTS[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render import memory
 from milkglass.viewer.render.lighting import Lighting, Progress
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Frame, Picture, Still, read_frame, read_image
+from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Still, read_frame, read_image
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.scene import Scene
@@ -72,7 +72,8 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
     renderer = Renderer()
-    picture = renderer.draw(scene, samples=samples, seed=seed, parts=parts, progress=progress, last=True)
+    request = PictureRequest(pixel_offsets(samples, seed), parts=parts)
+    picture = renderer.draw(scene, request, progress=progress, last=True)
     return picture, renderer.timings
 
 
@@ -119,28 +120,25 @@ class Renderer:
     @_in_turn
     def render(self, scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
         """Render a scene and read everything back; see `render`."""
-        picture = self.draw(scene, samples=samples, seed=seed, parts=True, progress=progress)
+        picture = self.draw(scene, PictureRequest(pixel_offsets(samples, seed), parts=True), progress=progress)
         return read_frame(picture, self.timings)
 
     @_in_turn
-    def draw(  # noqa: PLR0913
+    def draw(
         self,
         scene: Scene,
+        request: PictureRequest = PictureRequest(),
         *,
-        samples: int = 1,
-        seed: int = 0,
-        parts: bool = False,
         progress: Progress | None = None,
         last: bool = False,
         tinted: bool = True,
         draft: bool = False,
-        develop: bool = True,
     ) -> Picture:
-        """Render a scene and leave the picture on the GPU, with what its radiance is made of if `parts`.
+        """Render a scene and leave the picture on the GPU.
 
         If it is the `last`, what is kept for the next goes before the pixels come: less memory at the peak. Not
         `tinted`, exitance is that of equation (1), without what the surface's colours do to light that leaves. A
-        `draft` has fewer sub-lights, see `light`; `develop` as of `shade`.
+        `draft` has fewer sub-lights, see `light`.
         """
         say = progress or (lambda _: None)
         self.stages.begin()
@@ -151,11 +149,11 @@ class Renderer:
             lit = self._without_transport(lit)
             memory.give_back()
         say("drawing")
-        return self.shade(scene, lit, gather, samples=samples, seed=seed, parts=parts, develop=develop)
+        return self.shade(scene, lit, gather, request)
 
     def _scattered(self, scene: Scene, say: Progress, *, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
-        lit = self.light(scene, say, draft)
+        lit = self.light(scene, say, draft=draft)
         say("scattering light through the layers")
         return lit, self.gather(lit, self.scatter(lit))
 
@@ -171,11 +169,11 @@ class Renderer:
         return replace(lit, coordinates=none, flux=none, lights=(), samples=samples)
 
     @_in_turn
-    def light(self, scene: Scene, progress: Progress = lambda _: None, draft: bool = False) -> LitScene:
+    def light(self, scene: Scene, progress: Progress = lambda _: None, *, draft: bool = False) -> LitScene:
         """Load, sample and light a scene, as a draft with fewer sub-lights: all that transport needs, on the CPU."""
         check_image_size(self.context, scene.display.image_size)
         leave_framebuffer(self.context)  # what was drawn last may be replaced
-        return self._lighting.light(scene, progress, draft)
+        return self._lighting.light(scene, progress, draft=draft)
 
     @one_blas_thread()
     def scatter(self, lit: LitScene, go_on: GoOn | None = None) -> Scattered:
@@ -191,36 +189,16 @@ class Renderer:
         return self._lighting.gather(lit, scattered)
 
     @_in_turn
-    def shade(  # noqa: PLR0913
-        self,
-        scene: Scene,
-        lit: LitScene,
-        gather: Gather,
-        *,
-        samples: int = 1,
-        seed: int = 0,
-        parts: bool = False,
-        show: str = "radiance",
-        exposure_for: float | None = None,
-        quick: bool = False,
-        develop: bool = True,
-    ) -> Picture:
-        """Draw the scene through its camera from a volume, which may be of an older camera or light.
-
-        `show` is what the image is made of, one of `viewer.passes.composite.OUTPUTS`; `exposure_for` a log-average
-        luminance that takes the place of the picture's own. `quick` as of `viewer.render.shading.Shading.shade`.
-        Without `develop`, radiance gets no exposure and no tone map: a photograph has its own.
-        """
-        offsets = pixel_offsets(samples, seed)
-        shading = self._shading
-        if show == "radiance" and not develop:
-            return shading.undeveloped(scene, lit, gather, offsets, parts=parts, quick=quick)
-        return shading.shade(scene, lit, gather, self._lighting, offsets, parts, show, exposure_for, quick)
+    def shade(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest = PictureRequest()) -> Picture:
+        """Draw the scene through its camera from a volume, which may be of an older camera or light."""
+        is_seen = scene.display.background == "environment"
+        behind = self._lighting.probe(scene.environment) if is_seen else None
+        return self._shading.shade(scene, lit, gather, request, behind)
 
     @_in_turn
-    def advance(self, scene: Scene, lit: LitScene, gather: Gather, *, samples: int, parts: bool = False) -> bool:
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
-        return self._shading.advance(scene, lit, gather, pixel_offsets(samples), parts)
+        return self._shading.advance(scene, lit, gather, request)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Return the light probe of an environment that has one."""

@@ -7,27 +7,25 @@ import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
+from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages, Steps, Unfinished
 from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer, GBufferPass
 from milkglass.viewer.passes.highlights import HighlightsPass
-from milkglass.viewer.passes.irradiance import PixelIrradiancePass
+from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
-from milkglass.viewer.render.lighting import Lighting
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.remarks import below_nodes, beyond_object
-from milkglass.viewer.scene.camera import jittered, pixel_offsets
+from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
 
 LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
-
-Offsets = tuple[tuple[float, float], ...]
 
 
 class Shading:
@@ -45,49 +43,34 @@ class Shading:
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
 
-    def shade(  # noqa: PLR0913
-        self,
-        scene: Scene,
-        lit: LitScene,
-        gather: Gather,
-        lighting: Lighting,
-        offsets: Offsets,
-        parts: bool,
-        show: str = "radiance",
-        exposure_for: float | None = None,
-        quick: bool = False,
+    def shade(
+        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, behind: Probe | None = None
     ) -> Picture:
-        """Draw a scene through its camera and return the tone-mapped picture on the GPU.
+        """Draw a scene through its camera and return the picture on the GPU.
 
         Parameters
         ----------
         scene, lit
         gather : Gather
             The layer volume to read, which may be an older one: exitance does not depend on the camera.
-        lighting : Lighting
-            Where the probe behind the object comes from.
-        offsets : from `viewer.scene.camera.pixel_offsets`
-            Samples of a pixel.
-        parts : bool
-            Whether to keep what radiance is made of.
-        show : str
-            The part that the image shows; needs `parts` unless it is the radiance itself.
-        exposure_for : float, optional
-            Log-average luminance to expose for instead of the picture's own.
-        quick : bool
-            Whether a single sample of a pixel may see as little of large lights as each of four would.
+        request : PictureRequest
+            Where nothing is to be developed, the image is the composite's own framebuffer.
+        behind : Probe, optional
+            Where an environment is to be seen behind the object.
 
         Raises
         ------
         Unfinished
             The stages have an allowance, and the pixels take more.
         """
-        display = scene.display
-        composite = self._pixels(scene, lit, gather, offsets, parts=parts, quick=quick)
+        display, show = scene.display, request.show
+        composite = self._pixels(scene, lit, gather, request)
+        if not request.develop:
+            return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
         texture = composite.textures[show]
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
-        exposed = average if exposure_for is None else exposure_for
-        background = self._background(scene, lighting)
+        exposed = average if request.exposure_for is None else request.exposure_for
+        background = self._background(scene, behind)
         image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
         self._run(
             Stage.TONE_MAP,
@@ -97,13 +80,6 @@ class Shading:
             ),
         )
         return self._picture(scene, lit, composite, image, average)
-
-    def undeveloped(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool, quick: bool = False
-    ) -> Picture:
-        """Draw a scene without exposure and tone map: the image is the composite's own framebuffer."""
-        composite = self._pixels(scene, lit, gather, offsets, parts=parts, quick=quick)
-        return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
 
     def _picture(
         self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
@@ -126,10 +102,10 @@ class Shading:
         values = np.frombuffer(self._seen.framebuffer.read(viewport=box, components=4, dtype="f4"), np.float32)
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
-    def advance(self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, parts: bool) -> bool:
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
         """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
-            self._pixels(scene, lit, gather, offsets, parts=parts)
+            self._pixels(scene, lit, gather, request)
         except Unfinished:
             return False
         return True
@@ -145,51 +121,62 @@ class Shading:
             World space, mm; M, without what colours do to light that leaves.
         """
         lit = lit.without_tint()
-        textures = self._pixels(scene, lit, gather, pixel_offsets(1), parts=True).textures
+        textures = self._pixels(scene, lit, gather, PictureRequest(parts=True)).textures
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
 
-    def _pixels(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool, quick: bool = False
-    ) -> Composite:
+    def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> Composite:
         """Shade every pixel once a sample."""
-        targets, key = self._pixel_work(scene, lit, gather, offsets, parts=parts)
+        offsets = request.offsets
+        targets, key = self._pixel_work(scene, lit, gather, request)
         large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
-        sharing = PARTS if quick and large and len(offsets) == 1 else len(offsets)
+        sharing = PARTS if request.quick and large and len(offsets) == 1 else len(offsets)
 
         def shade() -> Steps[Composite]:
             for i in range(len(offsets)):
                 if i > 0:
                     yield
-                yield from self._sample(scene, lit, gather, offsets, i, sharing, targets)
+                yield from self._sample(scene, lit, gather, request, i, sharing, targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
         return self._stages.spread(Stage.COMPOSITE, (*key, sharing), shade)
 
     def _pixel_work(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, *, parts: bool
+        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest
     ) -> tuple[Composite, tuple[object, ...]]:
         """Return the targets of the pixels, and everything that these depend on."""
-        size = scene.display.image_size
+        size, parts = scene.display.image_size, request.keeps_parts
         depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         key = [size, parts, depth]
-        targets = self._run(Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts, depth))
+        targets = self._run(
+            Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts=parts, depth=depth)
+        )
         volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation
         light = lit.model, lit.detail, *lit.sources
-        return targets, (targets, offsets, scene.specular, scene.camera, size, *light, *volume)
+        return targets, (targets, request.offsets, scene.specular, scene.camera, size, *light, *volume)
 
     def _sample(
-        self, scene: Scene, lit: LitScene, gather: Gather, offsets: Offsets, i: int, sharing: int, targets: Composite
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        request: PictureRequest,
+        i: int,
+        sharing: int,
+        targets: Composite,
     ) -> Steps[None]:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera = self._run, scene.display.image_size, lit.camera
         occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
-        parts = occlusion is not None, lobes is not None
+        is_occluded, has_lobes = occlusion is not None, lobes is not None
         depth = run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
-        key = [size, parts, depth]
-        gbuffer = self._seen = run(Stage.GBUFFER_TARGETS, key, lambda: self._gbuffer.targets(size, *parts, depth))
+        gbuffer = self._seen = run(
+            Stage.GBUFFER_TARGETS,
+            [size, is_occluded, has_lobes, depth],
+            lambda: self._gbuffer.targets(size, occluded=is_occluded, lobes=has_lobes, depth=depth),
+        )
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
-        clip = jittered(camera, offsets[i], size)
+        clip = jittered(camera, request.offsets[i], size)
         marks = None if lit.body_marks is None else lit.body_marks.buffer
         if lit.body_marks is not None and occlusion is not None:
             of_vertex, refined = lit.body_marks.of_vertex, occlusion.baked.refined
@@ -203,20 +190,20 @@ class Shading:
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
-        inputs = gbuffer, lit.sources, gather, scene.specular, highlights, camera
-        yield from self._irradiance.steps(*inputs, light, i, sharing)
-        self._composite.render(gbuffer, light, gather, scene.specular, camera, 1.0 / len(offsets), targets)
+        yield from self._irradiance.steps(gbuffer, lit.sources, gather, highlights, camera, light, i, sharing)
+        self._composite.render(gbuffer, light, gather, highlights, camera, 1.0 / len(request.offsets), targets)
 
-    def _highlights(self, scene: Scene, lit: LitScene) -> moderngl.Texture:
-        """Return the environment as highlights of this shininess mirror it, any texture where none is seen."""
+    def _highlights(self, scene: Scene, lit: LitScene) -> Highlights:
+        """Return the highlights of this shininess, with the environment that they mirror where one is seen."""
         lobes, specular = lit.lobes, scene.specular
         if lobes is None or specular.strength == 0.0:
-            return self._no_probe
-        return self._run(
+            return Highlights(specular, self._no_probe)
+        mirrored = self._run(
             Stage.ENVIRONMENT_HIGHLIGHTS,
             [lobes, specular.shininess],
             lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
         )
+        return Highlights(specular, mirrored)
 
     def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
         """Return the visible share of an environment's highlights at each vertex, where something may be in the way."""
@@ -237,12 +224,10 @@ class Shading:
             return None
         return self._run(Stage.OCCLUSION_BEHIND, [occlusion], lambda: occlusion.behind(self._context))
 
-    def _background(self, scene: Scene, lighting: Lighting) -> Background:
-        environment = scene.environment
-        if scene.display.background != "environment":  # then the probe itself is never seen
+    def _background(self, scene: Scene, probe: Probe | None) -> Background:
+        if probe is None:
             return Background(self._no_probe, 0.0, 0.0)
-        probe = lighting.probe(environment)
-        blur = scene.display.background_blur_deg
+        environment, blur = scene.environment, scene.display.background_blur_deg
         texture = self._run(
             Stage.BACKGROUND, [probe, blur], lambda: latlong_texture(self._context, blurred(probe.latlong, blur))
         )

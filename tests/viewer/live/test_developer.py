@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from milkglass.viewer.live.developer import PictureRequest, ToneMap
+from milkglass.viewer.live.developer import ToneMap
 from milkglass.viewer.live.draft import Detail
 from milkglass.viewer.live.live import Live
+from milkglass.viewer.render.picture import PictureRequest
+from milkglass.viewer.scene.camera import pixel_offsets
 from tests.support.driving import small_scene, write_knot
 
 SIZE = (24, 16)
@@ -50,11 +52,11 @@ def test_a_picture_is_what_the_developer_makes(developed):
     picture = drawn(live, scene, Detail(False, 2, True))
     assert picture.image.size == SIZE
     assert picture.remarks == ("developed",)
-    assert developer.requests[-1] == PictureRequest(2, "radiance", 0.25)
+    assert developer.requests[-1] == PictureRequest(pixel_offsets(2), exposure_for=0.25)
     assert developer.lights[-1] is live.finished.lit
     drawn(live, scene, Detail(), "exitance")
-    assert developer.requests[-1] == PictureRequest(1, "exitance", 0.25, quick=True)
-    assert developer.requests[-1].parts
+    assert developer.requests[-1] == PictureRequest(show="exitance", exposure_for=0.25, quick=True)
+    assert developer.requests[-1].keeps_parts
 
 
 def test_nothing_is_drawn_where_the_developer_has_no_place_for_it(developed):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from milkglass.core.material.fresnel import hemispherical_transmittance, transmittance
-from milkglass.viewer.render.picture import Frame, read_frame, read_image
+from milkglass.viewer.render.picture import Frame, PictureRequest, read_frame, read_image
+from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from tests.support.rendering import (
     BACK,
@@ -39,8 +40,8 @@ def single_samples(renderer, scene, offsets) -> list[Frame]:
     """One frame a sample of the pixel."""
     lit = renderer.light(scene)
     gather = renderer.gather(lit, renderer.scatter(lit))
-    shade = renderer._shading.shade
-    return [read_frame(shade(scene, lit, gather, renderer._lighting, (o,), True), {}) for o in offsets]
+    requests = (PictureRequest((offset,), parts=True) for offset in offsets)
+    return [read_frame(renderer.shade(scene, lit, gather, request), {}) for request in requests]
 
 
 @pytest.mark.slow
@@ -139,7 +140,7 @@ def test_antialiasing_is_the_mean_of_the_samples(renderer_of):
     offsets = ((-0.4, 0.1), (0.0, -0.3), (0.45, 0.45))
     lit = renderer.light(scene)
     gather = renderer.gather(lit, renderer.scatter(lit))
-    whole = read_frame(renderer._shading.shade(scene, lit, gather, renderer._lighting, offsets, True), {})
+    whole = read_frame(renderer.shade(scene, lit, gather, PictureRequest(offsets, parts=True)), {})
     each = single_samples(renderer, scene, offsets)
     for name in ("radiance", "subsurface", "specular"):
         mean = sum(getattr(one, name) for one in each) / 3
@@ -165,7 +166,7 @@ def test_an_offset_of_a_pixel_is_a_shift_by_a_pixel(renderer_of):
 def test_the_picture_does_not_depend_on_keeping_the_parts(renderer_of):
     renderer, scene = renderer_of("knot"), scene_of(lights=LAMPS)
     with_parts = renderer.render(scene, samples=2).image
-    without = renderer.draw(scene, samples=2, parts=False)
+    without = renderer.draw(scene, PictureRequest(pixel_offsets(2)))
     assert list(without.composite.textures) == ["radiance"]
     np.testing.assert_array_equal(read_image(without), with_parts)
 

@@ -10,7 +10,7 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.transport.fft import NodeExitance
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.passes.layers import LayersPass
-from milkglass.viewer.render.picture import read_frame
+from milkglass.viewer.render.picture import PictureRequest, read_frame
 from milkglass.viewer.scene.lights import DirectionalLight
 from tests.support.rendering import (
     FRONT,
@@ -91,7 +91,8 @@ def test_a_volume_of_noise_is_gathered_without_a_shift(renderer_of, n_layers, re
     scene = scene_of(f"transport.layers={n_layers}", f"transport.resolution={resolution}", "camera.elevation_deg=25")
     lit = renderer.light(scene)
     noise = np.random.default_rng(4).random((3, *lit.grid.shape), np.float32)
-    frame = read_frame(renderer.shade(scene, lit, renderer.gather(lit, carried(lit, noise)), parts=True), {})
+    gather = renderer.gather(lit, carried(lit, noise))
+    frame = read_frame(renderer.shade(scene, lit, gather, PictureRequest(parts=True)), {})
     seen = inside(frame)
     expected = gathered(lit, noise, frame, seen)
     # filter weights of GPUs may have 8 bits
@@ -103,7 +104,8 @@ def test_noise_is_gathered_by_splines_without_a_shift(renderer_of):
     scene = scene_of("camera.elevation_deg=25", method="ewald")
     lit = renderer.light(scene)
     noise = np.random.default_rng(4).random((3, *lit.grid.shape), np.float32)
-    frame = read_frame(renderer.shade(scene, lit, renderer.gather(lit, carried(lit, noise)), parts=True), {})
+    gather = renderer.gather(lit, carried(lit, noise))
+    frame = read_frame(renderer.shade(scene, lit, gather, PictureRequest(parts=True)), {})
     seen = facing(frame, DirectionalLight(FRONT))
     assert outliers(frame.exitance[seen], gathered(lit, noise, frame, seen), rtol=0.0, atol=0.015) <= OUTLIERS
 
@@ -137,7 +139,7 @@ def test_a_volume_stays_valid_while_the_camera_moves(renderer_of):
     volume = renderer.gather(lit, exitance)
     turned = replace(before, camera=replace(before.camera, azimuth_deg=50.0, zoom=1.5))
     lit_now = renderer.light(turned)
-    frame = read_frame(renderer.shade(turned, lit_now, volume, parts=True), {})
+    frame = read_frame(renderer.shade(turned, lit_now, volume, PictureRequest(parts=True)), {})
     seen = inside(frame)
     expected = gathered(lit, exitance.volume, frame, seen)
     assert outliers(frame.exitance[seen], expected, rtol=2e-3, atol=2e-4 * float(exitance.volume.max())) <= OUTLIERS
@@ -159,5 +161,5 @@ def test_outside_the_volume_its_edge_goes_on(renderer_of):
     lit = renderer.light(scene)
     full = renderer.gather(lit, carried(lit, np.full((3, *lit.grid.shape), 2.0, np.float32)))
     far = replace(full, world_to_texture=full.world_to_texture @ np.diag([10.0, 10.0, 10.0, 1.0]))
-    frame = read_frame(renderer.shade(scene, lit, far, parts=True), {})
+    frame = read_frame(renderer.shade(scene, lit, far, PictureRequest(parts=True)), {})
     np.testing.assert_allclose(frame.exitance[frame.alpha == 1.0], 2.0, rtol=1e-6)

@@ -18,9 +18,10 @@ from milkglass.viewer.live.draft import STEPS_A_FRAME, Detail
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.shadow_depth import DepthTiles
 from milkglass.viewer.passes.soft_shadows import SoftShadow
-from milkglass.viewer.render.picture import read_image
+from milkglass.viewer.render.picture import PictureRequest, read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.render.sources import LampSources
+from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight, RectangleLight, SphereLight, SpotLight
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import apply_set
@@ -319,5 +320,5 @@ def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkey
     assert max(tiles for _, tiles in drawn) <= STEPS_A_FRAME + 1
     assert sum(tiles for light, tiles in drawn if light == first) < whole  # the rest was given up
     assert sum(tiles for light, tiles in drawn if light == second) >= whole
-    still = Renderer(context).draw(driver.view.shown, samples=4)
+    still = Renderer(context).draw(driver.view.shown, PictureRequest(pixel_offsets(4)))
     assert np.abs(read_image(still).astype(int) - read_image(driver.view.picture).astype(int)).max() <= 1

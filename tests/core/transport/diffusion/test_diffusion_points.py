@@ -14,7 +14,7 @@ from milkglass.viewer.error.point_exitance import scene_exitance
 from milkglass.viewer.error.report import illumination_of
 from milkglass.viewer.error.visible import visible_points
 from milkglass.viewer.files import images
-from milkglass.viewer.render.picture import read_frame
+from milkglass.viewer.render.picture import PictureRequest, read_frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import EnvironmentSettings, Scene
@@ -34,7 +34,7 @@ LAMPS = DirectionalLight(FRONT, (2.0, 1.0, 0.5)), DirectionalLight((-1.0, 0.3, -
 
 def both(renderer: Renderer, scene: Scene, count: int = 1500) -> tuple[np.ndarray, np.ndarray]:
     """M of pixels off edges, and of the same points by rays."""
-    frame = read_frame(renderer.draw(scene, parts=True), renderer.timings)
+    frame = read_frame(renderer.draw(scene, PictureRequest(parts=True)), renderer.timings)
     seen = visible_points(np.where(inside(frame, 3), 1.0, 0.0), frame.position, frame.exitance, count)
     normals = frame.normal[seen.rows, seen.columns].astype(np.float64)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
