@@ -20,11 +20,12 @@ from milkglass.viewer.assets.sources import (
 )
 from milkglass.viewer.render.lighting import quality_of
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.scene.keys import Key, paths
+from milkglass.viewer.scene.keys import LIGHTS, Key, paths
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import CameraSettings, ModelSettings, TransportSettings
+from milkglass.viewer.scene.settings import TABLES, CameraSettings, ModelSettings, TransportSettings
 
 CAMERA = (CameraSettings.TABLE,)
+DRAGGED = {*TABLES, LIGHTS} - {ModelSettings.TABLE, TransportSettings.TABLE}  # what a drag keeps its grid for
 
 
 def files(scene: Scene) -> Key:
@@ -119,12 +120,21 @@ class LitFor:
 
 @dataclass(frozen=True)
 class Drag:
-    """A resolution that is kept while something is dragged, and what it was chosen for."""
+    """A resolution that is kept while something is dragged, and the object and grid that it was chosen for."""
 
-    model: ModelSettings
-    transport: TransportSettings
+    key: Key
     resolution: int | None
+
+    @classmethod
+    def of(cls, scene: Scene, resolution: int | None) -> "Drag":
+        """Return a resolution chosen for the object and grid that a scene asks for."""
+        return cls(drag_key(scene), resolution)
 
     def is_of(self, scene: Scene) -> bool:
         """Tell whether it was chosen for the object and grid that a scene asks for."""
-        return self.model == scene.model and self.transport == scene.transport
+        return self.key == drag_key(scene)
+
+
+def drag_key(scene: Scene) -> Key:
+    """Return what of transport the object and the grid alone decide."""
+    return scene.key(Part.TRANSPORT, without=DRAGGED)

@@ -276,7 +276,7 @@ class Live:
             return None
         if self._drag is None or not self._drag.is_of(scene):
             chosen = draft_resolution(scene, self._lit.quality, self._cost)
-            self._drag = Drag(scene.model, scene.transport, chosen)
+            self._drag = Drag.of(scene, chosen)
         return self._drag.resolution
 
     def _submit(self, lit: LitScene) -> None:

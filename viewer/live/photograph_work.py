@@ -79,8 +79,7 @@ class PhotoWork:
             Why an object could not be made; raised once.
         """
         self._collect()
-        size, white, read = scene.model.size_mm, scene.display.white, scene.photo
-        request = ObjectRequest(self.mask.version, size, white, read.depth_strength, read.depth_smoothing, read.depth)
+        request = ObjectRequest.of(scene, self.mask.version)
         if request == self._answered or self._job is not None or not can_make:
             return
         if self._of_version != request.mask:

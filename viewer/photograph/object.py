@@ -1,41 +1,53 @@
 """The object of a photograph: its surface, its light, and what a picture of it needs beside them."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
 from milkglass.core.light.probe import Probe
+from milkglass.core.stages import Part
 from milkglass.viewer.files.photograph import Photo, Region
 from milkglass.viewer.photograph.composite import dilated, softened
 from milkglass.viewer.photograph.edit import background, photo_light
 from milkglass.viewer.photograph.framing import MAX_READ_PIXELS, frame_object
 from milkglass.viewer.photograph.geometry import Geometry, make_geometry
+from milkglass.viewer.scene.keys import Key
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import PhotoSettings
 
 KEPT_OBJECTS = 4  # one is shown, the next on its way, and both perhaps in each half of a split view
 
 
 @dataclass(frozen=True)
 class ObjectRequest:
-    """What an object's surface and light depend on; attributes as parameters of `photograph.geometry.make_geometry`.
+    """What an object's surface and light depend on.
 
     Attributes
     ----------
     mask : int
         Version of the mask, see `viewer.photograph.mask.PaintedMask`.
+    key : Key
+        The values of all settings that declare to move an object; two requests with the same ask for the same object.
     size_mm : float
         Longer side of the object's outline.
-    white, strength, smoothing, depth
+    white : float
+        White point of the tone map, which the photograph's radiance is estimated with.
+    photo : PhotoSettings
+        How depth is estimated or read.
     """
 
     mask: int
-    size_mm: float
-    white: float
-    strength: float
-    smoothing: float
-    depth: Path | None
+    key: Key
+    size_mm: float = field(compare=False)
+    white: float = field(compare=False)
+    photo: PhotoSettings = field(compare=False)
+
+    @classmethod
+    def of(cls, scene: Scene, mask: int) -> "ObjectRequest":
+        """Return what a scene and a version of the mask ask for."""
+        return cls(mask, scene.key(Part.OBJECT), scene.model.size_mm, scene.display.white, scene.photo)
 
     @property
     def light(self) -> tuple[object, ...]:
@@ -43,7 +55,8 @@ class ObjectRequest:
 
         How deep a depth map is read does: its slopes tell which light shades as the photograph shows.
         """
-        return self.mask, self.size_mm, self.white, self.depth, None if self.depth is None else self.strength
+        depth = self.photo.depth
+        return self.mask, self.size_mm, self.white, depth, None if depth is None else self.photo.depth_strength
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +92,9 @@ def make_object(photo: Photo, request: ObjectRequest, last: PhotographObject | N
     InputError
         As `make_geometry`.
     """
-    framing = frame_object(photo, request.size_mm)
+    framing, read = frame_object(photo, request.size_mm), request.photo
     geometry = make_geometry(
-        photo, framing, request.white, strength=request.strength, smoothing=request.smoothing, depth=request.depth
+        photo, framing, request.white, strength=read.depth_strength, smoothing=read.depth_smoothing, depth=read.depth
     )
     if last is not None and last.request.light == request.light:
         return replace(last, request=request, photo=photo, geometry=geometry)

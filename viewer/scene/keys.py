@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from milkglass.viewer.scene.scene import Scene
 
 Key = tuple[object, ...]
+LIGHTS = "lights"
 
 _versions: Counter[Path] = Counter()
 
@@ -31,11 +32,11 @@ def taken_anew(path: Path) -> None:
 def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[str] = ()) -> Key:
     """Return the values, hashable, of all settings that move one of some parts themselves; lights are those that shine.
 
-    Tables may be left out (`without`, their names). A file is its name and its `version`.
+    Tables and `LIGHTS` may be left out (`without`, their names). A file is its name and its `version`.
     """
     moving = frozenset(parts)
     of_lights = tuple((light.KIND, *_values(light, moving)) for light in scene.effective_lights())
-    lit = () if all(len(light) == 1 for light in of_lights) else of_lights
+    lit = () if LIGHTS in without or all(len(light) == 1 for light in of_lights) else of_lights
     return (
         *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving)),
         lit,

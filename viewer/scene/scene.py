@@ -94,7 +94,7 @@ class Scene:
     def key(self, part: Part, *, without: Collection[str] = ()) -> Key:
         """Return what a part of the pipeline depends on, hashable: all settings that move it or what it reads.
 
-        Lights count as they are in the world, whichever tables are left out (`without`, their names).
+        Tables and lights may be left out (`without`, their names); the lights that stay are as they are in the world.
         """
         return values_moving(self, part.upstream, without)
 

@@ -184,7 +184,8 @@ class ModelSettings:
     )
     size_mm: float = setting(
         "number", 100.0, unit="mm", low=1e-3, high=1e6,
-        moves=Part.SHAPE, why="longest side of the model; a hand-sized object, since translucency depends on size"
+        moves=(Part.OBJECT, Part.SHAPE),
+        why="longest side of the model; a hand-sized object, since translucency depends on size"
     )
     up: str = setting(
         "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
@@ -315,11 +316,12 @@ class DisplaySettings:
         "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, moves=Part.VIEW, why="width and height"
     )
     key: float = setting(
-        "number", 0.18, low=1e-4, high=100, moves=Part.DISPLAY,
+        "number", 0.18, low=1e-4, high=100, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
         why="exposure: where the average lands; 0.18 is middle grey"
     )
     white: float = setting(
-        "number", 3.0, low=1e-2, high=1e6, moves=Part.DISPLAY, why="scaled luminance that becomes pure white"
+        "number", 3.0, low=1e-2, high=1e6, moves=(Part.OBJECT, Part.DISPLAY),
+        why="scaled luminance that becomes pure white"
     )
     background: str = setting(
         "text", "black", choices=("black", "transparent", "environment"),

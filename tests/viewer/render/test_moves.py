@@ -1,4 +1,7 @@
-"""Every setting, changed, runs again exactly the parts of the pipeline that it declares to move."""
+"""Every setting, changed, runs again exactly the parts of the pipeline that it declares to move.
+
+Those that move a photograph or its object are asked of a photograph, too: `tests/viewer/live/test_photograph_moves.py`.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
