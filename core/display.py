@@ -16,9 +16,6 @@ def linear(srgb: npt.NDArray[np.floating]) -> Float32:
 
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, ITU-R BT.709
-# Floor of the logarithm, in mean luminances: unlit parts must not drive the exposure to infinity, nor may the
-# floor depend on the unit of light.
-LOG_FLOOR = 1e-2
 
 
 def luminance(rgb: npt.ArrayLike) -> Array:
@@ -27,21 +24,27 @@ def luminance(rgb: npt.ArrayLike) -> Array:
 
 
 def log_average(values: npt.ArrayLike, coverage: npt.ArrayLike) -> float:
-    """Log-average luminance over the object, equation (1) of Reinhard et al. 2002; 0 where nothing is lit.
+    """Return the log-average luminance of what is lit of the object; 0 where nothing is.
+
+    Equation (1) of Reinhard et al. 2002 with weights L / (L + mean L) in place of its floor: deep shadow, whose
+    logarithms would drag the average down, does not count, and a highlight counts by its area.
 
     Parameters
     ----------
     values : (...) array
-        Luminance, >= 0.
+        Luminance; what is negative or not finite does not count.
     coverage : (...) array
         Weight of each value, [0, 1].
     """
-    values, coverage = np.asarray(values, np.float64), np.asarray(coverage, np.float64)
-    total = float(coverage.sum())
-    mean = float((coverage * values).sum()) / total if total > 0.0 else 0.0
-    if mean == 0.0:
+    lit, share = np.asarray(values, np.float64), np.asarray(coverage, np.float64)
+    counts = np.isfinite(lit) & (lit >= 0.0) & (share > 0.0)
+    total = float((share * lit)[counts].sum())
+    if total == 0.0:
         return 0.0
-    return float(np.exp((coverage * np.log(LOG_FLOOR * mean + values)).sum() / total))
+    mean = total / float(share[counts].sum())
+    counts &= lit > 0.0
+    weights = share[counts] * lit[counts] / (lit[counts] + mean)
+    return float(np.exp((weights * np.log(lit[counts])).sum() / weights.sum()))
 
 
 def tone_map(rgb: npt.ArrayLike, exposure: float, white: float) -> Array:

@@ -1,21 +1,35 @@
 #version 330
-// The picture: object and background, tone-mapped alike.
+// The picture: object and background, through the same display transform.
 #include "photographic.glsl"
+#include "display_table.glsl"
 #include "latlong.glsl"
 
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
 uniform sampler2D t_probe;
+uniform sampler3D t_display;   // table of the display transform
+uniform bool u_photographic;   // the formula of photographic.glsl instead of the table
 uniform float u_exposure;      // key / log-average luminance
-uniform float u_white;         // scaled luminance that becomes white
+uniform float u_white;         // scaled luminance that becomes white, of the formula
 // BACKGROUND_COLOUR: u_background, sRGB, not tone-mapped. BACKGROUND_TRANSPARENT. BACKGROUND_ENVIRONMENT: t_probe,
-// tone-mapped with the object's exposure.
+// with the object's exposure and transform.
 uniform int u_background_kind;
 uniform vec3 u_background;
 uniform mat4 u_clip_to_probe;  // rays, probe space: direction = (M (x, y, 1, 1)) / w - (M (x, y, -1, 1)) / w
 uniform float u_probe_intensity;
 uniform bool u_directions;     // t_radiance holds unit vectors, drawn as (n + 1) / 2
 
+const float BRIGHTEST = 1e9;   // exposed radiance; more would overflow
+
 out vec4 o_colour;  // sRGB in [0, 1]; alpha is not multiplied in
+
+// Linear RGB of the display, in [0, 1] whatever the radiance is.
+vec3 displayed(vec3 radiance) {
+    vec3 exposed = u_exposure * radiance;
+    for (int i = 0; i < 3; ++i)  // comparisons with NaN are false
+        exposed[i] = exposed[i] > 0.0 ? min(exposed[i], BRIGHTEST) : 0.0;
+    vec3 shown = u_photographic ? tone_map(exposed, 1.0, u_white) : linear(display_table(t_display, exposed));
+    return clamp(shown, 0.0, 1.0);
+}
 
 vec3 background(vec2 pixel) {
     if (u_background_kind != BACKGROUND_ENVIRONMENT) return linear(u_background);
@@ -24,7 +38,7 @@ vec3 background(vec2 pixel) {
     vec4 near = u_clip_to_probe * vec4(clip, -1.0, 1.0);
     vec3 direction = normalize(far.xyz / far.w - near.xyz / near.w);
     vec3 radiance = u_probe_intensity * textureLod(t_probe, latlong_uv(direction), 0.0).rgb;
-    return tone_map(radiance, u_exposure, u_white);
+    return displayed(radiance);
 }
 
 void main() {
@@ -32,10 +46,10 @@ void main() {
     vec3 object = vec3(0.0);
     if (radiance.a > 0.0) {
         vec3 mean = radiance.rgb / radiance.a;
-        object = u_directions ? linear(0.5 * mean + 0.5) : clamp(tone_map(mean, u_exposure, u_white), 0.0, 1.0);
+        object = u_directions ? linear(0.5 * mean + 0.5) : displayed(mean);
     }
     if (u_background_kind == BACKGROUND_TRANSPARENT)
         o_colour = vec4(srgb(object), radiance.a);
     else
-        o_colour = vec4(srgb(mix(clamp(background(gl_FragCoord.xy), 0.0, 1.0), object, radiance.a)), 1.0);
+        o_colour = vec4(srgb(mix(background(gl_FragCoord.xy), object, radiance.a)), 1.0);
 }

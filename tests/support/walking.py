@@ -158,7 +158,7 @@ SIZED = {
 CONTROLS = [
     *sliders(
         "plain", model__size_mm=0.3, material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
-        transport__layers=0.1, transport__resolution=0.02, display__key=0.9, display__white=0.05,
+        transport__layers=0.1, transport__resolution=0.02, display__key=0.9, display__white=0.05, display__exposure=0.7,
         camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
         camera__zoom=0.7, camera__orthographic=0.05,
     ),
@@ -201,6 +201,7 @@ CONTROLS = [
     Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
     Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),
+    Control("display.transform", "display.transform", choose("display.transform", "agx")),
     Control("display.background", "display.background", choose("display.background", "transparent")),
     Control("display.background", "display.background", pick_colour("display.background"), "coloured"),
     Control("display.background", "environment.shown", slide("environment.shown", 0.05), "probe", has_reset=False),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Options of settings that the photograph determines.
 EXCLUDED_OPTIONS = (
     "model", "up", "image_size", "camera_azimuth", "camera_elevation", "camera_view_angle", "camera_zoom",
-    "orthographic", "background",
+    "orthographic", "background", "display_transform",
 )  # fmt: skip
 OUTPUT_TYPES = " or ".join(f"{suffix} ({kind.edited})" for suffix, kind in PICTURE_FORMATS.items())
 

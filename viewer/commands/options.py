@@ -52,6 +52,8 @@ FLAGS = (
     Flag("--camera-zoom", "camera", "zoom", "Camera"),
     Flag("--orthographic", "camera", "orthographic", "Camera"),
     Flag("--image-size", "display", "image_size", "Picture"),
+    Flag("--exposure", "display", "exposure", "Picture"),
+    Flag("--display-transform", "display", "transform", "Picture"),
     Flag("--background", "display", "background", "Picture"),
 )
 # Options of commands that take a photograph.

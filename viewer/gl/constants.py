@@ -11,6 +11,7 @@ from milkglass.core.reference import sheet
 from milkglass.core.reference.equation import NEAREST_LIGHT
 from milkglass.core.transport.diffusion.pixels import WEAK_EIGENVALUE
 from milkglass.core.transport.diffusion.points import LEAST_SPLIT
+from milkglass.viewer.display.base import BRIGHTEST, TOE
 from milkglass.viewer.scene.lights import sub_lights
 from milkglass.viewer.scene.settings import BEHIND
 
@@ -31,6 +32,8 @@ CONSTANTS: Mapping[str, str] = MappingProxyType(
         for name, value in {
             "PI": math.pi,
             "LUMINANCE": LUMINANCE.tolist(),
+            "DISPLAY_TOE": TOE,
+            "DISPLAY_BRIGHTEST": BRIGHTEST,
             "LIGHT_DIRECTIONAL": sub_lights.DIRECTIONAL,
             "LIGHT_POINT": sub_lights.POINT,
             "LIGHT_ENVIRONMENT": sub_lights.ENVIRONMENT,

@@ -55,10 +55,11 @@ REACH = {
     "photo.depth_strength": Reach(0.2, 3.0, True, "%.2f"),
     "photo.depth_smoothing": Reach(0.02, 0.5, True, "%.3f"),
     "display.key": Reach(0.01, 2.0, True, "%.3f"),
+    "display.exposure": Reach(-6.0, 6.0, False, "%.2f"),
     "display.white": Reach(0.1, 100.0, True, "%.2f"),
     "display.background_blur_deg": Reach(0.0, 60.0, False, "%.1f"),
 }
-UNITS = {"deg": "°", "1/mm": " /mm", "px": " px", "texels": " texels", "mm": " mm"}
+UNITS = {"deg": "°", "1/mm": " /mm", "px": " px", "texels": " texels", "mm": " mm", "stops": " stops"}
 
 
 class Controls:

@@ -89,7 +89,7 @@ def exposure_of(shown: PhotographObject, scene: Scene, lit: LitScene) -> float:
 
     See `viewer.photograph.edit.Edited`; `lit` is the light that the object's volume is of.
     """
-    exposure = scene.display.key / PHOTOGRAPH_KEY
+    exposure = scene.display.exposed_key / PHOTOGRAPH_KEY
     if scene.environment.probe is shown.light and scene.environment.intensity > 0.0:
         return exposure
     # What is seen is what faces the camera: a height field hides nothing of itself.

@@ -1,4 +1,4 @@
-"""Tone map: exposure from the log-average luminance of the object, background, sRGB."""
+"""Tone map: exposure from the log-average luminance of the object, display transform, background."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,8 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.display import LOG_FLOOR
+from milkglass.viewer.display.base import SIDE
+from milkglass.viewer.display.registry import transform
 from milkglass.viewer.gl.constants import BACKGROUND_COLOUR, BACKGROUND_ENVIRONMENT, BACKGROUND_TRANSPARENT
 from milkglass.viewer.gl.context import float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
@@ -26,7 +27,7 @@ class Background:
 
 
 class TonemapPass:
-    """Turns radiance into a picture: exposure, tone curve, background, sRGB."""
+    """Turns radiance into a picture: exposure, display transform, background."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -34,14 +35,16 @@ class TonemapPass:
         self._tonemap = Program(context, "fullscreen.vert", "tonemap.frag")
         self._reduce = context.vertex_array(self._luminance.program, [])
         self._triangle = context.vertex_array(self._tonemap.program, [])
+        self._no_table = context.texture3d((1, 1, 1), 3, dtype="f4")
+        self._tables: dict[str, moderngl.Texture3D] = {}
 
     def log_average(self, radiance: moderngl.Texture) -> float:
         """Return the log-average luminance over the object, as `core.display.log_average` does."""
-        _, total, count = self._sums(radiance, 1.0)
-        if count == 0.0 or total == 0.0:
+        _, _, total, count = self._sums(radiance, 1.0)
+        if total == 0.0:
             return 0.0
-        logs, _, _ = self._sums(radiance, LOG_FLOOR * total / count)
-        return float(np.exp(logs / count))
+        logs, weights, _, _ = self._sums(radiance, total / count)
+        return float(np.exp(logs / weights))
 
     def render(
         self,
@@ -57,9 +60,15 @@ class TonemapPass:
         """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.
 
         `directions`: the object's pixels are unit vectors, drawn as (n + 1) / 2 and not tone-mapped.
+
+        Raises
+        ------
+        InputError
+            The installed libraries lack what the display transform needs.
         """
+        table = self._table(display.transform)
         # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
-        exposure = display.key / log_average if log_average > 0.0 else 0.0
+        exposure = display.exposed_key / log_average if log_average > 0.0 else 0.0
         target.use()
         self._context.enable_only(moderngl.NOTHING)
         to_probe = np.eye(4)
@@ -69,6 +78,8 @@ class TonemapPass:
             {
                 "t_radiance": radiance,
                 "t_probe": background.probe,
+                "t_display": table or self._no_table,
+                "u_photographic": table is None,
                 "u_exposure": exposure,
                 "u_white": display.white,
                 "u_background_kind": kind,
@@ -80,15 +91,24 @@ class TonemapPass:
         )
         self._triangle.render(vertices=3)
 
-    def _sums(self, radiance: moderngl.Texture, floor: float) -> npt.NDArray[np.float64]:
+    def _table(self, name: str) -> moderngl.Texture3D | None:
+        """Return the table of a display transform, made when first asked for; None where the shader needs none."""
+        chosen = transform(name)
+        if chosen.in_shader:
+            return None
+        if name not in self._tables:
+            self._tables[name] = self._context.texture3d((SIDE, SIDE, SIDE), 3, chosen.table().tobytes(), dtype="f4")
+        return self._tables[name]
+
+    def _sums(self, radiance: moderngl.Texture, mean: float) -> npt.NDArray[np.float64]:
         size = (-(-radiance.width // TILE_SIDE), -(-radiance.height // TILE_SIDE))
         target = float_texture(self._context, size)
         framebuffer = self._context.framebuffer([target])
         framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
-        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_floor": floor})
+        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_mean": mean})
         self._reduce.render(vertices=3)
-        sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)[:, :3]
+        sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)
         leave_framebuffer(self._context)
         framebuffer.release()
         target.release()

@@ -146,7 +146,7 @@ def edit(
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])
     radiance, covered = np.ascontiguousarray(rendered[..., :3]), np.minimum(rendered[..., 3], 1.0)
-    exposure = scene.display.key / PHOTOGRAPH_KEY
+    exposure = scene.display.exposed_key / PHOTOGRAPH_KEY
     if not is_lit_by_photo:
         irradiance = read_rgba(picture.composite.textures["irradiance"])[..., :3]
         mean = float(luminance(irradiance).sum()) / max(float(covered.sum()), 1.0)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.core.transport.methods import DEFAULT_METHOD, METHODS, Method
+from milkglass.viewer.display.registry import TRANSFORMS
 from milkglass.viewer.scene.declaration import check_fields, in_memory, setting
 from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
@@ -308,7 +309,7 @@ class TransportSettings:
 
 @dataclass(frozen=True)
 class DisplaySettings:
-    """The picture: photographic tone reproduction (Reinhard et al. 2002), then sRGB."""
+    """How radiance becomes a picture: exposure, display transform, background."""
 
     TABLE: ClassVar[str] = "display"
 
@@ -317,11 +318,20 @@ class DisplaySettings:
     )
     key: float = setting(
         "number", 0.18, low=1e-4, high=100, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
-        why="exposure: where the average lands; 0.18 is middle grey"
+        why="exposure: where the average of what is lit lands; 0.18 is middle grey"
+    )
+    exposure: float = setting(
+        "number", 0.0, unit="stops", low=-20, high=20, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
+        why="exposure beside the key: each stop doubles the light"
+    )
+    transform: str = setting(
+        "text", "photographic", choices=tuple(TRANSFORMS), moves=Part.DISPLAY,
+        why="what light looks like on a display; photographic: the paper's (Reinhard et al. 2002); neutral: Khronos "
+            "PBR Neutral, colours of materials as they are; agx: highlights as on film; aces: ACES 2.0, as in cinema"
     )
     white: float = setting(
         "number", 3.0, low=1e-2, high=1e6, moves=(Part.OBJECT, Part.DISPLAY),
-        why="scaled luminance that becomes pure white"
+        why="exposed luminance that becomes pure white, with photographic and in photographs"
     )
     background: str = setting(
         "text", "black", choices=("black", "transparent", "environment"),
@@ -334,6 +344,11 @@ class DisplaySettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
+
+    @property
+    def exposed_key(self) -> float:
+        """Where the average of what is lit lands, stops of exposure included."""
+        return float(self.key * 2.0**self.exposure)
 
 
 TABLES = {

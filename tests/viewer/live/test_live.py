@@ -25,6 +25,8 @@ OWN = ["material.sigma_s_prime=[1.0,2.0,3.0]", "material.sigma_a=[0.1,0.2,0.3]",
 DEPENDS = {
     "display.key": (["display.key=0.3"], {"tone map"}),
     "display.white": (["display.white=2.0"], {"tone map"}),
+    "display.exposure": (["display.exposure=1"], {"tone map"}),
+    "display.transform": (["display.transform=agx"], {"tone map"}),
     "display.background": (["display.background=#112233"], {"tone map"}),
     "specular.strength": (["specular.strength=0.7"], PIXELS),
     "specular.shininess": (["specular.shininess=20"], PIXELS),

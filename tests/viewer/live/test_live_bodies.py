@@ -93,7 +93,7 @@ def test_layers_show_all_bodies_together(driver):
     driver.session.view.show = "layer out"
     driver.settle()
     key, texture = driver.view._map
-    expected = developed(np.moveaxis(outgoing[:, 0], 0, -1), outgoing, key[3], key[4])
+    expected = developed(np.moveaxis(outgoing[:, 0], 0, -1), outgoing, key[3])
     np.testing.assert_array_equal(np.frombuffer(texture.read(), np.uint8).reshape(expected.shape), expected)
 
 

@@ -8,6 +8,7 @@ import pytest
 from milkglass.core import display as tonemap
 from milkglass.core.light import probe as environment
 from milkglass.core.light.probe import Probe
+from milkglass.viewer.display.registry import TRANSFORMS, transform
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.gl.context import float_texture, latlong_texture
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
@@ -85,7 +86,7 @@ def test_nothing_lit_has_no_average_and_is_black(context, tonemap_pass, coverage
     assert np.all(shown(context, tonemap_pass, pixels, 0.0, DisplaySettings())[..., :3] == 0)
 
 
-@pytest.mark.parametrize(("key", "white"), [(0.18, 3.0), (1.0, 0.5), (0.01, 100.0)])
+@pytest.mark.parametrize(("key", "white"), [(0.18, 3.0), (1.0, 0.5), (0.02, 100.0)])
 def test_the_transform_is_the_references(context, tonemap_pass, key, white):
     pixels = hdr((64, 48), coverage=False)
     average = tonemap.log_average(tonemap.luminance(pixels[..., :3]), pixels[..., 3])
@@ -94,6 +95,54 @@ def test_the_transform_is_the_references(context, tonemap_pass, key, white):
     assert np.abs(actual[..., :3] - as_bytes(expected)).max() <= 0.51
     assert np.all(actual[..., 3] == 255)
     assert len(np.unique(actual[..., :3])) > 100
+
+
+def in_range(shape, least=0.1, seed=4):
+    """Colours as objects have them: exposed radiance over four decades, no channel below `least` of the brightest."""
+    rng = np.random.default_rng(seed)
+    pixels = np.ones((*shape, 4), np.float32)
+    pixels[..., :3] = 10.0 ** rng.uniform(-3.0, 1.0, (*shape, 1)) * rng.uniform(least, 1.0, (*shape, 3))
+    return pixels
+
+
+@pytest.mark.parametrize("name", [name for name in TRANSFORMS if not transform(name).in_shader])
+def test_a_table_in_the_shader_is_the_transform(context, tonemap_pass, name):
+    """Within one of 255 over rounding for colours of objects; where gamuts clip saturated ones, within a few."""
+    for least, most in ((0.1, 1.8), (0.0, 4.5)):
+        pixels = in_range((200, 300), least)
+        expected = as_bytes(transform(name).encoded(pixels[..., :3], 3.0))
+        actual = shown(context, tonemap_pass, pixels, 1.0, DisplaySettings(key=1.0, transform=name))
+        off = np.abs(actual[..., :3] - expected).max(axis=-1)
+        assert np.mean(off <= 0.5 + 1.0) > 0.998
+        assert off.max() <= 0.5 + most
+        assert off.mean() < 0.5
+        assert len(np.unique(actual[..., :3])) > 200
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_a_stop_is_a_factor_of_two(context, tonemap_pass, name):
+    pixels = in_range((32, 32))
+    doubled = shown(context, tonemap_pass, pixels, 1.0, DisplaySettings(key=0.5, exposure=1.0, transform=name))
+    expected = shown(context, tonemap_pass, pixels, 1.0, DisplaySettings(key=1.0, transform=name))
+    np.testing.assert_array_equal(doubled, expected)
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_what_is_no_light_is_black_and_what_is_too_much_is_bright(context, tonemap_pass, name):
+    """NaN, negative radiance and infinity reach no picture as such, and do not touch their neighbours' exposure."""
+    pixels = np.ones((16, 16, 4), np.float32)
+    for i, value in enumerate([np.nan, -1.0, -np.inf, np.inf, 3e38]):
+        pixels[i, 0, :3] = value
+        pixels[i, 1, 0] = value
+    display = DisplaySettings(key=0.18, transform=name)
+    assert tonemap_pass.log_average(uploaded(context, pixels[:4])) == pytest.approx(1.0, rel=0.02)
+    actual = shown(context, tonemap_pass, pixels, 1.0, display)
+    as_black = shown(context, tonemap_pass, np.where(pixels > 0.0, pixels, 0.0).astype(np.float32), 1.0, display)
+    assert np.all(actual[:3, 0, :3] == 0)
+    np.testing.assert_array_equal(actual[:3, 1], as_black[:3, 1])
+    assert actual[3:5, 0, :3].min() > 250
+    assert actual[3:5, 1, 0].min() > 240
+    assert np.ptp(actual[6:].reshape(-1, 4), axis=0).max() == 0
 
 
 def test_white_is_what_becomes_white(context, tonemap_pass):

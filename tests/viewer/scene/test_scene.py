@@ -72,7 +72,7 @@ def rich_scene(folder: Path) -> Scene:
         lights=(DirectionalLight((1e-5, -1.0, 0.1), (0.0, 0.1, 7.7)), PointLight((1.0, 2.0, -300.0))),
         environment=EnvironmentSettings(folder / "sub" / "p.hdr", -12.3, 0.7),
         transport=TransportSettings("layered", 3, 77),
-        display=DisplaySettings((33, 44), 0.21, 7.0, "#12aBef"),
+        display=DisplaySettings((33, 44), 0.21, -1 / 3, "agx", 7.0, "#12aBef"),
     )
 
 

@@ -41,7 +41,8 @@ class PhotographSection(Section):
         if not self._session.scene.environment.given:
             controls.setting("environment.intensity", "Its light")
             controls.setting("environment.rotation_deg", "Light turned")
-        controls.setting("display.key", "Key (exposure)")
+        controls.setting("display.key", "Key")
+        controls.setting("display.exposure", "Exposure")
         controls.setting("display.white", "White point")
         self._behind()
         self._mask(work)

@@ -1,12 +1,13 @@
-"""The panel's section on how radiance becomes a picture: exposure, background, size."""
+"""The panel's section on how radiance becomes a picture: exposure, display transform, background, size."""
 
+from milkglass.viewer.display.registry import transform
 from milkglass.viewer.gui.controls import RESET_HINT
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.window.panel.section import Section, Seen
 
 
 class ToneMappingSection(Section):
-    """Draws the exposure, the background and the size of the picture."""
+    """Draws the exposure, the display transform, the background and the size of the picture."""
 
     title = "Tone mapping"
 
@@ -17,8 +18,11 @@ class ToneMappingSection(Section):
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
         controls, view = self._controls, self._session.view
-        controls.setting("display.key", "Key (exposure)")
-        controls.setting("display.white", "White point")
+        controls.setting("display.transform", "Transform")
+        controls.setting("display.key", "Key")
+        controls.setting("display.exposure", "Exposure")
+        has_white = transform(self._session.scene.display.transform).in_shader
+        controls.setting("display.white", "White point", off=None if has_white else "The transform has its own white.")
         controls.begin_row("Lock exposure")
         locked = view.exposure_lock is not None
         clicked, _ = imgui.checkbox("##exposure_lock", locked)

@@ -294,11 +294,11 @@ class ViewArea:
         if finished is None:
             return
         display = self._session.scene.display
-        key = (finished, is_incoming, layer, display.key, display.white)
+        key = (finished, is_incoming, layer, display)
         if self._map is None or self._map[0] != key:
             maps = finished.incoming() if is_incoming else finished.outgoing()
             layer = min(layer, maps.shape[1] - 1)
-            pixels = developed(np.moveaxis(maps[:, layer], 0, -1), maps, display.key, display.white)
+            pixels = developed(np.moveaxis(maps[:, layer], 0, -1), maps, display)
             texture = self._context.texture((pixels.shape[1], pixels.shape[0]), 4, pixels.tobytes())
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self._map = (key, texture)

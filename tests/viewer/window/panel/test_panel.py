@@ -37,6 +37,7 @@ SLIDERS = {
     "specular.shininess": 0.3,
     "display.key": 0.9,
     "display.white": 0.05,
+    "display.exposure": 0.7,
     "camera.azimuth_deg": 0.2,
     "camera.elevation_deg": 0.8,
     "camera.roll_deg": 0.8,

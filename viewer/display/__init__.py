@@ -1,0 +1,1 @@
+"""Display transforms: what becomes of exposed radiance on an sRGB display; one file each."""
