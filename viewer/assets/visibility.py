@@ -19,6 +19,7 @@ from milkglass.core.light.bake import BakeCancelled, bake, directions_for, oppos
 from milkglass.core.light.visibility import Sight, Visibility, transfer
 from milkglass.core.threads import computed_once
 from milkglass.viewer.scene.settings import EnvironmentSettings
+from milkglass.viewer.scene.whole_file import replacement
 
 # Of the longest side, between places where visibility is known: a slab with a ball and a block on it has 1.2 % rms at
 # 0.02 (27,000 vertices), 1.7 % at 0.03 (15,000), 5.5 % at 0.1.
@@ -46,15 +47,10 @@ def cached_sight(mesh: Mesh) -> Sight | None:
 def keep_sight(mesh: Mesh, sight: Sight) -> None:
     """Keep what rays found, whole or not at all, and drop what has not been used for longest."""
     path = _path(mesh)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with temporary.open("wb") as file:  # a name would be given another suffix
-                np.savez(file, bits=sight.bits)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with replacement(path) as temporary:
+            np.savez(temporary, bits=sight.bits)
         _trim(path.parent)
 
 
