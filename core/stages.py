@@ -102,11 +102,18 @@ class Stage(StrEnum):
     HIGHLIGHT_LOBES = "highlight lobes", Part.LIGHT
 
     VISIBILITY = "visibility", Part.OCCLUSION
+    EXCHANGE_RAYS = "rays between parts", Part.OCCLUSION
     REFINED_MESH = "refined mesh", Part.OCCLUSION
     OCCLUSION = "occlusion", Part.OCCLUSION
 
     ENVIRONMENT_TABLE = "environment table", Part.IRRADIANCE
     ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
+    EXCHANGE = "exchange between parts", Part.IRRADIANCE
+    MIRRORED = "mirrored light", Part.IRRADIANCE
+    MIRRORED_LIGHT = "light by mirrors", Part.IRRADIANCE
+    TOTAL_FLUX = "flux with mirrored light", Part.IRRADIANCE
+    SAMPLE_LEAVING = "leaving tints of samples", Part.SURFACE
+    MIRRORED_FLUX = "flux of mirrored light", Part.IRRADIANCE
     OCCLUDED_SAMPLES = "occluded samples", Part.IRRADIANCE
     IRRADIANCE = "irradiance of light", Part.IRRADIANCE
     FLUX = "flux", Part.IRRADIANCE
@@ -124,10 +131,14 @@ class Stage(StrEnum):
     CONVOLUTION = "convolution", Part.TRANSPORT
     BODIES = "bodies", Part.TRANSPORT
     BODY_LIGHT_FLUX = "body flux of light", Part.TRANSPORT
+    SECOND_PASS = "second pass", Part.TRANSPORT
+    BODY_EXCHANGE = "exchange between bodies", Part.TRANSPORT
+    BODY_INTERPOLATION = "interpolation in bodies", Part.TRANSPORT
     COARSE_SOLUTION = "coarse solution", Part.TRANSPORT
     RAYS = "rays", Part.TRANSPORT
     BOUNDARY = "boundary", Part.TRANSPORT
     ENTRY = "entry of light", Part.TRANSPORT
+    SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT
     SOURCES_G = "sources of G", Part.TRANSPORT
     SOURCES_B = "sources of B", Part.TRANSPORT
@@ -136,6 +147,7 @@ class Stage(StrEnum):
     PIXEL_TERMS = "pixel terms", Part.TRANSPORT
     MEAN_FLUENCE = "mean fluence", Part.TRANSPORT
     PIXEL_TABLES = "pixel tables", Part.TRANSPORT
+    REENTRY = "light that enters again", Part.TRANSPORT
     BODY_WINDOWS = "body windows", Part.TRANSPORT
     GATHER = "gather", Part.TRANSPORT
 
@@ -147,6 +159,8 @@ class Stage(StrEnum):
     GBUFFER = "gbuffer", Part.VIEW
     DETAIL_TARGETS = "detail targets", Part.VIEW
 
+    REENTRY_TARGETS = "targets of reentry", Part.LOOK
+    REENTRY_PIXELS = "reentry at pixels", Part.LOOK
     OCCLUSION_BEHIND = "occlusion behind", Part.LOOK
     BLOCKED_HIGHLIGHTS = "blocked highlights", Part.LOOK
     OCCLUDED_HIGHLIGHTS = "occluded highlights", Part.LOOK

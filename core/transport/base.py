@@ -19,6 +19,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.atlas import Atlas
 from milkglass.core.grid.kernels import Kernels
 from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.exchange import Exchange
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import Stages
@@ -95,6 +96,8 @@ class EnteringFlux:
     lights : tuple of EnteringLight
         Light by light, where the method takes each light (`core.transport.methods.Method.takes_each_light`).
     profiles, media : R, G and B
+    exchange : Exchange, optional
+        Where light that leaves the object meets it again, and enters.
     """
 
     solid: Solid
@@ -104,6 +107,7 @@ class EnteringFlux:
     lights: tuple[EnteringLight, ...]
     profiles: Profiles
     media: tuple[Medium, ...]
+    exchange: Exchange | None = None
 
 
 # What comes of it
@@ -211,6 +215,10 @@ class Scattered(Protocol):
             Its own, or those of a whole object of which this is one body.
         """
 
+    @property
+    def reentering(self) -> Float32 | None:
+        """Return the irradiance of light that left the object and enters it again, at `Exchange`'s vertices, (m, 3)."""
+
     def on_layers(self) -> Float32:
         """Return exitance on the layers, (3, *grid.shape), all bodies together; of an equation the flux M dA."""
 
@@ -256,6 +264,7 @@ class SeparableTransport(Transport, Protocol):
     """A transport of which `core.transport.separate.OfBodies` makes one in each body of an object alone."""
 
     kernels: Kernels
+    sweeps: int  # how often light may go from body to body
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
         """Return the tables of pixels where the volume is an atlas of several bodies; None for a dark one."""

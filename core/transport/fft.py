@@ -7,7 +7,7 @@ something that it depends on changes: kernels with (material, layers), the depos
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from milkglass.core.profiles.base import Profile, Profiles
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import one_blas_thread, pool_map
 from milkglass.core.transport.base import EnteringFlux, GoOn, Scattered, SurfaceLights
+from milkglass.core.transport.bounce import reentering
 from milkglass.core.transport.pixels import LocalTerm, PixelTables
 
 
@@ -39,8 +40,22 @@ class FftTransport(ABC):
 
     kernels: Kernels = field(default_factory=Kernels, kw_only=True)
 
+    sweeps = 1
+
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> "NodeExitance":
         """Return the exitance at the nodes of the light that enters a solid, in one step: `go_on` is not called."""
+        first = self._scattered(lit, stages)
+        if lit.exchange is None:
+            return first
+        weights = self.weights(lit.grid, lit.coordinates)
+        irradiance = lit.flux / np.maximum(lit.solid.samples.areas, np.finfo(np.float32).tiny)[:, None]
+        exitance = gather(weights, first.volume) + first.pixel_tables().local.factors[0] * irradiance
+        again, flux = reentering(lit, lit.exchange, exitance, stages)
+        of_second = stages.run(Stage.SECOND_PASS, (self,), Stages)
+        second = self._scattered(replace(lit, flux=lit.flux + flux), of_second)
+        return replace(second, reentering=again)
+
+    def _scattered(self, lit: EnteringFlux, stages: Stages) -> "NodeExitance":
         nodes = self.node_exitance(lit.grid, lit.coordinates, lit.flux, lit.profiles, lit.solid.area, stages)
         return NodeExitance(self, lit.grid, lit.profiles, nodes)
 
@@ -148,12 +163,15 @@ class NodeExitance:
     grid : LayerGrid
     profiles : R, G and B
     volume : (3, n_layers, height, width) float32
+    reentering : (m, 3) float32, optional
+        Irradiance that enters again, at the vertices of the exchange.
     """
 
     transport: FftTransport
     grid: LayerGrid
     profiles: Profiles
     volume: Float32
+    reentering: Float32 | None = None
 
     windows = None
     residuals = 0.0, 0.0, 0.0

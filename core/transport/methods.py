@@ -35,6 +35,8 @@ class Method:
         Whether light enters light by light, with its direction, and not as one sum of fluxes.
     separates_bodies : bool
         Whether bodies scatter light each alone if not asked to be joined.
+    exchanges : bool
+        Whether light that leaves the object meets it again and enters, if not asked otherwise.
     on_open_surface : str, optional
         Method that takes the place of one that needs a closed surface; None where any surface will do.
     shapes_a_body : int
@@ -55,6 +57,7 @@ class Method:
     normalises_flux: bool = False
     takes_each_light: bool = False
     separates_bodies: bool = False
+    exchanges: bool = False
     on_open_surface: str | None = None
     shapes_a_body: int = 3
     draft_seconds: float = 0.1
@@ -74,6 +77,7 @@ METHODS = {
         normalises_flux=True,
         takes_each_light=True,
         separates_bodies=True,
+        exchanges=True,
         on_open_surface="ewald",
         shapes_a_body=8,  # R, G, B and no absorption, on two grids
         draft_seconds=1.0,  # another grid takes half a second by itself

@@ -21,6 +21,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.atlas import Atlas, fit_atlas
 from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.exchange import Exchange
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import computed_once
 from milkglass.core.transport.base import (
@@ -38,6 +39,7 @@ Ints = npt.NDArray[np.int64]
 
 # Areas are rounded up to this many steps each factor of two, so that alike bodies share padding and kernels.
 AREAS_A_DOUBLING = 2
+NEGLIGIBLE_CHANGE = 0.005  # of what light goes from body to body, as a share of all that enters
 ATLASES = 4  # kept: a coarse and a fine one, of the last two grids
 
 
@@ -57,6 +59,11 @@ class Body:
     ) -> None:
         self._whole, self._faces, self._of_whole, self.chosen = object_mesh, faces, samples, chosen
         self.area, self.transport, self.stages = area, transport, Stages()
+
+    @property
+    def faces(self) -> Ints:
+        """Return its faces, of the whole object's."""
+        return self._faces
 
     @computed_once
     def mesh(self) -> Mesh:
@@ -166,6 +173,12 @@ class ScatteredInBodies:
                 found[on_this] = part.exitance(points[on_this], normals[on_this], on_body, tables)
         return found
 
+    @computed_once
+    def reentering(self) -> Float32 | None:
+        """Return the irradiance of light that left any body and enters one, at the exchange's vertices, (m, 3)."""
+        found = [part.reentering for part in self.lit_parts if part.reentering is not None]
+        return np.sum(found, axis=0, dtype=np.float32) if found else None
+
     def on_layers(self) -> Float32:
         """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""
         return self.atlas.summed(self.filled([None if part is None else part.on_layers() for part in self.parts]))
@@ -195,6 +208,7 @@ class OfBodies:
         self._of_vertex = bodies.of_vertex(mesh)
         self._atlases: dict[LayerGrid, Atlas] = {}  # the latest last; replaced, not changed, by `atlas`
         self._lock = threading.Lock()
+        self._samples = samples
         of_sample = bodies.of_face[samples.faces]
         faces, chosen = _grouped(bodies.of_face, bodies.count), _grouped(of_sample, bodies.count)
         areas = np.maximum(np.bincount(of_sample, samples.areas, bodies.count), np.finfo(np.float64).tiny)
@@ -243,16 +257,31 @@ class OfBodies:
             stages.run(Stage.BODY_LIGHT_FLUX.of(i), (self, light), lambda light=light: self._shares(light))  # type: ignore[misc]
             for i, light in enumerate(lit.lights, start=1)
         ]
-        key = self, atlas, places, fluxes, *shares, *self.material(lit)
+        exchange, of_bodies = lit.exchange, [lit.exchange] * len(self._bodies)
+        if exchange is not None:
+            of_bodies = stages.run(Stage.BODY_EXCHANGE, (self, exchange), lambda: self._exchanges(exchange))
+        key = self, atlas, places, fluxes, *shares, *self.material(lit), exchange
         if stages.has(Stage.BODIES, key):
             return stages.run(Stage.BODIES, key, lambda: self._dark(lit))
         entering = [
-            replace(lit, solid=body, grid=crop, coordinates=place, flux=flux, lights=tuple(filter(None, lights)))
-            for body, crop, place, flux, *lights in zip(self._bodies, atlas.crops, places, fluxes, *shares, strict=True)
+            replace(
+                lit,
+                solid=body,
+                grid=crop,
+                coordinates=place,
+                flux=flux,
+                lights=tuple(filter(None, lights)),
+                exchange=of_body,
+            )
+            for body, crop, place, flux, of_body, *lights in zip(
+                self._bodies, atlas.crops, places, fluxes, of_bodies, *shares, strict=True
+            )
         ]
         for body in self._bodies:
             body.stages.begin()
         scattered = self._scatter(lit, entering, go_on)
+        if exchange is not None and scattered.is_solved and scattered.atlas is atlas:
+            scattered = self._exchanged(scattered, entering, go_on)
         for body in self._bodies:
             for name, milliseconds in body.stages.timings.items():
                 stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
@@ -296,6 +325,47 @@ class OfBodies:
             if stopped:
                 break
         return newest
+
+    def _exchanged(
+        self, scattered: ScatteredInBodies, entering: Sequence[EnteringFlux], go_on: GoOn | None
+    ) -> ScatteredInBodies:
+        """Return the light scattered with what bodies let out onto others, which goes on until the rest is small."""
+        arriving = [np.zeros_like(part.flux) for part in entering]
+        for _ in range(self.whole.sweeps):
+            total = scattered.reentering
+            assert total is not None
+            before, arriving, parts = arriving, [], list(scattered.parts)
+            for i, (light, part) in enumerate(zip(entering, scattered.parts, strict=True)):
+                others = total if part is None or part.reentering is None else total - part.reentering
+                arriving.append(self._entering(i, light, others))
+            entered = sum(float(light.flux.sum(dtype=np.float64)) for light in entering)
+            change = sum(
+                float(np.abs(new - old).sum(dtype=np.float64)) for new, old in zip(arriving, before, strict=True)
+            )
+            if change <= NEGLIGIBLE_CHANGE * entered:
+                break
+            for i, (light, flux) in enumerate(zip(entering, arriving, strict=True)):
+                if not flux.any():
+                    continue
+                if go_on is not None and not go_on(replace(scattered, waiting=True)):
+                    return replace(scattered, waiting=True)
+                lit_again = replace(light, flux=light.flux + flux, lights=(*light.lights, EnteringLight(flux)))
+                parts[i] = self._bodies[i].transport.scatter(lit_again, self._bodies[i].stages)
+            scattered = replace(scattered, parts=tuple(parts))
+        return scattered
+
+    def _entering(self, i: int, light: EnteringFlux, irradiance: Float32) -> Float32:
+        """Return the flux that enters the samples of a body, (n, 3), for irradiance at the exchange's vertices."""
+        exchange, body = light.exchange, self._bodies[i]
+        assert exchange is not None
+        at_samples = body.stages.run(Stage.BODY_INTERPOLATION, (exchange,), lambda: exchange.at_samples(body.samples))
+        return np.asarray(exchange.tinted(at_samples @ irradiance) * body.samples.areas[:, None], np.float32)
+
+    def _exchanges(self, exchange: Exchange) -> list[Exchange | None]:
+        """Return the exchange of light from each body, as it is known of the whole object."""
+        fine = exchange.refined
+        of_face = self._of_vertex[fine.sources[fine.mesh.faces[:, 0]]]
+        return [exchange.of_body(body.faces, of_face == i, body.chosen) for i, body in enumerate(self._bodies)]
 
     def _together(
         self, lit: EnteringFlux, parts: dict[int, Scattered], shining: Sequence[int], latest: int

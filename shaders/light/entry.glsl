@@ -21,7 +21,7 @@ vec2 depths_at(vec3 position, float body) {
 // cosine: of the light to the normal, outside.
 vec3 entry_factor(sampler2D table, float cosine, float thickness) {
     float inside = sqrt(max(0.0, 1.0 - (1.0 - cosine * cosine) / (u_eta * u_eta)));
-    if (u_light_kind == LIGHT_ENVIRONMENT) inside = u_diffuse_cosine;
+    if (u_light_kind == LIGHT_ENVIRONMENT || u_light_kind == LIGHT_REENTERING) inside = u_diffuse_cosine;
     vec2 size = vec2(textureSize(table, 0));
     vec2 place = vec2(u_thin_reach > 0.0 ? thickness / u_thin_reach : 0.0,
                       (inside - u_least_cosine) / max(1.0 - u_least_cosine, 1e-6));

@@ -6,6 +6,7 @@
 // LIGHT_DIRECTIONAL: u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence.
 // LIGHT_POINT: u_light_vector: position, mm; u_light_colour: radiant intensity, E = I cos / d^2, d in mm.
 // LIGHT_ENVIRONMENT: t_environment: E over normals, F_t included; u_light_colour: factor.
+// LIGHT_REENTERING: known at pixels alone, see irradiance_pixels.frag.
 uniform int u_light_kind;
 uniform vec3 u_light_vector;
 uniform vec3 u_light_colour;

@@ -19,6 +19,8 @@ uniform sampler2D t_normal;    // a: body
 uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a sheet
 uniform sampler2D t_lobe;      // of the highlight's
 uniform bool u_occluded;       // whether t_visible is there
+uniform sampler2D t_reentering;         // E of light that left the object and enters it again; any of another kind
+uniform sampler2D t_reentering_behind;  // the same on the other side of the object
 uniform bool u_occluded_lobe;  // whether t_lobe is there
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 
@@ -48,6 +50,9 @@ void main() {
         vec4 lobe = u_occluded_lobe ? texelFetch(t_lobe, pixel, 0) : vec4(0.0, 0.0, 0.0, 1.0);
         specular = environment_highlight(shading.xyz, to_eye, lobe);
         specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
+    } else if (u_light_kind == LIGHT_REENTERING) {
+        irradiance = shading.a * texelFetch(t_reentering, pixel, 0).rgb;
+        if (u_thin_reach > 0.0) behind.irradiance = texelFetch(t_reentering_behind, pixel, 0).rgb;
     } else {
         Lamplight light = lamplight(position.xyz, normal, shading, to_eye, normal_and_body.a);
         irradiance = light.irradiance;

@@ -15,7 +15,7 @@ from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.entry import second_scattering
-from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem, Solution
 
 DOWN = (0.0, 0.0, -1.0)
 MARBLE, SKIM_MILK, WHOLE_MILK = Medium(2.62, 0.0041, 1.5), Medium(0.70, 0.0014, 1.3), Medium(3.77, 0.014, 1.3)
@@ -101,7 +101,7 @@ def diffuse(mesh, media, resolution=48, light=None, tolerance=1e-4, phase=None, 
         matrix[3, :3] += phase
         grid = type(grid)(*grid.shape, grid.texel, grid.layer_distance, tuple(map(tuple, matrix.tolist())))
     light = collimated(samples) if light is None else light(samples) if callable(light) else light
-    solution = transport.solve(mesh, samples, grid, [light], media, stages)
+    solution = transport.solve(Problem(mesh, samples, grid, [light], media), stages)
     return Solved(mesh, samples, media, solution, stages, transport)
 
 

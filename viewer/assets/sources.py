@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from milkglass.core.arrays import Array
 from milkglass.core.geometry.bodies import Bodies, find_bodies
 from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
+from milkglass.core.light.exchange import Hits
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
@@ -25,7 +27,8 @@ from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness, roughness
 from milkglass.core.transport.diffusion.boundary import row_sums
 from milkglass.core.transport.quality import Quality, choose_quality, survey_spacing
-from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility
+from milkglass.viewer.assets.exchange import find_hits
+from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
 from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import FileModel, builtin_model, read_model
 from milkglass.viewer.files.model_look import detail_of
@@ -267,9 +270,9 @@ class QualityOf:
         """Choose the quality, by the shape where the method needs to know it."""
         mesh, settings = self.mesh, assets.possible(self.settings, self.mesh, separate=self.separate)
         shape = assets.roughness(mesh) if settings.facts.needs_roughness else None
-        quality = choose_quality(settings, self.profiles, mesh, shape, sharp_light=self.sharp_light)
+        quality = choose_quality(settings, self.profiles, mesh, shape, self.sharp_light)
         if settings != self.settings:
-            sums = assets.row_sums(mesh, separate=self.separate)
+            sums = assets.row_sums(mesh, self.separate)
             worst = float(sums[np.abs(sums + 0.5).argmax()])
             quality = replace(quality, instead_of=self.settings.method, open_surface=worst)
         return quality
@@ -279,13 +282,42 @@ class QualityOf:
 class VisibilityOf:
     """What a mesh's vertices see of what is around; parameters as of `viewer.assets.visibility.bake_visibility`."""
 
+    CASTING: ClassVar[str] = "environment's shadows"
+
     mesh: Mesh
     progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
     cancelled: threading.Event | None = field(default=None, compare=False)
 
     def load(self, assets: "Assets") -> BakedVisibility:
         """Cast the rays; a window, which does not wait for them, may ask for all that they tell at any time."""
-        return bake_visibility(self.mesh, self.progress, self.cancelled, ahead=not assets.bakes)
+        fine = assets.get(RefinedOf(self.mesh))
+        return bake_visibility(fine, self.progress, self.cancelled, ahead=not assets.bakes)
+
+
+@dataclass(frozen=True)
+class RefinedOf:
+    """A mesh with vertices wherever values are to be known on its surface, see `viewer.assets.visibility.refine`."""
+
+    mesh: Mesh
+
+    def load(self, assets: "Assets") -> Refined:
+        """Refine the mesh."""
+        return refine(self.mesh)
+
+
+@dataclass(frozen=True)
+class HitsOf:
+    """Rays between parts of a mesh; parameters as of `viewer.assets.exchange.find_hits`."""
+
+    CASTING: ClassVar[str] = "light between parts"
+
+    mesh: Mesh
+    progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
+    cancelled: threading.Event | None = field(default=None, compare=False)
+
+    def load(self, assets: "Assets") -> Hits | None:
+        """Cast the rays; None where the mesh does not see itself."""
+        return find_hits(assets.get(RefinedOf(self.mesh)), self.progress, self.cancelled)
 
 
 def model_source(settings: ModelSettings) -> ModelSource:

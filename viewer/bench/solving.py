@@ -12,12 +12,13 @@ import numpy as np
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
-from milkglass.core.material import fresnel, library as materials
+from milkglass.core.material import fresnel
+from milkglass.core.material import library as materials
 from milkglass.core.material.medium import Medium, media
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.choice import DIFFUSION_NODES
-from milkglass.core.transport.diffusion.solver import DiffusionTransport, Solution
+from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem, Solution
 from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.live.job import PRESENTABLE
 
@@ -96,7 +97,7 @@ def _row(shape: str, mesh: Mesh, samples: SurfaceSamples, nodes: int, repeats: i
                 shown_at.append(time.perf_counter())
             return True
 
-        solution = transport.solve(mesh, samples, grid, [light], channels, stages, keep_solving)
+        solution = transport.solve(Problem(mesh, samples, grid, [light], channels), stages, keep_solving)
         end = time.perf_counter()
         return 1e3 * ((shown_at or [end])[0] - start), 1e3 * (end - start), max(solution.convolutions)
 

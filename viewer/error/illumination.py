@@ -2,12 +2,22 @@
 
 from dataclasses import replace
 
+from milkglass.core.transport.base import Scattered
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.sources import probe_lamps
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
+
+
+def with_reentry(illumination: Illumination, lit: LitScene, scattered: Scattered) -> Illumination:
+    """Return an illumination with the light that left the object and enters it again, as a picture has it."""
+    total = lit.entering_again(scattered)
+    surface = lit.surface
+    if total is None or surface is None:
+        return illumination
+    return replace(illumination, again=lambda points, normals: surface.at(total, points, normals))
 
 
 def lights_of(scene: Scene, parted: PartedProbe | None, lit: LitScene | None = None) -> Illumination:

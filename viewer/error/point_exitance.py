@@ -16,6 +16,7 @@ from milkglass.core.reference.sheet import FarSide, SheetRays
 from milkglass.core.transport.base import LightAtPoints, Scattered
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.lights import Light
 
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
 
@@ -38,19 +39,30 @@ class RayLights:
         self._lamps = [light for light in illumination.lights if light.DISTANT]
 
     def irradiance(self, points: Array, normals: Array) -> list[Array]:
-        """Return E of each light, the environment last: (n, 3) each."""
-        lamps = (
-            self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
-            for lamp in self._lamps
-        )
-        environment = () if self._illumination.table is None else (self._illumination.surrounding(normals, points),)
-        return [*lamps, *environment]
+        """Return E of each light, then of the environment, then of light that enters again: (n, 3) each."""
+        lamps = (self._lamp(lamp, points, normals) for lamp in self._lamps)
+        return [*lamps, *(front for front, _ in self._all_around(points, normals, thin=False))]
 
-    def directions(self) -> list[tuple[float, float, float] | None]:
-        """Return the unit direction in which each light travels; None for the environment."""
-        directions = [-np.asarray(lamp.vector) / np.linalg.norm(lamp.vector) for lamp in self._lamps]
-        environment = [] if self._illumination.table is None else [None]
-        return [*((float(x), float(y), float(z)) for x, y, z in directions), *environment]
+    def _lamp(self, lamp: Light, points: Array, normals: Array) -> Array:
+        """Return E of a directional light, (n, 3)."""
+        return self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
+
+    def directions(self) -> list[tuple[float, float, float]]:
+        """Return the unit direction in which each light travels that has one."""
+        directions = (-np.asarray(lamp.vector) / np.linalg.norm(lamp.vector) for lamp in self._lamps)
+        return [(float(x), float(y), float(z)) for x, y, z in directions]
+
+    def _all_around(self, points: Array, normals: Array, *, thin: bool) -> list[tuple[Array, Array]]:
+        """Return E of each light without a direction, on this side and, where parts are `thin`, on the other."""
+        illumination, nothing = self._illumination, np.zeros((len(points), 3))
+        sides = []
+        if illumination.table is not None:
+            behind = illumination.surrounding(-normals) if thin else nothing
+            sides.append((illumination.surrounding(normals, points), behind))
+        if illumination.again is not None:
+            behind = illumination.again(points, -normals) if thin else nothing
+            sides.append((illumination.again(points, normals), behind))
+        return sides
 
     def on_body(self, faces: Bools) -> "RayLights":
         """Return the lights on one body, by a mask (m,) of its faces, through which alone light enters thin slabs."""
@@ -62,21 +74,17 @@ class RayLights:
         """See `core.transport.base.SurfaceLights.at`."""
         no_light, ones, zeros = np.zeros((len(points), 3)), np.ones(len(points)), np.zeros(len(points))
         far_sides = self._far_sides(points, normals, reach) if reach > 0.0 else []
+        around = self._all_around(points, normals, thin=thin)
         lights = []
-        for i, (irradiance, direction) in enumerate(
-            zip(self.irradiance(points, normals), self.directions(), strict=True)
-        ):
-            if direction is None:
-                entering = self._illumination.surrounding(-normals) if thin else no_light
-                lights.append(LightAtPoints(irradiance, None, entering, ones, zeros))
-                continue
+        for i, (lamp, direction) in enumerate(zip(self._lamps, self.directions(), strict=True)):
+            irradiance = self._lamp(lamp, points, normals)
             cosine = np.maximum(-(normals @ np.asarray(direction)), 0.0)
             if far_sides:
                 side, entering = far_sides[i]
                 lights.append(LightAtPoints(irradiance, cosine, entering, side.cosine, side.thickness))
             else:
                 lights.append(LightAtPoints(irradiance, cosine, no_light, ones, zeros))
-        return lights
+        return lights + [LightAtPoints(front, None, behind, ones, zeros) for front, behind in around]
 
     def _far_sides(self, points: Array, normals: Array, reach: float) -> list[tuple[FarSide, Array]]:
         """Return far sides of slabs thinner than `reach` mm for each directional light, and E there (n, 3)."""

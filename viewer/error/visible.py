@@ -72,6 +72,8 @@ class Illumination:
         Returns the visible share (n, 3) of the environment from points and normals, (n, 3) each, as in the picture.
     detail : callable, optional
         Returns sources with the normals of a surface's relief, and factors (n, 3) on E by its colours and relief.
+    again : callable, optional
+        Returns E (n, 3) of light that left the object and enters it again, from points and normals, as in the picture.
     """
 
     lights: tuple[Light, ...]
@@ -80,6 +82,7 @@ class Illumination:
     intensity: float
     visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
     detail: Callable[[SourcePieces], tuple[SourcePieces, Array]] | None = None
+    again: Callable[[Array, Array], Array] | None = None
 
     @classmethod
     def of(
@@ -110,6 +113,8 @@ class Illumination:
                 entering += occluder.point_irradiance(*surface, light.vector, light.brightness, eta)
         if self.table is not None:
             entering += self.surrounding(sources.normals, sources.points)
+        if self.again is not None:
+            entering += self.again(sources.points, sources.normals)
         return np.asarray(factors * entering)
 
     def surrounding(self, normals: Array, points: Array | None = None) -> Array:

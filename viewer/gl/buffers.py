@@ -32,9 +32,11 @@ class MeshBuffers:
         content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
         return self._context.vertex_array(program.program, content)
 
-    def visible(self, program: Program, values: dict[str, tuple[moderngl.Buffer, str]]) -> moderngl.VertexArray:
-        """Bind a program that reads more of each vertex: buffers by attribute, with their formats."""
-        content = [(self._positions, "3f", "a_position"), (self._normals, "3f", "a_normal")]
+    def with_values(self, program: Program, values: dict[str, tuple[moderngl.Buffer, str]]) -> moderngl.VertexArray:
+        """Bind a program that reads more of each vertex, and perhaps no normal: buffers by attribute, with formats."""
+        content = [(self._positions, "3f", "a_position")]
+        if "a_normal" in program.program:
+            content.append((self._normals, "3f", "a_normal"))
         attributes = [(buffer, layout, name) for name, (buffer, layout) in values.items()]
         return self._bound(program, content + attributes, None)
 

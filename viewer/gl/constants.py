@@ -37,6 +37,7 @@ CONSTANTS: Mapping[str, str] = MappingProxyType(
             "LIGHT_DIRECTIONAL": sub_lights.DIRECTIONAL,
             "LIGHT_POINT": sub_lights.POINT,
             "LIGHT_ENVIRONMENT": sub_lights.ENVIRONMENT,
+            "LIGHT_REENTERING": sub_lights.REENTERING,
             "SHAPE_EVEN": sub_lights.SHAPE_EVEN,
             "SHAPE_SPHERE": sub_lights.SHAPE_SPHERE,
             "SHAPE_FACE": sub_lights.SHAPE_FACE,

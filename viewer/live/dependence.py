@@ -89,8 +89,8 @@ class LitFor:
         The same, but for where the camera stands.
     shape : Key
         Of the mesh.
-    occluded : bool
-        Whether the object is in the way of its environment's light, as far as that is known by then.
+    rays : tuple of Source
+        What rays have found by then: the object in the way of its environment's light, and light between its parts.
     camera : CameraSettings
     drafted : bool
         Whether it was given a coarser grid, or lights with fewer sub-lights.
@@ -99,19 +99,19 @@ class LitFor:
     key: Key
     still: Key
     shape: Key
-    occluded: bool
+    rays: Key
     camera: CameraSettings = field(compare=False)
     drafted: bool = False
 
     @classmethod
-    def of(cls, scene: Scene, *, occluded: bool) -> "LitFor":
+    def of(cls, scene: Scene, *, rays: Key) -> "LitFor":
         """Return what the light of a scene depends on."""
         keys = scene.key(Part.TRANSPORT), light_key(scene), scene.key(Part.SHAPE)
-        return cls(*keys, occluded, scene.camera)
+        return cls(*keys, rays, scene.camera)
 
     def is_turned(self, other: "LitFor") -> bool:
         """Tell whether another differs by no more than its camera and how well it was drawn."""
-        return self.still == other.still and self.occluded == other.occluded
+        return self.still == other.still and self.rays == other.rays
 
     def is_drafted(self, other: "LitFor") -> bool:
         """Tell whether another differs by no more than how well it was drawn."""

@@ -18,7 +18,7 @@ from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, scen
 from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
-from milkglass.viewer.live.visibility import VisibilityJob
+from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
@@ -54,7 +54,7 @@ class Live:
         self._developer = developer or ToneMap()
         self.assets = assets or Assets(KEEP)
         self.assets.bakes = False
-        self.visibility = VisibilityJob(self.assets, wake)
+        self.rays = RaysJob(self.assets, wake)
         self.renderer = Renderer(context, assets=self.assets)
         self.finished: Finished | None = None
         self.picture: Picture | None = None
@@ -89,7 +89,7 @@ class Live:
     @property
     def working(self) -> bool:
         """Whether the worker has something to do, or the next frame."""
-        return self.spreading or self._job is not None or self._load is not None or self.visibility.busy
+        return self.spreading or self._job is not None or self._load is not None or self.rays.busy
 
     def draw(
         self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
@@ -139,7 +139,7 @@ class Live:
         drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
-        self.visibility.follow(drawn)
+        self.rays.follow(drawn)
         lit = self._light(drawn, detail)
         self.current = drawn is scene and not self.spreading
         self._submit(lit)
@@ -163,7 +163,7 @@ class Live:
             and self._lit is not None
             and self._sent is self._lit
             and self.finished.lit is self._lit
-            and self._lit_for == LitFor.of(scene, occluded=self.visibility.is_there(scene))
+            and self._lit_for == LitFor.of(scene, rays=self.rays.found(scene))
         )
 
     def wait(self, timeout: float = 60.0) -> None:
@@ -172,11 +172,11 @@ class Live:
             self._load.exception(timeout)
         if self._job is not None:
             self._job.future.exception(timeout)
-        self.visibility.wait(timeout)
+        self.rays.wait(timeout)
 
     def close(self) -> None:
         """Let the worker finish and free it."""
-        self.visibility.close()
+        self.rays.close()
         self._worker.shutdown(wait=True, cancel_futures=True)
 
     # files
@@ -213,7 +213,7 @@ class Live:
 
     def _light(self, scene: Scene, detail: Detail) -> LitScene:
         """Light the scene, unless the light that there is will do."""
-        asked = LitFor.of(scene, occluded=self.visibility.is_there(scene))
+        asked = LitFor.of(scene, rays=self.rays.found(scene))
         if self._lit is not None and self._will_do(self._lit, asked, detail):
             return self._lit
         scene, is_coarse = self._coarsened(scene, asked, detail)

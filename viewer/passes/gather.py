@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from milkglass.core.transport.pixels import PixelTables
 from milkglass.viewer.gl.context import clamped_texture, table_texture, volume_texture
+from milkglass.viewer.passes.reentry import Reentry
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Gather:
         `core.transport.quality.Quality.exit_normalisation`.
     windows : texture, optional
         Where the volume is an atlas of bodies: `core.grid.atlas.Atlas.windows`, three texels a body.
+    reentry : Reentry, optional
+        Light that left the object and enters it again.
     """
 
     volume: moderngl.Texture3D
@@ -67,6 +70,7 @@ class Gather:
     eta: float
     exit_normalisation: float
     windows: moderngl.Texture | None = None
+    reentry: Reentry | None = None
 
     def light_uniforms(self) -> dict[str, object]:
         """Return values for sheet.glsl, entry.glsl and bodies.glsl."""

@@ -11,6 +11,7 @@ from milkglass.viewer.gl.context import checked, float_targets
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import Drawn
 from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.passes.reentry import ReentryTargets
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,8 @@ class GBuffer:
     The alpha of `position` is 1 where the object is, that of `normal` is the body.
 
     `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
-    `viewer.render.occlusion` and `viewer.passes.highlights`; `detail` where the surface has colours or relief.
+    `viewer.render.occlusion` and `viewer.passes.highlights`; `detail` where the surface has colours or relief,
+    `reentry` where light enters again.
     """
 
     position: moderngl.Texture
@@ -29,6 +31,7 @@ class GBuffer:
     visible: moderngl.Texture | None = None
     lobe: moderngl.Texture | None = None
     detail: Drawn | None = None
+    reentry: ReentryTargets | None = None
 
 
 class GBufferPass:
@@ -72,8 +75,8 @@ class GBufferPass:
     ) -> None:
         """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
 
-        `bodies` holds the body of each vertex where there are several; of its mesh if there is an `occlusion`. Of an
-        occlusion, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted.
+        `bodies` holds the body of each vertex where there are several. `buffers` are those of an `occlusion`, if there
+        is one; of it, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted.
         """
         target.framebuffer.use()
         target.framebuffer.clear(depth=1.0)
@@ -81,7 +84,7 @@ class GBufferPass:
         program = self._program if bodies is None else self._bodies_program
         if occlusion is not None:
             program = self._visible_program
-            vertices = occlusion.buffers.visible(
+            vertices = buffers.with_values(
                 program,
                 {
                     "a_visible": (occlusion.values, "3f"),

@@ -67,7 +67,7 @@ class HighlightsPass:
         n = len(occlusion.shares)
         # A buffer of its own each time: what was drawn with the last one stays as it is.
         values = self._context.buffer(reserve=16 * n)
-        vertices = occlusion.buffers.points(self._program)
+        vertices = occlusion.surface.buffers.points(self._program)
         leave_framebuffer(self._context)
         vertices.transform(values, moderngl.POINTS, n)
         vertices.release()

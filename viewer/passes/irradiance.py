@@ -103,6 +103,8 @@ class PixelIrradiancePass:
                 "t_normal": gbuffer.normal,
                 "t_visible": gbuffer.visible or gbuffer.normal,
                 "t_lobe": gbuffer.lobe or gbuffer.normal,
+                "t_reentering": gbuffer.normal if gbuffer.reentry is None else gbuffer.reentry.irradiance,
+                "t_reentering_behind": gbuffer.normal if gbuffer.reentry is None else gbuffer.reentry.behind,
                 "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                 "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                 "u_eye": tuple(camera.eye),

@@ -13,7 +13,7 @@ from milkglass.viewer.passes.shadows import ShadowMap
 from milkglass.viewer.passes.soft_shadows import SoftShadow
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.lights import Light
-from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, ENVIRONMENT, POINT
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, ENVIRONMENT, POINT, REENTERING
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class LightSource:
     Attributes
     ----------
     kind : int
-        DIRECTIONAL, POINT or ENVIRONMENT.
+        DIRECTIONAL, POINT, ENVIRONMENT or REENTERING.
     vector, colour : 3-tuples
         See irradiance.glsl.
     shadow : ShadowMap or SoftShadow
@@ -97,3 +97,8 @@ def surround(
     """Make an environment's source from its irradiance table, and what is in its way."""
     to_probe, factor = world_to_probe(rotation_deg), (intensity,) * 3
     return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), factor, no_shadow, table, to_probe, occlusion)
+
+
+def reentering(table: moderngl.Texture, no_shadow: ShadowMap) -> LightSource:
+    """Make the source of light that left the object and enters it again; `table` is any texture."""
+    return LightSource(REENTERING, (0.0, 0.0, 0.0), (1.0,) * 3, no_shadow, table, np.eye(3))

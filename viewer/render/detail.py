@@ -52,6 +52,17 @@ class DetailStages:
         )
         return self._uploaded(samples, turned, weights), surface_detail, troubles
 
+    def leaving(self, detail: SurfaceDetail, samples: SurfaceSamples) -> Float32:
+        """Return what the surface's colours let out, as factors on exitance at the samples: (n, 3)."""
+        pieces = self._run(
+            Stage.SAMPLE_DETAIL,
+            [detail.detail, samples],
+            lambda: detail.detail.pieces(samples.points, samples.faces, samples.areas),
+        )
+        return self._run(
+            Stage.SAMPLE_LEAVING, [pieces, detail.after], lambda: _tints(detail.detail, pieces, detail.after)
+        )
+
     def _uploaded(self, samples: SurfaceSamples, lit: SurfaceSamples, weights: Float32 | None) -> SampledSurface:
         """Upload samples with the normals that light meets."""
         context = self._context

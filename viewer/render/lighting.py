@@ -21,9 +21,11 @@ from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.gather import Gather, TableTextures
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
-from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.passes.light_source import LightSource, reentering
+from milkglass.viewer.passes.reentry import Reentry
 from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
 from milkglass.viewer.render.detail import DetailStages
+from milkglass.viewer.render.exchange import ExchangeStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows
@@ -49,6 +51,7 @@ class Lighting:
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
+        self._exchanges = ExchangeStages(stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
@@ -111,6 +114,16 @@ class Lighting:
             *environment_sources,
         )
 
+        leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
+        exchange = self._exchanges.of(settings, model.mesh, surface, leaving, say)
+        refined = None if occlusion is None else occlusion.surface
+        mirrored = None
+        if exchange is not None:
+            refined = self._exchanges.uploaded(exchange, model.buffers)
+            if not draft:  # a turn of the environment looks up a million directions
+                around = scene.environment
+                mirrored = self._exchanges.mirrored(exchange, around, lambda: self.probe(around), material.eta)
+
         say("lighting the surface")
         irradiances = self._irradiances(surface, sources, material.eta)
         flux = run(
@@ -119,11 +132,15 @@ class Lighting:
             lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
         )
         lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
+        if exchange is not None and mirrored is not None:
+            by_mirrors = self._exchanges.flux(exchange, mirrored, surface)
+            flux = run(Stage.TOTAL_FLUX, [flux, by_mirrors], lambda: flux + by_mirrors)
+            if quality.facts.takes_each_light:
+                lights = *lights, run(Stage.MIRRORED_LIGHT, [by_mirrors], lambda: EnteringLight(by_mirrors))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         placed = scatters, grid, profiles, coordinates, flux, lights, media(material), samples
-        return LitScene(
-            model, camera, sources, material.eta, quality, *placed, lobes, bodies, body_marks, detail, troubles
-        )
+        looks = lobes, bodies, body_marks, detail, troubles
+        return LitScene(model, camera, sources, material.eta, quality, *placed, *looks, exchange, mirrored, refined)
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what transport has scattered, for pixels to gather."""
@@ -136,7 +153,22 @@ class Lighting:
         if tables.solves:
             fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
         placed = scattered.world_to_texture, lit.transport.smooth, lit.eta, lit.quality.exit_normalisation(lit.eta)
-        return Gather(volume, fluence, textures, *placed, self._windows(scattered.windows))
+        return Gather(
+            volume, fluence, textures, *placed, self._windows(scattered.windows), self._reentry(lit, scattered)
+        )
+
+    def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
+        """Return the light that enters again, of an exchange that knows of any."""
+        surface = lit.surface
+        if surface is None or (scattered.reentering is None and lit.mirrored is None):
+            return None
+
+        def make() -> Reentry:
+            total = lit.entering_again(scattered)
+            assert total is not None
+            return Reentry(surface, total, reentering(self._lamps.no_probe, self._lamps.no_shadow))
+
+        return self._run(Stage.REENTRY, [surface, scattered.reentering, lit.mirrored], make)
 
     def _windows(self, windows: Float32 | None) -> moderngl.Texture | None:
         """Upload where the bodies lie in an atlas."""

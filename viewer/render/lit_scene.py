@@ -2,21 +2,25 @@
 
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+
 from milkglass.core.arrays import Float32
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.exchange import Exchange
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import alike
-from milkglass.core.transport.base import EnteringFlux, EnteringLight, Transport, WholeObject
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, Scattered, Transport, WholeObject
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.bodies import BodyMarks
 from milkglass.viewer.scene.camera import Camera
 
@@ -62,6 +66,12 @@ class LitScene:
         Colours and relief of the surface.
     troubles : tuple of str
         What of them could not be had.
+    exchange : Exchange, optional
+        Of light between parts of the surface.
+    mirrored : (n, 3) float32, optional
+        Irradiance at the exchange's vertices that comes by way of the surface's mirror.
+    surface : RefinedSurface, optional
+        Where light or its occlusion is known at the vertices of a refined mesh.
     """
 
     model: Model
@@ -82,6 +92,9 @@ class LitScene:
     body_marks: BodyMarks | None = field(default=None, compare=False)
     detail: SurfaceDetail | None = None
     troubles: tuple[str, ...] = field(default=(), compare=False)
+    exchange: Exchange | None = None
+    mirrored: Float32 | None = None
+    surface: RefinedSurface | None = field(default=None, compare=False)
 
     @property
     def occlusion(self) -> Occlusion | None:
@@ -92,7 +105,13 @@ class LitScene:
     def entering(self) -> EnteringFlux:
         """Return the light that enters the object, as transport takes it."""
         solid = WholeObject(self.model.mesh, self.samples)
-        return EnteringFlux(solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media)
+        placed = solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media
+        return EnteringFlux(*placed, self.exchange)
+
+    def entering_again(self, scattered: Scattered) -> Float32 | None:
+        """Return the irradiance that meets the surface again, (n, 3) at the exchange's vertices; None for none."""
+        found = [part for part in (scattered.reentering, self.mirrored) if part is not None]
+        return np.asarray(np.sum(found, axis=0), np.float32) if found else None
 
     def is_same_light(self, other: "LitScene") -> bool:
         """Tell whether transport would have the same work: stages return the very same arrays where nothing changed.

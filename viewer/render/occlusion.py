@@ -10,16 +10,17 @@ import moderngl
 
 from milkglass.core.arrays import Float32
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.refine import interpolated
+from milkglass.core.geometry.refine import Refined, interpolated
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.harmonics import rotated
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import VisibilityOf
-from milkglass.viewer.assets.visibility import BakedVisibility, needs_visibility
+from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.occlusion import Occlusion
+from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 
@@ -52,7 +53,24 @@ class OcclusionStages:
             say(f"casting rays for the environment's shadows: {100.0 * share:.0f} %")
 
         baked = self._run(Stage.VISIBILITY, [mesh], lambda: self._assets.get(VisibilityOf(mesh, report)))
-        return self._occlusion(baked, buffers, rest(environment), environment.rotation_deg)
+        surface = self.refined(baked.refined, buffers)
+        probe, rotation_deg = rest(environment), environment.rotation_deg
+
+        def share() -> Occlusion:
+            shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
+            # A buffer of its own each time: the last one is drawn from until the light inside has followed.
+            return Occlusion(baked, shares, surface, self._context.buffer(shares))
+
+        return self._run(Stage.OCCLUSION, [baked, surface, probe, rotation_deg], share)
+
+    def refined(self, fine: Refined, buffers: MeshBuffers) -> RefinedSurface:
+        """Return a refined mesh uploaded; `buffers` of the mesh serve where nothing was refined."""
+        few = len(fine.levels) == 1
+        return self._run(
+            Stage.REFINED_MESH,
+            [fine, buffers],
+            lambda: RefinedSurface(fine, buffers if few else MeshBuffers(self._context, fine.mesh)),
+        )
 
     def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
         """Unoccluded E at the surface samples, (n, 3), times what reaches them."""
@@ -63,18 +81,3 @@ class OcclusionStages:
             Stage.OCCLUDED_SAMPLES, [occlusion.baked, samples], lambda: fine.locate(samples.points, samples.faces)
         )
         return irradiance * interpolated(corners, weights, occlusion.shares)
-
-    def _occlusion(self, baked: BakedVisibility, buffers: MeshBuffers, probe: Probe, rotation_deg: float) -> Occlusion:
-        context, run, fine = self._context, self._run, baked.refined
-        of_mesh = run(
-            Stage.REFINED_MESH,
-            [baked, buffers],
-            lambda: buffers if len(fine.levels) == 1 else MeshBuffers(context, fine.mesh),
-        )
-
-        def share() -> Occlusion:
-            shares = baked.visibility.shares(rotated(probe.sh, rotation_deg))
-            # A buffer of its own each time: the last one is drawn from until the light inside has followed.
-            return Occlusion(baked, shares, of_mesh, context.buffer(shares))
-
-        return run(Stage.OCCLUSION, [baked, of_mesh, probe, rotation_deg], share)

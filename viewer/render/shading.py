@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
@@ -15,6 +16,7 @@ from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer, GBufferPass
 from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
+from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
@@ -40,6 +42,7 @@ class Shading:
         self._composite = CompositePass(context)
         self._tonemap = TonemapPass(context)
         self._detail = DrawnDetail(context, stages)
+        self._reentry = ReentryPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._seen: GBuffer | None = None
 
@@ -151,7 +154,7 @@ class Shading:
         targets = self._run(
             Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts=parts, depth=depth)
         )
-        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation
+        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
         light = lit.model, lit.detail, *lit.sources
         return targets, (targets, request.offsets, scene.specular, scene.camera, size, *light, *volume)
 
@@ -178,20 +181,39 @@ class Shading:
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, request.offsets[i], size)
         marks = None if lit.body_marks is None else lit.body_marks.buffer
-        if lit.body_marks is not None and occlusion is not None:
-            of_vertex, refined = lit.body_marks.of_vertex, occlusion.baked.refined
-            marks = run(Stage.REFINED_MARKS, [of_vertex, refined], lambda: occlusion.bodies(self._context, of_vertex))
+        surface = lit.surface if gather.reentry is None else gather.reentry.surface
+        buffers = lit.model.buffers if surface is None else surface.buffers
+        if lit.body_marks is not None and surface is not None:
+            of_vertex = lit.body_marks.of_vertex
+            marks = run(Stage.REFINED_MARKS, [of_vertex, surface], lambda: surface.bodies(self._context, of_vertex))
         run(
             Stage.GBUFFER,
-            [lit.model, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
-            lambda: self._gbuffer.render(lit.model.buffers, clip, gbuffer, marks, occlusion, behind, lobes),
+            [buffers, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
+            lambda: self._gbuffer.render(buffers, clip, gbuffer, marks, occlusion, behind, lobes),
         )
-        gbuffer = replace(gbuffer, detail=self._detail.draw(lit.detail, clip, size))
+        detail, again, sources = self._detail.draw(lit.detail, clip, size), None, lit.sources
+        if gather.reentry is not None:
+            again = self._drawn_again(gather, gather.reentry, clip, size)
+            sources = *sources, gather.reentry.source
+        gbuffer = replace(gbuffer, detail=detail, reentry=again)
         if i == 0:
             targets.framebuffer.clear()
         highlights = self._highlights(scene, lit)
-        yield from self._irradiance.steps(gbuffer, lit.sources, gather, highlights, camera, light, i, sharing)
+        yield from self._irradiance.steps(gbuffer, sources, gather, highlights, camera, light, i, sharing)
         self._composite.render(gbuffer, light, gather, highlights, camera, 1.0 / len(request.offsets), targets)
+
+    def _drawn_again(
+        self, gather: Gather, reentry: Reentry, clip: npt.NDArray[np.float64], size: tuple[int, int]
+    ) -> ReentryTargets:
+        """Draw light that enters the object again at every pixel."""
+        thin = gather.is_thin
+        targets = self._run(Stage.REENTRY_TARGETS, [size], lambda: self._reentry.targets(size))
+        self._run(
+            Stage.REENTRY_PIXELS,
+            [reentry, clip.tobytes(), targets, thin],
+            lambda: self._reentry.render(reentry, clip, targets, thin=thin),
+        )
+        return targets
 
     def _highlights(self, scene: Scene, lit: LitScene) -> Highlights:
         """Return the highlights of this shininess, with the environment that they mirror where one is seen."""
@@ -214,7 +236,7 @@ class Shading:
         blocked = self._run(Stage.BLOCKED_HIGHLIGHTS, [baked], lambda: self._lobes.upload(baked.visibility))
         return self._run(
             Stage.OCCLUDED_HIGHLIGHTS,
-            [occlusion.baked, occlusion.buffers, blocked, specular.shininess, lit.camera.eye.tobytes()],
+            [occlusion.baked, occlusion.surface, blocked, specular.shininess, lit.camera.eye.tobytes()],
             lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
         )
 

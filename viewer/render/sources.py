@@ -50,7 +50,7 @@ class LampSources:
 
         Shadow maps do not depend on brightness: they are kept while that alone changes.
         """
-        count = 0 if light.is_sharp else light.sub_light_count(mesh.radius, draft=draft)
+        count = 0 if light.is_sharp else light.sub_light_count(mesh.radius, draft)
         unit = light.brightened((1.0, 1.0, 1.0))
         shadow = self._spread(
             SHADOWS[name.stage].of(name.number),

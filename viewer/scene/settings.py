@@ -297,6 +297,12 @@ class TransportSettings:
         moves=Part.TRANSPORT,
         why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
     )
+    exchange: str | None = setting(
+        "text", None, optional=True, choices=("on", "off"), default_text="on with diffusion, else off",
+        moves=Part.OCCLUSION,
+        why="light between parts: what leaves the object and meets it again enters, through the air; once with ewald "
+            "and layered"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
@@ -305,6 +311,11 @@ class TransportSettings:
     def facts(self) -> Method:
         """Return the method's row of the registry of transports."""
         return METHODS[self.method]
+
+    @property
+    def exchanges(self) -> bool:
+        """Whether light that leaves the object meets it again and enters."""
+        return self.facts.exchanges if self.exchange is None else self.exchange == "on"
 
 
 @dataclass(frozen=True)

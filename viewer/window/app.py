@@ -290,8 +290,8 @@ class App:
         if live.finished is None:
             return left, "light spreads ..." if self.view.working else ""
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
-        baked = live.visibility.progress
-        casting = "" if baked is None else f"environment's shadows: {100.0 * baked:.0f} %"
+        baked = live.rays.progress
+        casting = "" if baked is None else f"{live.rays.casting}: {100.0 * baked:.0f} %"
         return left, "   ".join(filter(None, (casting, self._error_status(), rate)))
 
     def _error_status(self) -> str:

@@ -1,6 +1,7 @@
 """One colour channel of the boundary integral equation: its operator, right-hand side and corrections at edges."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from milkglass.core.transport.diffusion.edges.crossing import Crossing, crossing
 from milkglass.core.transport.diffusion.edges.last_flight import LastFlight, last_flight
 from milkglass.core.transport.diffusion.entry import Entry, sources
 from milkglass.core.transport.diffusion.green import local_green, local_slope
+from milkglass.core.transport.diffusion.reentry import Reentry, SurfaceExchange
 
 DIAGONAL_SHIFT = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
 FIRST_GUESS_SHIFT = 1.0  # added to the diagonal for a first guess: the nodes carry about that of an even phi
@@ -37,10 +39,9 @@ class Channel:
         Q, first scattering assigned to the nodes.
     local : (n,) float64
         Local part of the right-hand side, for what the nodes are too coarse for.
-    crossing : Crossing, optional
-        Light that crosses edges, which is not in Q.
-    flight : LastFlight, optional
-        Exitance beside concave edges.
+    corrections : EdgeCorrections, optional
+    reentry : Reentry, optional
+        Light that leaves the patches and enters them again; it is taken off the operator's sources.
     """
 
     def __init__(
@@ -51,8 +52,8 @@ class Channel:
         convolve: Callable[[Float32], Float32],
         deposited: Float32,
         local: Array,
-        crossing: Crossing | None = None,
-        flight: LastFlight | None = None,
+        corrections: "EdgeCorrections | None" = None,
+        reentry: Reentry | None = None,
     ) -> None:
         self.boundary, self.medium = boundary, medium
         self._convolve = convolve
@@ -72,7 +73,7 @@ class Channel:
         self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
         self._diagonal = bending * self._diagonal + local_single_layer
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
-        self._crossing, self._flight = crossing, flight
+        self._corrections, self._reentry = corrections or EdgeCorrections(), reentry
 
     @computed_once
     def sources(self) -> Float32:
@@ -90,6 +91,8 @@ class Channel:
         The grid may add a thousandth.
         """
         leaving = float(np.einsum("i,i->", self._areas, two_A_M)) / (2.0 * self.medium.extrapolation_factor)
+        if self._reentry is not None:
+            leaving -= float(self._reentry.at_nodes(two_A_M).sum(dtype=np.float64))
         scattered = float(self._deposited.sum(dtype=np.float64))
         return min(1.0, scattered / leaving) if leaving > 0.0 else 1.0
 
@@ -98,7 +101,7 @@ class Channel:
 
         Pixels take all light that enters for diffusing; what crosses edges instead is taken off the nodes.
         """
-        crossing, flight = self._crossing, self._flight
+        crossing, flight = self._corrections.crossing, self._corrections.flight
         if crossing is None and flight is None:
             return two_A_M, volume
         added, lost = np.zeros(len(two_A_M)), np.zeros(len(two_A_M))
@@ -135,6 +138,8 @@ class Channel:
 
     def _assigned(self, two_A_M: Array) -> Float32:
         deposited = self._deposit @ (self._areas * two_A_M).astype(np.float32)
+        if self._reentry is not None:
+            deposited -= self._reentry.at_nodes(two_A_M)
         return np.asarray(deposited.reshape(self.boundary.grid.shape))
 
     def _local_part(self, two_A_M: Array) -> Array:
@@ -142,22 +147,53 @@ class Channel:
         product = self._diagonal * two_A_M
         sheet = self.boundary.sheet
         product[sheet.patches] += self._across * two_A_M[sheet.opposite]
+        if self._reentry is not None:
+            product -= self._reentry.at_patches(two_A_M)
         return np.asarray(product)
 
     def _gathered(self, volume: Float32) -> Array:
         return np.asarray(self._gather @ volume.ravel(), np.float64)
 
 
-def lit(
-    boundary: Boundary,
-    depths: Depths,
-    medium: Medium,
-    s: float,
-    convolve: Callable[[Float32], Float32],
-    entries: Sequence[Entry],
-    i: int,
-) -> Channel:
-    """Return the `Channel` of the i-th colour of the entries of all lights."""
+@dataclass(frozen=True, eq=False)
+class EdgeCorrections:
+    """What edges do to the exitance of diffusion.
+
+    Attributes
+    ----------
+    crossing : Crossing, optional
+        Light that crosses edges, which is not in Q.
+    flight : LastFlight, optional
+        Exitance beside concave edges.
+    """
+
+    crossing: Crossing | None = None
+    flight: LastFlight | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Where the light of all channels comes from.
+
+    Attributes
+    ----------
+    boundary : Boundary
+    depths : Depths
+    entries : of Entry
+        All lights inside the object.
+    exchange : SurfaceExchange, optional
+        By which light that leaves enters again.
+    """
+
+    boundary: Boundary
+    depths: Depths
+    entries: Sequence[Entry]
+    exchange: SurfaceExchange | None = None
+
+
+def lit(light: Sources, medium: Medium, s: float, convolve: Callable[[Float32], Float32], i: int) -> Channel:
+    """Return the `Channel` of the i-th colour of the light."""
+    boundary, entries, exchange = light.boundary, light.entries, light.exchange
     deposited, local = np.zeros(int(np.prod(boundary.grid.shape)), np.float32), np.zeros(len(boundary.patches))
     crossed = crossing(boundary.edges, medium, i, entries)
     retained = np.ones(len(local)) if crossed is None else crossed.kept
@@ -165,5 +201,8 @@ def lit(
         at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained)
         deposited += at_nodes
         local += at_patches
-    flight = last_flight(boundary, depths, medium, s, entries, i, retained)
-    return Channel(boundary, medium, s, convolve, deposited, local, crossed, flight)
+    flight = last_flight(boundary, light.depths, medium, s, entries, i, retained)
+    reentry = None
+    if exchange is not None and not exchange.is_negligible(medium):
+        reentry = Reentry(exchange, i, medium, s)
+    return Channel(boundary, medium, s, convolve, deposited, local, EdgeCorrections(crossed, flight), reentry)

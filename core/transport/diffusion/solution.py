@@ -22,6 +22,7 @@ from milkglass.core.transport.diffusion.pixels import (
     sheet_reach,
 )
 from milkglass.core.transport.diffusion.points import point_exitance
+from milkglass.core.transport.diffusion.reentry import SurfaceExchange
 from milkglass.core.transport.pixels import PixelTables
 
 
@@ -39,6 +40,8 @@ class Solution:
         Width s of the window of the smooth part, mm.
     tolerance : float
         Relative residual at which a channel is solved.
+    exchange : SurfaceExchange, optional
+        By which light that leaves enters again.
     """
 
     boundary: Boundary
@@ -46,6 +49,7 @@ class Solution:
     channels: tuple[Reached | None, ...]
     window: float
     tolerance: float
+    exchange: SurfaceExchange | None = None
 
     windows = None
 
@@ -112,15 +116,23 @@ class Solution:
             self.volume, self.mean_fluence(), self.grid, equation, lights.eta, points, normals, light_at_points
         )
 
+    @computed_once
+    def exitance_of_patches(self) -> Array:
+        """Return M of the patches, (n, 3), >= 0."""
+        factors = [0.0 if medium.is_black else 0.5 / medium.extrapolation_factor for medium in self.media]
+        columns = [factor * np.maximum(two_A_M, 0.0) for factor, two_A_M in zip(factors, self.two_A_M, strict=True)]
+        return np.stack(columns, axis=1)
+
+    @computed_once
+    def reentering(self) -> Float32 | None:
+        """Return the irradiance that enters again at the vertices of the exchange, (m, 3); None without one."""
+        return None if self.exchange is None else self.exchange.irradiance(self.exitance_of_patches)
+
     def on_layers(self) -> Float32:
         """Return M dA on the nodes, (3, *grid.shape): the volume is no light yet."""
         boundary = self.boundary
-        flux = np.zeros((len(boundary.patches), 3), np.float32)
-        for i, (medium, two_A_M) in enumerate(zip(self.media, self.two_A_M, strict=True)):
-            if not medium.is_black:
-                exitance = np.maximum(two_A_M, 0.0) / (2.0 * medium.extrapolation_factor)
-                flux[:, i] = exitance * boundary.patches.areas
-        return deposit(boundary.grid, boundary.weights, flux)
+        flux = self.exitance_of_patches * boundary.patches.areas[:, None]
+        return deposit(boundary.grid, boundary.weights, flux.astype(np.float32))
 
 
 def reached(
@@ -130,11 +142,12 @@ def reached(
     iterations: Mapping[Channel, Iteration],
     window: float,
     tolerance: float,
+    exchange: SurfaceExchange | None = None,
 ) -> Solution:
     """Return the solution that the channels' iterations have come to; alike channels share one."""
     ends = {channel: iteration.reached for channel, iteration in iterations.items()}
     of_channels = tuple(None if channel is None else ends[channel] for channel in channels)
-    return Solution(boundary, tuple(media), of_channels, window, tolerance)
+    return Solution(boundary, tuple(media), of_channels, window, tolerance, exchange)
 
 
 def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:

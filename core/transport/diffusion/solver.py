@@ -12,7 +12,7 @@ A surface point's own value follows from the volume O = G_L * (Q - double layer)
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,18 +27,21 @@ from milkglass.core.grid.atlas import Atlas
 from milkglass.core.grid.kernels import Kernel, Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.light.exchange import Exchange
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
-from milkglass.core.transport.diffusion.channel import Channel, lit
-from milkglass.core.transport.diffusion.entry import Entry, enter
+from milkglass.core.transport.diffusion.channel import Channel, Sources, lit
+from milkglass.core.transport.diffusion.entry import enter
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.pixels import pixel_tables
-from milkglass.core.transport.diffusion.solution import Solution as Solution, reached, same_flux
+from milkglass.core.transport.diffusion.reentry import SurfaceExchange
+from milkglass.core.transport.diffusion.solution import Solution as Solution
+from milkglass.core.transport.diffusion.solution import reached, same_flux
 from milkglass.core.transport.pixels import PixelTables
 
 SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B
@@ -52,6 +55,34 @@ PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, a
 LEAST_REACH = 12  # nodes over which the kernel must lie on each side, however thin the object
 DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
 WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A surface and the light that enters it.
+
+    Attributes
+    ----------
+    mesh, samples
+    grid : LayerGrid
+        From `DiffusionTransport.grid`.
+    lights : of any number
+    media : R, G and B
+    exchange : Exchange, optional
+        By which light that leaves enters again.
+    """
+
+    mesh: Mesh
+    samples: SurfaceSamples
+    grid: LayerGrid
+    lights: Sequence[EnteringLight]
+    media: Sequence[Medium]
+    exchange: Exchange | None = None
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Return all that the solution depends on but the grid, as a key of stages."""
+        return self.mesh, self.samples, *self.lights, *self.media, self.exchange
 
 
 @dataclass(eq=False)
@@ -79,6 +110,7 @@ class DiffusionTransport:
     tolerance: float = TOLERANCE
     patch: float = PATCH
     kernels: Kernels = field(default_factory=Kernels)
+    sweeps: int = field(default=4, init=False)
     place: Callable[[int], LayerGrid] | None = None
     _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
@@ -122,7 +154,8 @@ class DiffusionTransport:
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
-        return self.solve(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, stages, go_on)
+        problem = Problem(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, lit.exchange)
+        return self.solve(problem, stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
         """Return the media of R, G and B, on which this transport depends."""
@@ -143,92 +176,83 @@ class DiffusionTransport:
         return replace(self, place=lambda resolution: crop(self._fitted(object_mesh, resolution)))
 
     @one_blas_thread()
-    def solve(
-        self,
-        mesh: Mesh,
-        samples: SurfaceSamples,
-        grid: LayerGrid,
-        lights: Sequence[EnteringLight],
-        media: Sequence[Medium],
-        stages: Stages,
-        go_on: Callable[[Solution], bool] | None = None,
-    ) -> Solution:
+    def solve(self, problem: Problem, stages: Stages, go_on: Callable[[Solution], bool] | None = None) -> Solution:
         """Return the solution for the fluence on the surface of a closed mesh.
 
         Parameters
         ----------
-        mesh, samples
-        grid : from `grid`
-        lights : of any number
-        media : R, G and B
+        problem : Problem
         stages : Stages
             Keeps the steps' results between calls.
         go_on : callable, optional
             Told the solution on half the nodes and after each round of products; False ends there, and the next call
             starts from it. Where nobody looks all nodes are solved at once, which takes less time in all.
         """
-        request = self, mesh, samples, grid, *lights, *media
 
         def anew() -> Solution:
             coarse = None
             if go_on is not None:
-                coarse = self._coarse_solution(mesh, samples, lights, media, stages, go_on)
+                coarse = self._coarse_solution(problem, stages, go_on)
                 if coarse is not None and not go_on(coarse):
                     return coarse
-            boundary, channels = self._channels(mesh, samples, grid, lights, media, stages)
+            boundary, channels, exchange = self._channels(problem, stages)
             ended = None if self._coarse is None or coarse is None else self._coarse._last
-            return self._solve(boundary, media, channels, samples, ended, go_on)
+            iterations = self._begun(channels, problem.samples, ended)
 
-        solution = stages.run(Stage.SOLUTION, request, anew)
-        if not solution.is_solved or solution.grid != grid:
+            def newest() -> Solution:
+                width = self.window_width(boundary.grid)
+                return reached(boundary, problem.media, channels, iterations, width, self.tolerance, exchange)
+
+            solution = _advanced(newest, iterations, go_on)
+            iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
+            self._last = End(boundary, tuple(channels), iterates, ended)
+            return solution
+
+        solution = stages.run(Stage.SOLUTION, (self, problem.grid, *problem.key), anew)
+        if not solution.is_solved or solution.grid != problem.grid:
             stages.forget(Stage.SOLUTION)  # to go on from there
         return solution
 
-    def _coarse_solution(
-        self,
-        mesh: Mesh,
-        samples: SurfaceSamples,
-        lights: Sequence[EnteringLight],
-        media: Sequence[Medium],
-        stages: Stages,
-        go_on: Callable[[Solution], bool],
-    ) -> Solution | None:
+    def _coarse_solution(self, problem: Problem, stages: Stages, go_on: Callable[[Solution], bool]) -> Solution | None:
         """Return the solution on half the nodes, a picture at once, from which few products are left."""
         if self.resolution < NESTED:
             return None
         if self._coarse is None:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
-        coarse = self._coarse
+        coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        on = coarse.grid(mesh, np.eye(3))
+        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)))
         return stages.run(
             Stage.COARSE_SOLUTION,
-            (coarse, mesh, samples, *lights, *media),
-            lambda: coarse.solve(mesh, samples, on, lights, media, self._coarse_stages, go_on),
+            (coarse, *problem.key),
+            lambda: coarse.solve(on_coarse, self._coarse_stages, go_on),
         )
 
     def _channels(
-        self,
-        mesh: Mesh,
-        samples: SurfaceSamples,
-        grid: LayerGrid,
-        lights: Sequence[EnteringLight],
-        media: Sequence[Medium],
-        stages: Stages,
-    ) -> tuple[Boundary, list[Channel | None]]:
-        """Return the boundary and the equation of each channel; None for a dark one."""
-        boundary, depths = self._surface(mesh, samples, grid, stages)
+        self, problem: Problem, stages: Stages
+    ) -> tuple[Boundary, list[Channel | None], SurfaceExchange | None]:
+        """Return the boundary, the equation of each channel, None for a dark one, and the exchange between patches."""
+        media, eta = problem.media, problem.media[0].eta
+        boundary, depths = self._surface(problem, stages)
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
         entries = [
             stages.run(
                 Stage.ENTRY.of(i),
-                (boundary, light, media[0].eta),
-                lambda light=light: enter(light, boundary, depths, media[0].eta),  # type: ignore[misc]
+                (boundary, light, eta),
+                lambda light=light: enter(light, boundary, depths, eta),  # type: ignore[misc]
             )
-            for i, light in enumerate(lights, start=1)
+            for i, light in enumerate(problem.lights, start=1)
         ]
-        kernels = [None if medium.is_black else self._kernel(grid, medium) for medium in media]
-        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(grid)))
+        exchange, between = problem.exchange, None
+        if exchange is not None:
+            between = stages.run(
+                Stage.SURFACE_EXCHANGE,
+                (boundary, exchange, eta),
+                lambda: SurfaceExchange(exchange, boundary, problem.samples, depths, eta),
+            )
+        kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
+        spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))
+        sources = Sources(boundary, depths, entries, between)
         makers: dict[int, Callable[[], Channel]] = {}
         twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
@@ -236,9 +260,9 @@ class DiffusionTransport:
             twin = next((k for k in makers if media[k] == medium and same_flux(entries, i, k)), i)
             twins.append(None if dark else twin)
             if spectrum is not None and twins[-1] == i:
-                makers[i] = self._channel(boundary, depths, medium, i, entries, spectrum, stages)
+                makers[i] = self._channel(sources, medium, i, spectrum, stages)
         channels = {i: channel() for i, channel in makers.items()}
-        return boundary, [None if twin is None else channels[twin] for twin in twins]
+        return boundary, [None if twin is None else channels[twin] for twin in twins], between
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
         """Return sizes padded by the reach of a channel's G; at most by the extent, which is exact."""
@@ -256,9 +280,10 @@ class DiffusionTransport:
         self._coarse = self._placed = self._last = None
         self._coarse_stages.clear()
 
-    def _surface(self, mesh: Mesh, samples: SurfaceSamples, grid: LayerGrid, stages: Stages) -> tuple[Boundary, Depths]:
+    def _surface(self, problem: Problem, stages: Stages) -> tuple[Boundary, Depths]:
         """Return a surface as it lies on the grid, the last call's where it is the same, and its rays."""
-        kept, key = self._placed, (mesh, samples, grid)
+        mesh, samples, grid = key = problem.mesh, problem.samples, problem.grid
+        kept = self._placed
         at_hand = kept is not None and kept[0] is mesh and kept[1] is samples and kept[2].grid == grid
         needed = not at_hand and not stages.has(Stage.BOUNDARY, key)
         merging = thread_pool().submit(make_patches, mesh, samples, self._cell(grid)) if needed else None
@@ -273,56 +298,29 @@ class DiffusionTransport:
         return stages.run(Stage.BOUNDARY, key, placed), depths
 
     def _channel(
-        self,
-        boundary: Boundary,
-        depths: Depths,
-        medium: Medium,
-        i: int,
-        entries: Sequence[Entry],
-        spectrum: Spectra,
-        stages: Stages,
+        self, sources: Sources, medium: Medium, i: int, spectrum: Spectra, stages: Stages
     ) -> Callable[[], Channel]:
         """Begin to assemble a channel's equation beside others; the function that is returned waits for it."""
-        grid = boundary.grid
+        grid = sources.boundary.grid
         s, convolver = self.window_width(grid), self.kernels.convolver(self.shape(grid, medium), i)
 
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
-        make = functools.partial(lit, boundary, depths, medium, s, convolve, entries, i)
-        name, key = SOURCES[i], (boundary, medium, spectrum, *entries)
+        make = functools.partial(lit, sources, medium, s, convolve, i)
+        name, key = SOURCES[i], (sources.boundary, sources.exchange, medium, spectrum, *sources.entries)
         future = None if stages.has(name, key) else thread_pool().submit(make)
         return lambda: stages.run(name, key, make if future is None else future.result)
 
-    def _solve(
-        self,
-        boundary: Boundary,
-        media: Sequence[Medium],
-        channels: Sequence[Channel | None],
-        samples: SurfaceSamples,
-        coarse: End | None,
-        go_on: Callable[[Solution], bool] | None,
-    ) -> Solution:
-        """Return the solution after rounds of steps of all channels, each from where it ended last time."""
+    def _begun(
+        self, channels: Sequence[Channel | None], samples: SurfaceSamples, coarse: End | None
+    ) -> dict[Channel, Iteration]:
+        """Return the iterations of all channels, each from where it ended last time; alike channels share one."""
         new = {channel: i for i, channel in reversed(list(enumerate(channels))) if channel is not None}
 
         def started(channel: Channel) -> Iteration:
             start = begin(channel, new[channel], self._last, coarse, samples)
             return Iteration(channel, start, self.tolerance, MOST_PRODUCTS)
 
-        iterations = dict(zip(new, pool_map(started, new), strict=True))
-
-        def newest() -> Solution:
-            return reached(boundary, media, channels, iterations, self.window_width(boundary.grid), self.tolerance)
-
-        solution = newest()
-        while not solution.is_solved and (go_on is None or go_on(solution)):
-            # All of them: each takes its steps.
-            if not any(pool_map(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
-                break
-            solution = newest()
-        pool_map(Reached.settle, {at for at in solution.channels if at is not None})
-        iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
-        self._last = End(boundary, tuple(channels), iterates, coarse)
-        return solution
+        return dict(zip(new, pool_map(started, new), strict=True))
 
     def _kernel(self, grid: LayerGrid, medium: Medium) -> Kernel:
         return medium, self.shape(grid, medium), grid.texel, grid.layer_distance
@@ -330,3 +328,19 @@ class DiffusionTransport:
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
         return lambda medium, shape: green_spectrum(medium, s, grid, shape)
+
+
+def _advanced(
+    newest: Callable[[], Solution],
+    iterations: Mapping[Channel, Iteration],
+    go_on: Callable[[Solution], bool] | None,
+) -> Solution:
+    """Return the solution after rounds of steps of all channels."""
+    solution = newest()
+    while not solution.is_solved and (go_on is None or go_on(solution)):
+        # All of them: each takes its steps.
+        if not any(pool_map(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
+            break
+        solution = newest()
+    pool_map(Reached.settle, {at for at in solution.channels if at is not None})
+    return solution

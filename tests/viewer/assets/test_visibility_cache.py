@@ -7,16 +7,17 @@ import pytest
 
 from milkglass.core.geometry.refine import refined
 from milkglass.core.light.bake import bake
-from milkglass.viewer.assets import visibility
-from milkglass.viewer.assets.visibility import bake_visibility
+from milkglass.viewer.assets import ray_cache, visibility
+from milkglass.viewer.assets.visibility import bake_visibility, refine
 from tests.support.shapes import ball, cube
-from tests.support.solids import ball as part, mesh_of
+from tests.support.solids import ball as part
+from tests.support.solids import mesh_of
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(visibility, "LONGEST_EDGE", 1.0)
-    monkeypatch.setattr(visibility, "cache_folder", lambda: tmp_path / "visibility")
+    monkeypatch.setattr(ray_cache, "cache_folder", lambda: tmp_path)
     return tmp_path / "visibility"
 
 
@@ -30,11 +31,11 @@ def casts(monkeypatch):
 
 @pytest.mark.slow
 def test_rays_are_cast_once_a_shape(casts, folder):
-    first, again = bake_visibility(ball(subdivisions=2)), bake_visibility(ball(subdivisions=2))
+    first, again = bake_visibility(refine(ball(subdivisions=2))), bake_visibility(refine(ball(subdivisions=2)))
     assert len(casts) == 1
     for name in ("unoccluded", "visible"):
         assert np.array_equal(getattr(first.visibility, name), getattr(again.visibility, name))
-    bake_visibility(refined(cube(), 5.0).mesh)
+    bake_visibility(refine(refined(cube(), 5.0).mesh))
     assert len(casts) == 2
     assert len(list(folder.iterdir())) == 2  # and nothing temporary
 
@@ -42,7 +43,7 @@ def test_rays_are_cast_once_a_shape(casts, folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
 def test_a_damaged_file_is_made_anew(casts, folder, damage):
-    bake_visibility(ball(subdivisions=2))
+    bake_visibility(refine(ball(subdivisions=2)))
     (path,) = folder.iterdir()
     content = bytearray(path.read_bytes())
     if damage == "cut":
@@ -55,17 +56,17 @@ def test_a_damaged_file_is_made_anew(casts, folder, damage):
     if damage == "other":
         with path.open("wb") as file:
             np.savez(file, bits=np.zeros((3, 7), np.uint8))
-    bake_visibility(ball(subdivisions=2))
+    bake_visibility(refine(ball(subdivisions=2)))
     assert len(casts) == 2
-    bake_visibility(ball(subdivisions=2))
+    bake_visibility(refine(ball(subdivisions=2)))
     assert len(casts) == 2
 
 
 @pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_done_without(casts, folder):
     folder.write_text("a file where the folder would be")
-    bake_visibility(ball(subdivisions=2))
-    bake_visibility(ball(subdivisions=2))
+    bake_visibility(refine(ball(subdivisions=2)))
+    bake_visibility(refine(ball(subdivisions=2)))
     assert len(casts) == 2
     assert folder.read_text() == "a file where the folder would be"
 
@@ -79,6 +80,6 @@ def test_what_was_not_used_for_longest_goes(folder, monkeypatch):
         os.utime(newest, (newest.stat().st_mtime - age,) * 2)
     assert visibility.cached_sight(meshes[0]) is not None  # used: now the second is the oldest
     size = max(path.stat().st_size for path in folder.iterdir())
-    monkeypatch.setattr(visibility, "MOST_BYTES", int(2.5 * size))
+    monkeypatch.setattr(ray_cache, "MOST_BYTES", int(2.5 * size))
     visibility.keep_sight(*baked[2])
     assert [visibility.cached_sight(mesh) is not None for mesh in meshes] == [True, False, True]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.refine import interpolated
-from milkglass.viewer.assets.visibility import bake_visibility
+from milkglass.core.light.bake import opposite_points
+from milkglass.viewer.assets.visibility import bake_visibility, refine
 from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.passes.highlights import HighlightsPass, _packed
 from milkglass.viewer.render.shading import Shading
@@ -140,9 +141,9 @@ def test_light_behind_a_sheet_is_that_of_its_other_side(context, tmp_path, monke
     monkeypatch.setattr("milkglass.viewer.assets.visibility.LONGEST_EDGE", 0.1)
     monkeypatch.setattr("milkglass.core.light.bake.MIN_RAYS", 0)
     mesh = sheet_before_a_wall()
-    baked = bake_visibility(mesh)
+    baked = bake_visibility(refine(mesh))
     fine = baked.refined.mesh
-    there = interpolated(*baked.opposite, fine.vertices)
+    there = interpolated(*opposite_points(fine), fine.vertices)
     middle = (np.abs(fine.vertices[:, :2]).max(axis=1) < 3.0) & (fine.normals[:, 2] > 0.9) & (fine.vertices[:, 2] > 0)
     np.testing.assert_allclose(there[middle], fine.vertices[middle] - [0.0, 0.0, 1.0], atol=1e-3)
 

@@ -18,7 +18,8 @@ from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
 from tests.support.occluding import around, irradiance, places_of, rms, shaded_ball, write_probe
 from tests.support.rendering import MeshRenderer, inside, scene_of
 from tests.support.shapes import ball
-from tests.support.solids import ball as part, mesh_of
+from tests.support.solids import ball as part
+from tests.support.solids import mesh_of
 from tests.support.waiting import wait_until
 
 ETA = 1.5
@@ -166,7 +167,7 @@ def test_the_window_gives_rays_up_at_once(context, model, sky, monkeypatch, how,
         scene = driver.session.scene
         driver.session.put(replace(scene, environment=replace(scene.environment, occluded=True)))
         frames_until(driver, asked.is_set)
-        job = driver.view.live.visibility
+        job = driver.view.live.rays
         future = job._future
         if how == "closing":
             driver.close()

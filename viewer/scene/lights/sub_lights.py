@@ -14,7 +14,7 @@ from milkglass.core.geometry.normals import across
 
 Vector = tuple[float, float, float]
 
-DIRECTIONAL, POINT, ENVIRONMENT = range(3)  # kinds of light; the last has no sub-lights
+DIRECTIONAL, POINT, ENVIRONMENT, REENTERING = range(4)  # kinds of light; the last two have no sub-lights
 SHAPE_EVEN, SHAPE_SPHERE, SHAPE_FACE, SHAPE_CONE, SHAPE_BALL = range(5)
 GOLDEN_RATIO = 0.6180339887498949  # its fractional part; in turns, 1 less it is the golden angle
 PARTS = 4  # numbers of sub-lights are multiples of it, so that a pixel's samples can share them out

@@ -11,11 +11,12 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.green import green_spectrum
-from milkglass.core.transport.diffusion.solver import MOST_PRODUCTS, DiffusionTransport
+from milkglass.core.transport.diffusion.solver import MOST_PRODUCTS, DiffusionTransport, Problem
 from milkglass.viewer.files.model import builtin_model
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of
 from tests.support.shapes import ball, cube, torus_knot
-from tests.support.solids import ball as part, block, mesh_of
+from tests.support.solids import ball as part
+from tests.support.solids import block, mesh_of
 
 THREE = (MARBLE, SKIM_MILK, WHOLE_MILK)
 CLEAR = (Medium(2.62, 0.0, 1.5), Medium(0.7, 0.0, 1.3), Medium(10.0, 0.0, 1.3))
@@ -232,7 +233,7 @@ def test_any_material(shape):
         media = [Medium(*pair, rng.uniform(1.0, 2.5)) for pair in zip(scatter, absorb, strict=True)]
         media = [Medium(m.sigma_s_prime, m.sigma_a, media[0].eta) for m in media]
         transport._last = None  # each from its own start
-        found = transport.solve(shape, samples, grid, [light], media, stages)
+        found = transport.solve(Problem(shape, samples, grid, [light], media), stages)
         areas = stages.kept("boundary")[1].patches.areas
         assert np.isfinite(found.volume).all()
         for channel, medium in enumerate(media):
@@ -278,8 +279,8 @@ def test_several_lights_add_up():
         EnteringLight(np.repeat(samples.areas[:, None], 3, axis=1)),
         EnteringLight(collimated(samples).flux, position=(0.0, 0.0, 40.0)),
     ]
-    every = transport.solve(mesh, samples, grid, lights, media, Stages())
-    single = [transport.solve(mesh, samples, grid, [light], media, Stages()) for light in lights]
+    every = transport.solve(Problem(mesh, samples, grid, lights, media), Stages())
+    single = [transport.solve(Problem(mesh, samples, grid, [light], media), Stages()) for light in lights]
     for channel in range(3):
         total = sum(solution.two_A_M[channel] for solution in single)
         np.testing.assert_allclose(every.two_A_M[channel], total, atol=2e-4 * total.max())

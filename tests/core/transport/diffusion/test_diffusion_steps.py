@@ -7,7 +7,7 @@ from milkglass.core.grid.convolution import LayerConvolver
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, samples_of
 from tests.support.shapes import ball
 
@@ -38,7 +38,7 @@ def solver(products):
 
     def solve(media, light=light, go_on=lambda _: True, transport=transport, stages=stages):
         products[0] = 0
-        return transport.solve(mesh, samples, grid, [light], media, stages, go_on)
+        return transport.solve(Problem(mesh, samples, grid, [light], media), stages, go_on)
 
     solve.samples = samples
     return solve
@@ -124,7 +124,7 @@ def test_the_detail_of_the_last_solution_serves_the_next(products):
 
     def solve(transport, stages, media, direction, go_on=lambda _: True):
         light = collimated(samples, direction)
-        return transport.solve(mesh, samples, grid, [light], media, stages, go_on)
+        return transport.solve(Problem(mesh, samples, grid, [light], media), stages, go_on)
 
     transport, stages = DiffusionTransport(resolution=48), Stages()
     cold = solve(transport, stages, THREE, DOWN)

@@ -10,7 +10,7 @@ from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.material import library as materials
 from milkglass.core.material.medium import media
 from milkglass.core.stages import Stages
-from milkglass.core.transport.diffusion.solver import COARSE_TOLERANCE, TOLERANCE, DiffusionTransport
+from milkglass.core.transport.diffusion.solver import COARSE_TOLERANCE, TOLERANCE, DiffusionTransport, Problem
 from milkglass.core.transport.separate import OfBodies
 from tests.support.diffusing import collimated
 from tests.support.entering import entering
@@ -64,7 +64,9 @@ class Case:
     def joined(self, mesh=None, samples=None, light=None):
         grid = self.transport.grid(self.mesh, np.eye(3))
         one = DiffusionTransport(resolution=self.transport.resolution)
-        return one.solve(mesh or self.mesh, samples or self.samples, grid, [light or self.light], self.media, Stages())
+        return one.solve(
+            Problem(mesh or self.mesh, samples or self.samples, grid, [light or self.light], self.media), Stages()
+        )
 
     def exitance(self, solution, tables, points):
         """M without what light that enters at the points themselves adds."""

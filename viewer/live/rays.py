@@ -1,0 +1,111 @@
+"""What rays find on the scene's mesh, baked in a thread of its own while the window does without it."""
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.light.bake import BakeCancelled
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.assets.sources import HitsOf, VisibilityOf, model_source
+from milkglass.viewer.assets.visibility import needs_visibility
+from milkglass.viewer.scene.scene import Scene
+
+RaySource = HitsOf | VisibilityOf
+
+LOG = logging.getLogger(__name__)
+STEPS = 50  # of the progress that is shown
+
+
+class RaysJob:
+    """Keeps light between parts, then visibility of the environment, on its way; for one thread, the one that draws.
+
+    Given up where they are not wanted any longer.
+
+    Parameters
+    ----------
+    assets : Assets
+        Where they come from and stay.
+    wake : callable
+        Called from the worker when there is something to see.
+
+    Attributes
+    ----------
+    progress : float, optional
+        Share that is done of what is cast now, None where nothing is.
+    casting : str
+        What that is.
+    """
+
+    def __init__(self, assets: Assets, wake: Callable[[], object]) -> None:
+        self.progress: float | None = None
+        self.casting = ""
+        self._assets, self._wake = assets, wake
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="rays")
+        self._wanted: tuple[RaySource, ...] = ()  # that were last asked for
+        self._cancelled = threading.Event()
+        self._future: Future[None] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being baked."""
+        return self._future is not None and not self._future.done()
+
+    def follow(self, scene: Scene) -> None:
+        """Bake for a scene whose mesh is loaded, what it needs of that; else give up."""
+        wanted = tuple(source for source in self._sources(scene) if not self._assets.has(source))
+        if wanted == self._wanted or (self.busy and wanted == self._wanted[-len(wanted) :] and wanted):
+            return
+        self._cancelled.set()
+        self._wanted, self.progress = wanted, None
+        if wanted:
+            self._cancelled, self.progress = threading.Event(), 0.0
+            self._future = self._worker.submit(self._bake, wanted, self._cancelled)
+            self._future.add_done_callback(lambda _: self._wake())
+
+    def found(self, scene: Scene) -> tuple[RaySource, ...]:
+        """Return what has been found by now, on which light depends beside the scene."""
+        if not self._assets.has(model_source(scene.model)):
+            return ()
+        return tuple(source for source in self._sources(scene) if self._assets.has(source))
+
+    def wait(self, timeout: float) -> None:
+        """Wait for what is being baked."""
+        if self._future is not None:
+            self._future.exception(timeout)
+
+    def close(self) -> None:
+        """Give up and free the thread."""
+        self._cancelled.set()
+        self._worker.shutdown(wait=True, cancel_futures=True)
+
+    def _sources(self, scene: Scene) -> tuple[RaySource, ...]:
+        """Return what rays are to find for a scene whose mesh is loaded, the first one first."""
+        mesh: Mesh = self._assets.mesh(scene.model)[0]
+        settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
+        between: tuple[RaySource, ...] = (HitsOf(mesh),) if settings.exchanges else ()
+        around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
+        return between + around
+
+    def _bake(self, wanted: tuple[RaySource, ...], cancelled: threading.Event) -> None:
+        """Run in the worker."""
+
+        def report(share: float) -> None:
+            step = int(STEPS * share) / STEPS
+            if not cancelled.is_set() and step != self.progress:
+                self.progress = step
+                self._wake()
+
+        for source in wanted:
+            self.casting = source.CASTING
+            try:
+                self._assets.get(replace(source, progress=report, cancelled=cancelled))
+            except BakeCancelled:
+                return
+            except Exception:  # the window goes on without
+                LOG.exception("rays could not be cast")
+            self._wake()
+        if not cancelled.is_set():
+            self.progress = None

@@ -1,0 +1,85 @@
+"""Light that left the object and enters it again, by vertices of a refined mesh, drawn at the pixels."""
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.refine import interpolated
+from milkglass.core.threads import computed_once
+from milkglass.viewer.gl.context import checked, float_targets
+from milkglass.viewer.gl.program import Program
+from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.passes.refined import RefinedSurface
+
+
+@dataclass(frozen=True, eq=False)
+class Reentry:
+    """Irradiance that enters again, of one solution; compared by identity.
+
+    Attributes
+    ----------
+    surface : RefinedSurface
+    irradiance : (n, 3) float32
+        E at its vertices.
+    source : LightSource
+        That stands for it at the pixels.
+    """
+
+    surface: RefinedSurface
+    irradiance: Float32
+    source: LightSource
+
+    def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+        """Return E (m, 3) at points of the surface with normals, (m, 3) each: of the nearest vertices that face so."""
+        return self.surface.at(self.irradiance, points, normals)
+
+    @computed_once
+    def behind(self) -> Float32:
+        """Return E on the other side of the object, seen against each vertex' normal: (n, 3)."""
+        return np.asarray(interpolated(*self.surface.opposite, self.irradiance))
+
+
+@dataclass(frozen=True, eq=False)
+class ReentryTargets:
+    """Float textures of E at every pixel, on its side and on the other, and the framebuffer that draws into them."""
+
+    irradiance: moderngl.Texture
+    behind: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+
+
+class ReentryPass:
+    """Draws E of a `Reentry` at every pixel."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = Program(context, "reentry.vert", "reentry.frag")
+
+    def targets(self, size: tuple[int, int]) -> ReentryTargets:
+        """Allocate textures of (width, height) pixels, with a depth buffer of their own."""
+        irradiance, behind = float_targets(self._context, size, 2)
+        depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
+        return ReentryTargets(irradiance, behind, self._context.framebuffer([irradiance, behind], depth))
+
+    def render(
+        self,
+        reentry: Reentry,
+        world_to_clip: npt.NDArray[np.float64],
+        target: ReentryTargets,
+        *,
+        thin: bool,
+    ) -> None:
+        """Draw the mesh through a world-to-clip matrix (4, 4), row vectors; the other side where parts are `thin`."""
+        target.framebuffer.use()
+        target.framebuffer.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        values = self._context.buffer(reentry.irradiance)
+        behind = self._context.buffer(reentry.behind) if thin else values
+        content = {"a_irradiance": (values, "3f"), "a_behind": (behind, "3f")}
+        vertices = reentry.surface.buffers.with_values(self._program, content)
+        self._program.set({"u_world_to_clip": world_to_clip})
+        vertices.render()
+        vertices.release()
