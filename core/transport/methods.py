@@ -31,6 +31,8 @@ class Method:
     normalises_flux : bool
         Whether the flux of radiance that leaves is M, L = F_t M / (pi T) with T the mean of F_t; else L = F_t M / pi,
         equation (7), whose flux is T M.
+    highlight_model : str
+        Model of highlights where a scene leaves it open: `normalized`, or the paper's, `phong`.
     takes_each_light : bool
         Whether light enters light by light, with its direction, and not as one sum of fluxes.
     separates_bodies : bool
@@ -55,6 +57,7 @@ class Method:
     knows_sheets: bool = True
     solves: bool = False
     normalises_flux: bool = False
+    highlight_model: str = "normalized"
     takes_each_light: bool = False
     separates_bodies: bool = False
     exchanges: bool = False
@@ -89,6 +92,7 @@ METHODS = {
         grid_unit="texel",
         grid_points="texels or layers",
         layers_follow_view=True,
+        highlight_model="phong",
         knows_sheets=False,
     ),
 }

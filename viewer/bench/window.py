@@ -142,7 +142,7 @@ class UnscatteredPicture:
         textures = finished.gather.tables
         local = replace(textures.tables.local, reach=0.0)
         surface = replace(finished.gather, tables=replace(textures, tables=replace(textures.tables, local=local)))
-        highlights = Highlights(scene.specular, self._black)
+        highlights = Highlights(scene.gloss, self._black)
         exhausted(self._light.steps(gbuffer, lit.sources, surface, highlights, lit.camera, light))
         average = self._tonemap.log_average(light.irradiance) or 1.0
         no_background = Background(self._black, 0.0, 0.0)

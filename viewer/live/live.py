@@ -205,8 +205,8 @@ class Live:
             self.assets.get(source)
         if scene.environment.given:
             lobes = self.assets.get(LobesOf(self.assets.surround(scene.environment)[1]))
-            if scene.specular.strength > 0.0:
-                lobes.prepare(scene.specular.shininess)
+            if scene.gloss.strength > 0.0:
+                lobes.prepare(scene.gloss.shininess)
         self._failed = None
 
     # light and transport
@@ -216,6 +216,10 @@ class Live:
         asked = LitFor.of(scene, rays=self.rays.found(scene))
         if self._lit is not None and self._will_do(self._lit, asked, detail):
             return self._lit
+        if self._lit is not None and self._is_drafted(asked) and self._awaits_first(self._lit):
+            if self._job is None:
+                self._go_on()
+            return self._lit  # better shadows would make the first picture later
         scene, is_coarse = self._coarsened(scene, asked, detail)
         self.assets.accept_finer = detail.draft
         shadows = scene.key(Part.LIGHT)
@@ -261,6 +265,10 @@ class Live:
 
     def _is_drafted(self, asked: LitFor) -> bool:
         return self._lit_for is not None and asked.is_drafted(self._lit_for)
+
+    def _awaits_first(self, lit: LitScene) -> bool:
+        """Tell whether the first picture, or the first light in a new model, is on the way."""
+        return self.picture is None or self.finished is None or self.finished.lit.model is not lit.model
 
     def _take(self, lit: LitScene) -> LitScene:
         """Keep new light, unless it is the same to transport; a job of other light is told so."""

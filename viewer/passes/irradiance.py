@@ -17,7 +17,7 @@ from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.scene.camera import Camera
-from milkglass.viewer.scene.settings import SpecularSettings
+from milkglass.viewer.scene.settings import Gloss
 
 # Times sub-lights: what about 50 ms are enough for without a GPU.
 SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
@@ -134,19 +134,18 @@ class Highlights:
     Without an environment, any texture will do.
     """
 
-    specular: SpecularSettings
+    gloss: Gloss
     environment: moderngl.Texture
 
     def uniforms(self) -> dict[str, object]:
         """Return the values for highlights.glsl."""
-        specular = self.specular
-        integral = 2.0 * np.pi / (specular.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
-        normalized = specular.model == "normalized"
+        gloss = self.gloss
+        integral = 2.0 * np.pi / (gloss.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
         return {
-            "u_shininess": specular.shininess,
-            "u_lamp_strength": specular.strength / integral if normalized else specular.strength,
-            "u_surround_strength": specular.strength if normalized else specular.strength * integral,
-            "u_fresnel": normalized,
+            "u_shininess": gloss.shininess,
+            "u_lamp_strength": gloss.strength / integral if gloss.normalized else gloss.strength,
+            "u_surround_strength": gloss.strength if gloss.normalized else gloss.strength * integral,
+            "u_fresnel": gloss.normalized,
         }
 
 

@@ -156,7 +156,7 @@ class Shading:
         )
         volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
         light = lit.model, lit.detail, *lit.sources
-        return targets, (targets, request.offsets, scene.specular, scene.camera, size, *light, *volume)
+        return targets, (targets, request.offsets, scene.gloss, scene.camera, size, *light, *volume)
 
     def _sample(
         self,
@@ -217,27 +217,27 @@ class Shading:
 
     def _highlights(self, scene: Scene, lit: LitScene) -> Highlights:
         """Return the highlights of this shininess, with the environment that they mirror where one is seen."""
-        lobes, specular = lit.lobes, scene.specular
-        if lobes is None or specular.strength == 0.0:
-            return Highlights(specular, self._no_probe)
+        lobes, gloss = lit.lobes, scene.gloss
+        if lobes is None or gloss.strength == 0.0:
+            return Highlights(gloss, self._no_probe)
         mirrored = self._run(
             Stage.ENVIRONMENT_HIGHLIGHTS,
-            [lobes, specular.shininess],
-            lambda: latlong_texture(self._context, lobes.filtered(specular.shininess)),
+            [lobes, gloss.shininess],
+            lambda: latlong_texture(self._context, lobes.filtered(gloss.shininess)),
         )
-        return Highlights(specular, mirrored)
+        return Highlights(gloss, mirrored)
 
     def _occluded_lobes(self, scene: Scene, lit: LitScene) -> moderngl.Buffer | None:
         """Return the visible share of an environment's highlights at each vertex, where something may be in the way."""
-        occlusion, specular = lit.occlusion, scene.specular
-        if occlusion is None or specular.strength == 0.0:
+        occlusion, gloss = lit.occlusion, scene.gloss
+        if occlusion is None or gloss.strength == 0.0:
             return None
         baked = occlusion.baked
         blocked = self._run(Stage.BLOCKED_HIGHLIGHTS, [baked], lambda: self._lobes.upload(baked.visibility))
         return self._run(
             Stage.OCCLUDED_HIGHLIGHTS,
-            [occlusion.baked, occlusion.surface, blocked, specular.shininess, lit.camera.eye.tobytes()],
-            lambda: self._lobes.run(occlusion, blocked, specular.shininess, lit.camera),
+            [occlusion.baked, occlusion.surface, blocked, gloss.shininess, lit.camera.eye.tobytes()],
+            lambda: self._lobes.run(occlusion, blocked, gloss.shininess, lit.camera),
         )
 
     def _behind(self, lit: LitScene, gather: Gather) -> moderngl.Buffer | None:

@@ -28,7 +28,7 @@ class LampSources:
     """Makes light sources of the lights of a scene, with their shadow maps, in one OpenGL context."""
 
     def __init__(self, context: moderngl.Context, stages: Stages) -> None:
-        self._run, self._spread = stages.run, stages.spread
+        self._run, self._spread, self._has = stages.run, stages.spread, stages.has
         self._shadows, self._soft_shadows = ShadowsPass(context), SoftShadowsPass(context)
         self.no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
 
@@ -48,12 +48,16 @@ class LampSources:
     ) -> LightSource:
         """Return the source of a light in world space; `bodies` as of `viewer.passes.shadows.ShadowsPass.render`.
 
-        Shadow maps do not depend on brightness: they are kept while that alone changes.
+        Shadow maps do not depend on brightness: they are kept while that alone changes. A `draft` has fewer sub-lights
+        where the light's own maps are not there.
         """
-        count = 0 if light.is_sharp else light.sub_light_count(mesh.radius, draft)
+        count = 0 if light.is_sharp else light.sub_light_count(mesh.radius)
         unit = light.brightened((1.0, 1.0, 1.0))
+        stage = SHADOWS[name.stage].of(name.number)
+        if draft and count > 0 and not self._has(stage, [mesh, unit, bodies, count]):
+            count = light.sub_light_count(mesh.radius, draft)
         shadow = self._spread(
-            SHADOWS[name.stage].of(name.number),
+            stage,
             [mesh, unit, bodies, count],
             lambda: self._cast(unit, count, mesh, buffers, bodies),
         )

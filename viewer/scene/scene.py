@@ -31,6 +31,7 @@ from milkglass.viewer.scene.settings import (
     DetailSettings,
     DisplaySettings,
     EnvironmentSettings,
+    Gloss,
     MaterialSettings,
     ModelSettings,
     PhotoSettings,
@@ -101,6 +102,11 @@ class Scene:
     def moving(self, *parts: Part) -> Key:
         """Return the values of the settings that move one of some parts themselves, hashable."""
         return values_moving(self, parts)
+
+    @property
+    def gloss(self) -> Gloss:
+        """What highlights are drawn with."""
+        return self.specular.resolve(self.transport.facts)
 
     @property
     def separate(self) -> bool:

@@ -4,7 +4,7 @@ Each class is one table of the scene file and each field one key. Changing a val
 table: ``dataclasses.replace(scene.camera, zoom=2.0)``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -27,19 +27,46 @@ BUILTIN_PROBES = ("studio", "backlight", "window", "overcast")  # of core.light.
 
 
 @dataclass(frozen=True)
+class Gloss:
+    """What highlights are drawn with: `SpecularSettings` with nothing left open.
+
+    Attributes
+    ----------
+    strength, shininess : float
+    model : str
+        A key of `GLOSS`.
+    normalized : bool
+        Whether the lobe has integral 1 and the weight of Fresnel's reflectance.
+    """
+
+    strength: float
+    shininess: float
+    model: str
+    normalized: bool
+
+
+GLOSS = {gloss.model: gloss for gloss in (
+    Gloss(0.3, 80.0, "phong", normalized=False),
+    Gloss(1.0, 600.0, "normalized", normalized=True),
+)}
+
+
+@dataclass(frozen=True)
 class SpecularSettings:
     """Phong highlights, added after the subsurface light."""
 
     TABLE: ClassVar[str] = "specular"
 
-    strength: float = setting(
-        "number", 0.3, low=0, high=100, moves=Part.LOOK, why="brightness of highlights; 0 turns them off"
+    strength: float | None = setting(
+        "number", None, optional=True, low=0, high=100, default_text="1 if normalized, 0.3 if phong",
+        moves=Part.LOOK, why="brightness of highlights; 0 turns them off"
     )
-    shininess: float = setting(
-        "number", 80.0, low=1, high=1e5, moves=Part.LOOK, why="Phong exponent: higher is a smaller highlight"
+    shininess: float | None = setting(
+        "number", None, optional=True, low=1, high=1e5, default_text="600 if normalized, 80 if phong",
+        moves=Part.LOOK, why="Phong exponent: higher is a smaller highlight"
     )
-    model: str = setting(
-        "text", "phong", choices=("phong", "normalized"),
+    model: str | None = setting(
+        "text", None, optional=True, choices=GLOSS.keys(), default_text="phong with layered, else normalized",
         moves=Part.LOOK,
         why="phong: the paper's, strength times irradiance times cos^n; normalized: a lobe of integral 1, (n + 1) / (2 "
             "pi) cos^n, times Fresnel's reflectance, where strength 1 is the material's own gloss"
@@ -47,6 +74,12 @@ class SpecularSettings:
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
+
+    def resolve(self, method: Method) -> Gloss:
+        """Return what highlights are drawn with beside a method of transport, which chooses what is left open."""
+        usual = GLOSS[self.model or method.highlight_model]
+        given = {key: value for key in ("strength", "shininess") if (value := getattr(self, key)) is not None}
+        return replace(usual, **given)
 
 
 @dataclass(frozen=True)
@@ -259,8 +292,8 @@ class CameraSettings:
 
 # Lit from behind first: what shines through is what tells a translucent object from a painted one.
 DEFAULT_LIGHTS: tuple[Light, ...] = (
-    DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0)),
-    DirectionalLight((0.95, 0.45, 0.1), (1.9, 1.85, 1.8)),
+    DirectionalLight((-0.6, 0.45, -0.65), (7.0, 5.6, 4.0), angle_deg=12.0),
+    DirectionalLight((0.95, 0.45, 0.1), (1.9, 1.85, 1.8), angle_deg=20.0),
 )
 
 

@@ -44,7 +44,7 @@ def put(driver, *assignments):
 
 
 def turn_light(driver, *direction):
-    lights = (replace(DEFAULT_LIGHTS[0], direction=direction), DEFAULT_LIGHTS[1])
+    lights = (replace(DEFAULT_LIGHTS[0], direction=direction, angle_deg=0.0), DEFAULT_LIGHTS[1])  # sharp: no draft
     driver.session.edit_lights(lights)
 
 

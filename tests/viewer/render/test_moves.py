@@ -59,6 +59,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "transport.assignment": ("transport.assignment=tent",),
     "environment.occluded": ("environment.occluded=false",),
     "specular.shininess": ("environment.occluded=false",),  # else highlights are occluded, in the G-buffer
+    "specular.model": ("environment.occluded=false", "specular.model=phong"),  # likewise: each has a shininess
     "transport.error_target": ("transport.error_target=0.3", "model.size_mm=200"),
     "display.background_blur_deg": ("display.background=environment",),
 }

@@ -15,6 +15,7 @@ from milkglass.viewer.scene.settings import (
     CameraSettings,
     DisplaySettings,
     EnvironmentSettings,
+    Gloss,
     MaterialSettings,
     ModelSettings,
     SpecularSettings,
@@ -80,6 +81,7 @@ def test_example_of_the_design_loads(tmp_path):
     scene = load(tmp_path, EXAMPLE)
     expected = Scene(
         model=ModelSettings(path=tmp_path / "dragon.ply"),
+        specular=SpecularSettings(0.3, 80.0),
         lights=(DirectionalLight((0.4, 0.5, 0.77)),),
         environment=EnvironmentSettings(tmp_path / "uffizi.hdr"),
         transport=TransportSettings("ewald", resolution=60),
@@ -98,6 +100,26 @@ def test_lights_given_or_not(tmp_path):
     assert Scene().effective_lights() == DEFAULT_LIGHTS
     assert load(tmp_path, "lights = []").effective_lights() == ()
     assert Scene(environment=EnvironmentSettings(Path("a.hdr"))).effective_lights() == ()
+
+
+@pytest.mark.parametrize(
+    ("assignments", "expected"),
+    [
+        ((), Gloss(1.0, 600.0, "normalized", normalized=True)),
+        (("transport.method=ewald",), Gloss(1.0, 600.0, "normalized", normalized=True)),
+        (("transport.method=layered",), Gloss(0.3, 80.0, "phong", normalized=False)),
+        (("specular.model=phong", "specular.shininess=20"), Gloss(0.3, 20.0, "phong", normalized=False)),
+        (
+            ("transport.method=layered", "specular.model=normalized", "specular.strength=0"),
+            Gloss(0.0, 600.0, "normalized", normalized=True),
+        ),
+    ],
+)
+def test_what_a_scene_leaves_open_of_its_gloss_follows_from_transport_and_model(tmp_path, assignments, expected):
+    scene = apply_set(Scene(), assignments)
+    assert scene.gloss == expected
+    scene.save(tmp_path / "scene.toml")  # what is open stays so
+    assert Scene.load(tmp_path / "scene.toml").specular == scene.specular
 
 
 @pytest.mark.parametrize("where", [".", "deeper/still", "../beside"])

@@ -10,6 +10,7 @@ class HighlightsSection(Section):
 
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
-        self._controls.setting("specular.strength", "Strength")
-        self._controls.setting("specular.shininess", "Shininess")
-        self._controls.setting("specular.model", "Model")
+        gloss = self._session.scene.gloss
+        self._controls.setting("specular.strength", "Strength", gloss.strength)
+        self._controls.setting("specular.shininess", "Shininess", gloss.shininess)
+        self._controls.setting("specular.model", "Model", gloss.model)
