@@ -4,6 +4,7 @@ The boundary of a shape is divided into bins, in which exitance is tallied. Poin
 NumPy is several times as fast along photons as across axes.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,9 +21,24 @@ RAY_OFFSET = 2e-6  # bounding spheres' radii, 30 steps of float32: rays must not
 SPHERE_BINS = 16
 
 
+class Directions(ABC):
+    """A distant light by the directions that it comes from."""
+
+    @abstractmethod
+    def drawn(self, rng: np.random.Generator, n: int) -> Array:
+        """Return n unit directions towards the light, (3, n), spread as its radiance is."""
+
+    @abstractmethod
+    def largest_cosine(self, normals: Array) -> Array:
+        """Return bounds (m,) of the cosines between directions and normals (3, m), in [0, 1]."""
+
+
+Towards = Array | Directions | None  # a unit direction (3,), a distant light, or light from all around alike
+
+
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """Photons that arrive at the boundary of a shape from outside, all of the same flux.
+    """Photons that arrive at the boundary of a shape from outside.
 
     Attributes
     ----------
@@ -32,8 +48,10 @@ class Arrivals:
         Bin of each point.
     visible : (n,)
         Whether the light is visible; photons in shadow have no flux.
+    weights : (n,)
+        Share of its flux that each photon carries, in [0, 1].
     flux : float
-        Flux of all n photons, those in shadow included, for an irradiance of 1.
+        Flux of all n photons if all were visible and had a weight of 1, for an irradiance of 1.
     """
 
     points: Array
@@ -41,6 +59,7 @@ class Arrivals:
     towards: Array
     bins: Ints
     visible: Bools
+    weights: Array
     flux: float
 
 
@@ -82,8 +101,8 @@ class Shape(Protocol):
     def offset(self) -> float:
         """Distance from the boundary at which photons that hit it are placed inside."""
 
-    def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
-        """Return n photons of a beam from the direction `towards`, (3,) unit, or of uniform light if None."""
+    def arrivals(self, rng: np.random.Generator, n: int, towards: Towards) -> Arrivals:
+        """Return n photons of a light."""
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """Return the photons whose flight of length `reach`, (n,), crosses the boundary."""
@@ -100,18 +119,22 @@ class Slab:
         self.areas: Array = np.ones(2)
         self.mean_chord, self.offset = 2.0 * self._thickness, 0.0
 
-    def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
+    def arrivals(self, rng: np.random.Generator, n: int, towards: Towards) -> Arrivals:
         """Return n photons at z = 0, see `Shape.arrivals`; a beam must come from z < 0."""
         normals = np.zeros((3, n))
         normals[2] = -1.0
+        weights, flux = np.ones(n), 1.0
         if towards is None:
-            directions, flux = _cosine_weighted(rng, normals), 1.0
+            directions = _cosine_weighted(rng, normals)
+        elif isinstance(towards, Directions):
+            directions = towards.drawn(rng, n)
+            weights = np.maximum(0.0, _dot(directions, normals))
         else:
             directions, flux = _repeated(towards, n), -float(towards[2])
             if flux <= 0.0:
                 raise InputError("the slab is lit from z < 0: the direction towards the light must have z < 0.")
         all_visible = np.ones(n, np.bool_)
-        return Arrivals(np.zeros((3, n)), normals, directions, np.zeros(n, np.int64), all_visible, flux)
+        return Arrivals(np.zeros((3, n)), normals, directions, np.zeros(n, np.int64), all_visible, weights, flux)
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """Return the photons whose flight crosses the boundary; see `Shape.hits`."""
@@ -136,16 +159,17 @@ class Sphere:
         self.areas: Array = np.full(n_bins, 4.0 * np.pi * self._radius**2 / n_bins)
         self.mean_chord, self.offset = 4.0 / 3.0 * self._radius, 0.0
 
-    def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
+    def arrivals(self, rng: np.random.Generator, n: int, towards: Towards) -> Arrivals:
         """Return n photons that arrive at the surface; see `Shape.arrivals`."""
         if towards is None:
             normals = isotropic(rng, n)
             directions, flux = _cosine_weighted(rng, normals), 4.0 * np.pi * self._radius**2
         else:
-            directions, flux = _repeated(towards, n), np.pi * self._radius**2
+            directions = towards.drawn(rng, n) if isinstance(towards, Directions) else _repeated(towards, n)
             normals = _cosine_weighted(rng, directions)  # the density of a beam on a sphere is the cosine
-        all_visible = np.ones(n, np.bool_)
-        return Arrivals(self._radius * normals, normals, directions, self._bins(normals), all_visible, flux)
+            flux = np.pi * self._radius**2
+        all_visible, weights = np.ones(n, np.bool_), np.ones(n)
+        return Arrivals(self._radius * normals, normals, directions, self._bins(normals), all_visible, weights, flux)
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """Return the photons whose flight crosses the boundary; see `Shape.hits`."""
@@ -198,20 +222,30 @@ class ClosedMesh:
         self._rays = RayMesh(mesh.vertices, mesh.faces)
         self.offset, self._far = RAY_OFFSET * mesh.radius, (1.0 + RAY_OFFSET) * mesh.radius
 
-    def arrivals(self, rng: np.random.Generator, n: int, towards: Array | None) -> Arrivals:
+    def arrivals(self, rng: np.random.Generator, n: int, towards: Towards) -> Arrivals:
         """Return n photons that arrive at the surface; see `Shape.arrivals`."""
-        cosines = np.ones(len(self._face_areas)) if towards is None else np.maximum(0.0, towards @ self._normals)
+        if towards is None:
+            cosines = np.ones(len(self._face_areas))
+        elif isinstance(towards, Directions):
+            cosines = towards.largest_cosine(self._normals)
+        else:
+            cosines = np.maximum(0.0, towards @ self._normals)
         flux = np.cumsum(self._face_areas * cosines)
         # Stratified: one photon in each n-th of the flux.
         drawn = np.searchsorted(flux, flux[-1] * (np.arange(n) + rng.random(n)) / n, side="right")
         faces = np.minimum(drawn, len(flux) - 1)
-        normals = self._normals[:, faces]
-        directions = _cosine_weighted(rng, normals) if towards is None else _repeated(towards, n)
-        points = self._within(rng, faces)
+        normals, weights = self._normals[:, faces], np.ones(n)
+        if towards is None:
+            directions = _cosine_weighted(rng, normals)
+        elif isinstance(towards, Directions):
+            directions = towards.drawn(rng, n)
+            weights = np.maximum(0.0, _dot(directions, normals)) / cosines[faces]
+        else:
+            directions = _repeated(towards, n)
+        points, bins = self._within(rng, faces), self._face_bins[faces]
         first, _ = self._rays.first((points + self.offset * normals).T, directions.T)
-        return Arrivals(
-            points - self.offset * normals, normals, directions, self._face_bins[faces], first < 0, float(flux[-1])
-        )
+        inside = points - self.offset * normals
+        return Arrivals(inside, normals, directions, bins, first < 0, weights, float(flux[-1]))
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """Return the photons whose flight crosses the boundary; see `Shape.hits`."""

@@ -28,7 +28,7 @@ from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import MAX_ETA, MIN_ETA
-from milkglass.core.reference.photon_shapes import Arrivals, Hits, Shape, isotropic
+from milkglass.core.reference.photon_shapes import Arrivals, Directions, Hits, Shape, Towards, isotropic
 
 BATCHES = 32  # independent batches of the photons, for the standard error
 POOL_SIZE = 1 << 14  # photons in flight at a time, which the caches hold
@@ -94,7 +94,7 @@ def walk(  # noqa: PLR0913
     sigma_t_prime: float,
     albedos: npt.ArrayLike,
     eta: float,
-    direction: npt.ArrayLike | None,
+    direction: npt.ArrayLike | Directions | None,
     n_photons: int,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -113,9 +113,10 @@ def walk(  # noqa: PLR0913
         a' = sigma_s' / sigma_t', in [0, 1]; albedos far below the largest have larger errors.
     eta : float
         Relative index of refraction, in [1, 3].
-    direction : (3,) array or None
-        Towards a directional light of irradiance 1 at normal incidence, any length. None: radiance 1 / pi from
-        every direction that the shape does not occlude.
+    direction : (3,) array, Directions or None
+        Towards a directional light of irradiance 1 at normal incidence, any length. `Directions`: a distant light whose
+        radiance is their density in solid angle. None: radiance 1 / pi from every direction that the shape does not
+        occlude.
     n_photons : int
         Number of photons, rounded up so that all batches have equally many.
     seed : int
@@ -201,7 +202,8 @@ class _Score:
     def enter(self, light: Arrivals, batch: int) -> tuple[_Photons, _Photons]:
         """Return the photons of refracted (Snell's law) and of mirrored light that arrives, and tally the former."""
         cosine = np.maximum(0.0, (light.normals * light.towards).sum(axis=0))
-        weight = np.where(light.visible, fresnel.transmittance(self._eta, cosine), 0.0)
+        arriving = np.where(light.visible, light.weights, 0.0)
+        weight = arriving * fresnel.transmittance(self._eta, cosine)
         self._flux = light.flux
         np.add.at(self._entered, light.bins, weight)
         n = len(weight)
@@ -212,8 +214,7 @@ class _Score:
             return photons, _Photons.none()
         mirrored = 2.0 * cosine * light.normals - light.towards
         start = light.points + 2.0 * self._offset * light.normals
-        mirrored_weight = np.where(light.visible, 1.0 - weight, 0.0)
-        return photons, _Photons(start, mirrored, mirrored_weight, zeros, batches, zeros).alive()
+        return photons, _Photons(start, mirrored, arriving - weight, zeros, batches, zeros).alive()
 
     def leave(self, photons: _Photons, hits: Hits) -> tuple[Array, Array, _Photons]:
         """Tally the weight that leaves.
@@ -325,9 +326,14 @@ def _refracted_inwards(directions: Array, normals: Array, cosine: Array, eta: fl
 
 
 def _checked(
-    shape: Shape, sigma_t_prime: float, albedos: npt.ArrayLike, eta: float, direction: npt.ArrayLike | None, n: int
-) -> tuple[Array | None, Array]:
-    """Return the unit direction and the albedos."""
+    shape: Shape,
+    sigma_t_prime: float,
+    albedos: npt.ArrayLike,
+    eta: float,
+    direction: npt.ArrayLike | Directions | None,
+    n: int,
+) -> tuple[Towards, Array]:
+    """Return the light, with a unit direction, and the albedos."""
     albedo = np.atleast_1d(np.asarray(albedos, np.float64))
     if albedo.ndim != 1 or not len(albedo) or not ((albedo >= 0.0) & (albedo <= 1.0)).all():
         raise InputError(f"albedos must be numbers from 0 to 1, not {albedos!r}.")
@@ -339,8 +345,8 @@ def _checked(
         raise InputError(f"sigma_t' = {sigma_t_prime:g} leaves the shape nearly clear: photons would hardly scatter.")
     if sigma_t_prime * shape.offset > MAX_OFFSET:
         raise InputError(f"sigma_t' = {sigma_t_prime:g} is too dense for a mesh of this size: light stays at its skin.")
-    if direction is None:
-        return None, albedo
+    if direction is None or isinstance(direction, Directions):
+        return direction, albedo
     towards = np.asarray(direction, np.float64)
     length = np.linalg.norm(towards) if towards.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0.0):

@@ -1,11 +1,12 @@
 """Error of a transport against photons: by region, with the variance of the photons subtracted.
 
-Light arrives in beams, light that has left does not enter again, and light that never scattered is excluded from both
-(`core.reference.photons`). Faces are flat for photons, whatever the shading normals are.
+Light that never scattered is excluded from both (`core.reference.photons`). Light that has left does not enter again,
+or it is told apart: one walk then judges transport alone, and the light between parts of the object that comes to it.
+Faces are flat for photons, whatever the shading normals are.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,21 +14,15 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array, Bools
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.library import Material
+from milkglass.core.reference.photon_lights import PhotonLight
 from milkglass.core.reference.photon_shapes import ClosedMesh
 from milkglass.core.reference.photons import BATCHES, walk
 from milkglass.core.reference.regions import Regions, find_regions
 
 N_REGIONS = 300
 N_PHOTONS = 1_000_000  # for each light and sigma_t': 7 to 20 s and a noise of 2 to 6 % a region on 20 mm of marble
+Evaluate = Callable[[Array, Array], npt.ArrayLike]
 DARK_SHARE = 0.01  # of the largest irradiance of a region: regions below are dark
-
-
-@dataclass(frozen=True)
-class Beam:
-    """A directional light: direction towards it, any length, and R, G and B irradiance at normal incidence."""
-
-    direction: tuple[float, float, float]
-    irradiance: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +33,25 @@ class PhotonReference:
     ----------
     regions : Regions
     batches : (BATCHES, n_regions, 3)
-        Exitance M of scattered light, from each batch of photons.
+        Exitance M of scattered light that has not met the object again, from each batch of photons.
+    again : (BATCHES, n_regions, 3)
+        Exitance M of scattered light that has; zeros of a walk without light between parts.
     entered : (n_regions, 3)
-        Irradiance E, F_t included.
+        Irradiance E of the lights, F_t included.
     lost : float
         Share of the light lost at edges, the largest of all walks.
     """
 
     regions: Regions
     batches: Array
+    again: Array
     entered: Array
     lost: float
+
+    @property
+    def whole(self) -> "PhotonReference":
+        """The reference of all scattered light, however often it has met the object."""
+        return replace(self, batches=self.batches + self.again, again=np.zeros_like(self.again))
 
     @property
     def exitance(self) -> Array:
@@ -96,16 +99,40 @@ class TransportError:
     dark_error: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class BetweenPartsError:
+    """Errors of R, G and B of the light between parts; NaN in a channel where no light leaves.
+
+    Attributes
+    ----------
+    share : (3,) tuple
+        Share of the flux of all scattered light that has met the object again.
+    rms : (3,) tuple
+        Root mean square over the surface of the error of that light's exitance, without the variance of the photons,
+        over that of the exitance of all light.
+    noise : (3,) tuple
+        Noise of the photons, over the same.
+    """
+
+    share: tuple[float, ...]
+    rms: tuple[float, ...]
+    noise: tuple[float, ...]
+
+
 def photon_reference(
     mesh: Mesh,
     material: Material,
-    lights: Sequence[Beam],
+    lights: Sequence[PhotonLight],
     n_regions: int = N_REGIONS,
     n_photons: int = N_PHOTONS,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    *,
+    between_parts: bool = False,
 ) -> PhotonReference:
     """Return the exitance of an object by photons, with a walk for each light and each different sigma_t'.
+
+    Surroundings take a walk a channel. `between_parts` as of `core.reference.photons.walk`.
 
     Raises
     ------
@@ -115,21 +142,35 @@ def photon_reference(
     regions = find_regions(mesh, n_regions)
     solid = ClosedMesh(regions.mesh, regions.of_face)
     batches, entered = np.zeros((BATCHES, len(regions.areas), 3)), np.zeros((len(regions.areas), 3))
-    walks = [(light, float(sigma)) for light in lights for sigma in np.unique(material.sigma_t_prime) if sigma > 0.0]
-    lost = 0.0
-    for number, (light, sigma) in enumerate(walks):
-        channels = np.flatnonzero(material.sigma_t_prime == sigma)
-        irradiance = np.asarray(light.irradiance)[channels]
-        part_progress = None if progress is None else _part(progress, number, len(walks))
-        albedos = material.alpha_prime[channels]
-        tally = walk(solid, sigma, albedos, material.eta, light.direction, n_photons, seed + number, part_progress)
+    again, lost = np.zeros_like(batches), 0.0
+    sigmas = [float(sigma) for sigma in np.unique(material.sigma_t_prime) if sigma > 0.0]
+    walks = [
+        (sigma, part)
+        for light in lights
+        for sigma in sigmas
+        for part in light.walks(np.flatnonzero(material.sigma_t_prime == sigma))
+    ]
+    for number, (sigma, (channels, direction, irradiance)) in enumerate(walks):
+        tally = walk(
+            solid,
+            sigma,
+            material.alpha_prime[channels],
+            material.eta,
+            direction,
+            n_photons,
+            seed + number,
+            None if progress is None else _part(progress, number, len(walks)),
+            between_parts=between_parts,
+        )
         batches[..., channels] += tally.scattered * irradiance
+        again[..., channels] += tally.scattered_again.sum(axis=0) * irradiance
         entered[:, channels] += tally.entered[:, None] * irradiance
         lost = max(lost, tally.lost)
-    return PhotonReference(regions, batches / regions.areas[:, None], entered / regions.areas[:, None], lost)
+    areas = regions.areas[:, None]
+    return PhotonReference(regions, batches / areas, again / areas, entered / areas, lost)
 
 
-def transport_error(reference: PhotonReference, evaluate: Callable[[Array, Array], npt.ArrayLike]) -> TransportError:
+def transport_error(reference: PhotonReference, evaluate: Evaluate) -> TransportError:
     """Return the error of a transport relative to photons.
 
     Parameters
@@ -139,8 +180,7 @@ def transport_error(reference: PhotonReference, evaluate: Callable[[Array, Array
         Returns exitance M (n, 3) under the same lights from points, mm, and unit shading normals, (n, 3) each.
     """
     regions, exitance = reference.regions, reference.exitance
-    samples = regions.samples
-    computed = regions.mean(evaluate(samples.points.astype(np.float64), samples.normals.astype(np.float64)))
+    computed = region_means(regions, evaluate)
     share = regions.areas[:, None] / regions.areas.sum()
     variance, difference2 = reference.variance, (computed - exitance) ** 2
     noise2 = (share * variance).sum(axis=0)
@@ -155,6 +195,34 @@ def transport_error(reference: PhotonReference, evaluate: Callable[[Array, Array
     relative = (_over(value, size) for value in (rms, rms_error, np.sqrt(noise2)))
     columns = (*relative, bias, bias_error, dark, dark_error)
     return TransportError(*(tuple(column.tolist()) for column in columns))
+
+
+def between_parts_error(reference: PhotonReference, alone: Evaluate, whole: Evaluate) -> BetweenPartsError:
+    """Return the error of the light between parts, which is what all light has beyond transport alone.
+
+    Parameters
+    ----------
+    reference : PhotonReference
+        With light between parts.
+    alone, whole : callables
+        Return exitance M as of `transport_error`, the one of transport alone and the other of what is shown.
+    """
+    regions, everything = reference.regions, reference.whole
+    computed = region_means(regions, whole) - region_means(regions, alone)
+    share = regions.areas[:, None] / regions.areas.sum()
+    expected = reference.again.mean(axis=0)
+    noise2 = (share * reference.again.var(axis=0, ddof=1) / len(reference.again)).sum(axis=0)
+    size2 = (share * (everything.exitance**2 - everything.variance)).sum(axis=0)
+    size, difference2 = np.sqrt(np.maximum(size2, 0.0)), (share * (computed - expected) ** 2).sum(axis=0)
+    again_share = _over((share * expected).sum(axis=0), (share * everything.exitance).sum(axis=0))
+    columns = again_share, _over(np.sqrt(np.maximum(difference2 - noise2, 0.0)), size), _over(np.sqrt(noise2), size)
+    return BetweenPartsError(*(tuple(column.tolist()) for column in columns))
+
+
+def region_means(regions: Regions, evaluate: Evaluate) -> Array:
+    """Return means over each region, (count, 3), of exitance at its samples."""
+    samples = regions.samples
+    return regions.mean(evaluate(samples.points.astype(np.float64), samples.normals.astype(np.float64)))
 
 
 def _flux_error(reference: PhotonReference, computed: Array, chosen: Bools) -> tuple[Array, Array]:

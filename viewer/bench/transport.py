@@ -22,7 +22,8 @@ from milkglass.core.material.library import Material
 from milkglass.core.material.medium import media
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.provenance import shapes_in_sample
-from milkglass.core.reference.transport_error import Beam, TransportError, photon_reference, transport_error
+from milkglass.core.reference.photon_lights import Beam
+from milkglass.core.reference.transport_error import TransportError, photon_reference, transport_error
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, Scattered, Transport, WholeObject
 from milkglass.core.transport.diffusion.constants import CONSTANTS

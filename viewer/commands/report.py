@@ -78,8 +78,13 @@ def summary(report: "ErrorReport", path: str) -> str:
 def _transport_line(content: dict[str, Any]) -> str:
     if "not_measured" in content:
         return f"Error against transport was not measured: {content['not_measured']}."
-    rms, bias = (_percents(content[name]) for name in ("rms", "bias"))
-    return f"Error against a walk of photons, over the whole surface: rms {rms} %, flux {bias} %."
+    between = content["between_parts"]
+    inside, outside, whole = (_percents(part["rms"]) for part in (content, between, content["whole"]))
+    return (
+        f"Error against a walk of photons, over the whole surface: transport inside rms {inside} %, "
+        f"light between parts {outside} % (which is {_percents(between['share'])} % of the light), both {whole} %, "
+        f"flux {_percents(content['whole']['bias'])} %."
+    )
 
 
 def _percents(shares: Sequence[float | None]) -> str:

@@ -5,6 +5,7 @@
 
 import copy
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,21 +15,23 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.equation import Occluder
 from milkglass.core.reference.sheet import FarSide, SheetRays
 from milkglass.core.transport.base import LightAtPoints, Scattered
+from milkglass.viewer.error.illumination import with_reentry
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.lights import Light
 
+MAX_DIRECTIONS = 24  # of a wide lamp: over regions of a surface steps of shadows are not seen
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
 
 
 class RayLights:
-    """Directional lights and an environment on an object, as `core.transport.base.SurfaceLights`.
+    """Distant lights and an environment on an object, as `core.transport.base.SurfaceLights`.
 
     Parameters
     ----------
     mesh : Mesh
     illumination : Illumination
-        Directional lights and an environment only.
+        Distant lights and an environment only.
     eta : float
     """
 
@@ -36,21 +39,17 @@ class RayLights:
         self._illumination, self.eta = illumination, eta
         self._occluder, self._rays = Occluder(mesh), SheetRays(mesh)
         self._body: Bools | None = None  # faces at which light may enter a thin slab; None: all
-        self._lamps = [light for light in illumination.lights if light.DISTANT]
+        self._lamps = [_parts(light, mesh.radius) for light in illumination.lights if light.DISTANT]
 
     def irradiance(self, points: Array, normals: Array) -> list[Array]:
         """Return E of each light, then of the environment, then of light that enters again: (n, 3) each."""
-        lamps = (self._lamp(lamp, points, normals) for lamp in self._lamps)
+        lamps = (self._shares(lamp, points, normals).sum(axis=0)[:, None] * lamp.irradiance for lamp in self._lamps)
         return [*lamps, *(front for front, _ in self._all_around(points, normals, thin=False))]
 
-    def _lamp(self, lamp: Light, points: Array, normals: Array) -> Array:
-        """Return E of a directional light, (n, 3)."""
-        return self._occluder.irradiance(points, normals, normals, lamp.vector, lamp.brightness, self.eta)
-
     def directions(self) -> list[tuple[float, float, float]]:
-        """Return the unit direction in which each light travels that has one."""
-        directions = (-np.asarray(lamp.vector) / np.linalg.norm(lamp.vector) for lamp in self._lamps)
-        return [(float(x), float(y), float(z)) for x, y, z in directions]
+        """Return the unit direction in which each light travels that has one, the mean of a wide one's."""
+        means = (-lamp.towards.mean(axis=0) for lamp in self._lamps)
+        return [(float(x), float(y), float(z)) for x, y, z in (mean / np.linalg.norm(mean) for mean in means)]
 
     def _all_around(self, points: Array, normals: Array, *, thin: bool) -> list[tuple[Array, Array]]:
         """Return E of each light without a direction, on this side and, where parts are `thin`, on the other."""
@@ -72,38 +71,67 @@ class RayLights:
 
     def at(self, points: Array, normals: Array, reach: float, *, thin: bool) -> list[LightAtPoints]:
         """See `core.transport.base.SurfaceLights.at`."""
-        no_light, ones, zeros = np.zeros((len(points), 3)), np.ones(len(points)), np.zeros(len(points))
-        far_sides = self._far_sides(points, normals, reach) if reach > 0.0 else []
+        ones, zeros = np.ones(len(points)), np.zeros(len(points))
         around = self._all_around(points, normals, thin=thin)
-        lights = []
-        for i, (lamp, direction) in enumerate(zip(self._lamps, self.directions(), strict=True)):
-            irradiance = self._lamp(lamp, points, normals)
-            cosine = np.maximum(-(normals @ np.asarray(direction)), 0.0)
-            if far_sides:
-                side, entering = far_sides[i]
-                lights.append(LightAtPoints(irradiance, cosine, entering, side.cosine, side.thickness))
-            else:
-                lights.append(LightAtPoints(irradiance, cosine, no_light, ones, zeros))
-        return lights + [LightAtPoints(front, None, behind, ones, zeros) for front, behind in around]
+        lamps = (self._lamp_at(lamp, points, normals, reach) for lamp in self._lamps)
+        return [*lamps, *(LightAtPoints(front, None, behind, ones, zeros) for front, behind in around)]
 
-    def _far_sides(self, points: Array, normals: Array, reach: float) -> list[tuple[FarSide, Array]]:
-        """Return far sides of slabs thinner than `reach` mm for each directional light, and E there (n, 3)."""
-        result = []
-        for lamp in self._lamps:
-            towards = np.asarray(lamp.vector, np.float64) / np.linalg.norm(lamp.vector)
-            far_side = self._rays.far_side(points, normals, towards, reach)
-            entering = (
-                transmittance(self.eta, far_side.cosine) * far_side.cosine * far_side.share * (far_side.thickness > 0.0)
-            )
-            if self._body is not None:
-                entering = entering * self._body[far_side.face]
-            result.append((far_side, np.asarray(entering[:, None] * np.asarray(lamp.brightness))))
-        return result
+    def _shares(self, lamp: "_Lamp", points: Array, normals: Array) -> Array:
+        """Return E by each direction of a lamp over its irradiance at normal incidence, (k, n)."""
+        unit = np.full(1, 1.0 / len(lamp.towards))
+        shares = (self._occluder.irradiance(points, normals, normals, v, unit, self.eta)[:, 0] for v in lamp.towards)
+        return np.stack(list(shares))
+
+    def _lamp_at(self, lamp: "_Lamp", points: Array, normals: Array, reach: float) -> LightAtPoints:
+        """Return a lamp at points; cosines and thickness are means over its directions by what enters."""
+        shares = self._shares(lamp, points, normals)
+        irradiance = shares.sum(axis=0)[:, None] * lamp.irradiance
+        cosine = _mean(np.maximum(lamp.towards @ normals.T, 0.0), shares)
+        if reach <= 0.0:
+            ones, zeros = np.ones(len(points)), np.zeros(len(points))
+            return LightAtPoints(irradiance, cosine, np.zeros((len(points), 3)), ones, zeros)
+        sides = [self._rays.far_side(points, normals, towards, reach) for towards in lamp.towards]
+        behind = np.stack([self._behind(side) for side in sides]) / len(sides)
+        return LightAtPoints(
+            irradiance,
+            cosine,
+            behind.sum(axis=0)[:, None] * lamp.irradiance,
+            _mean(np.stack([side.cosine for side in sides]), behind),
+            _mean(np.stack([side.thickness for side in sides]), behind),
+        )
+
+    def _behind(self, side: FarSide) -> Array:
+        """Return E on the far side of thin slabs, (n,), of an irradiance of 1."""
+        entering = transmittance(self.eta, side.cosine) * side.cosine * side.share * (side.thickness > 0.0)
+        return np.asarray(entering if self._body is None else entering * self._body[side.face])
+
+
+@dataclass(frozen=True, eq=False)
+class _Lamp:
+    """A distant light: unit directions towards it, (k, 3), of equal shares, and their irradiance together, (3,)."""
+
+    towards: Array
+    irradiance: Array
+
+
+def _parts(light: Light, mesh_radius: float) -> _Lamp:
+    if light.is_sharp:
+        towards = np.asarray(light.vector, np.float64)
+        return _Lamp(towards[None] / np.linalg.norm(towards), np.asarray(light.brightness))
+    parts = light.sub_lights(min(MAX_DIRECTIONS, light.sub_light_count(mesh_radius)))
+    return _Lamp(parts.vectors, np.asarray(parts.colour))
+
+
+def _mean(values: Array, weights: Array) -> Array:
+    """Return means over the first axis, (k, n) -> (n,), without weights where these are all 0."""
+    total = weights.sum(axis=0)
+    weighted = np.divide((weights * values).sum(axis=0), total, out=np.zeros_like(total), where=total > 0.0)
+    return np.asarray(np.where(total > 0.0, weighted, values.mean(axis=0)))
 
 
 def scene_exitance(lit: LitScene, scattered: Scattered, illumination: Illumination) -> Evaluate:
-    """Return M of a scene as a function of surface points, from what its transport has scattered."""
-    return exitance_in(scattered, RayLights(lit.model.mesh, illumination, lit.eta))
+    """Return M of a scene as a function of surface points, from what its transport has scattered, as pictures do."""
+    return exitance_in(scattered, RayLights(lit.model.mesh, with_reentry(illumination, lit, scattered), lit.eta))
 
 
 def exitance_in(scattered: Scattered, lights: RayLights) -> Evaluate:

@@ -8,7 +8,7 @@ import os
 import secrets
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +21,14 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.probe import irradiance_table, lookup
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
-from milkglass.core.reference.transport_error import Beam, photon_reference, transport_error
+from milkglass.core.reference.transport_error import BetweenPartsError, TransportError
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
-from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.illumination import lights_of
 from milkglass.viewer.error.map import error_map
-from milkglass.viewer.error.point_exitance import scene_exitance
+from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 from milkglass.viewer.files.images import Pixels8, check_output, write_png
 from milkglass.viewer.render.lit_scene import LitScene
@@ -38,74 +37,50 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
 
-N_REGIONS = 150  # of the surface, over which the exitance of photons and of the transport is compared
-
 
 def photon_content(
+    renderer: Renderer,
     scene: Scene,
-    lit: LitScene,
-    scattered: Scattered,
     illumination: Illumination,
     photons: int,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Any]:
-    """Return the error of a transport relative to photons, as JSON: the fields of `TransportError`, or a reason.
+    """Return the error of a scene's transport relative to photons as JSON, or a reason why there is none.
 
-    Parameters
-    ----------
-    scene : Scene
-    lit : LitScene
-    scattered : Scattered
-        Result of the transport of `lit`.
-    illumination : Illumination
-    photons : int
-        Number of photons of each light and mean free path, >= 1.
-    seed : int
-    progress : callable, optional
-        Called with the finished share, in [0, 1].
+    The fields are those of `TransportError` for transport alone, and of each part of `PhotonError` under its name;
+    arguments as of `viewer.error.photons.photon_walk` and `photon_error`.
     """
-    start = time.perf_counter()
+    start, lit = time.perf_counter(), renderer.light(scene)
     reason = obstacle(scene, lit)
     if reason is None:
-        beams = [Beam(light.vector, light.brightness) for light in illumination.lights if light.DISTANT]
+        probe = renderer.probe(scene.environment) if scene.environment.given else None
         try:
-            reference = photon_reference(
-                lit.model.mesh, scene.material.resolve(), beams, N_REGIONS, photons, seed, progress
-            )
+            reference = photon_walk(scene, lit.model.mesh, probe, photons, seed, progress)
         except InputError as problem:
             reason = str(problem).rstrip(".")
     if reason is not None:
         return {"not_measured": reason}
-    error = transport_error(reference, scene_exitance(lit, scattered, illumination))
+    shown = alone = lit, renderer.scatter(lit)
+    if lit.exchange is not None:
+        lit_alone = renderer.light(replace(scene, transport=replace(scene.transport, exchange="off")))
+        alone = lit_alone, renderer.scatter(lit_alone)
+    error = photon_error(reference, shown, alone, illumination)
     return {
         "of": "exitance over the whole surface, against photons",
-        **{name: _finite(values) for name, values in asdict(error).items()},
+        **_numbers(error.inside),
+        "between_parts": _numbers(error.between_parts),
+        "whole": _numbers(error.whole),
         "photons": photons,
-        "regions": len(reference.regions.areas),
-        "lost": reference.lost,
+        "regions": error.regions,
+        "lost": error.lost,
         "seconds": round(time.perf_counter() - start, 3),
     }
 
 
-def obstacle(scene: Scene, lit: LitScene) -> str | None:
-    """Return the reason why a scene cannot be compared with photons, in a few words, or None."""
-    if scene.environment.given:
-        return "photons come from directional lights only, and the scene has an environment"
-    for light in scene.effective_lights():
-        if not light.DISTANT:
-            return f"photons come from directional lights only, and the scene has a {light.KIND} light"
-        if not light.is_sharp:
-            return "photons come from sharp lights only, and the scene has one with an angle_deg"
-    if not scene.effective_lights():
-        return "the scene has no light"
-    if not any(scene.material.resolve().sigma_s_prime):
-        return "the material does not scatter"
-    if lit.detail is not None:
-        return "photons do not know the colours and the relief of the model's surface"
-    if lit.body_marks is not None and lit.quality.facts.uses_profile:
-        return "bodies that are separate are compared with transport diffusion only"
-    return None
+def _numbers(error: TransportError | BetweenPartsError) -> dict[str, list[float | None]]:
+    """Return the columns of an error as JSON."""
+    return {name: _finite(values) for name, values in asdict(error).items()}
 
 
 def _finite(values: Sequence[float]) -> list[float | None]:
@@ -268,8 +243,7 @@ def error_report(
     if (parted := renderer.parted(scene.environment)) is not None:
         content["environment"] = environment_content(scene, lit, parted, seed)
     if photons:
-        scattered = renderer.scatter(lit)
-        content["transport_error"] = photon_content(scene, lit, scattered, illumination, photons, seed, photon_progress)
+        content["transport_error"] = photon_content(renderer, scene, illumination, photons, seed, photon_progress)
     return ErrorReport(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
 
 

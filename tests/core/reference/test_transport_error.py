@@ -6,12 +6,18 @@ import pytest
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.library import Material
+from milkglass.core.reference.photon_lights import Beam
 from milkglass.core.reference.photon_shapes import Sphere
 from milkglass.core.reference.photons import walk
 from milkglass.core.reference.regions import find_regions
-from milkglass.core.reference.transport_error import Beam, PhotonReference, photon_reference, transport_error
+from milkglass.core.reference.transport_error import (
+    PhotonReference,
+    between_parts_error,
+    photon_reference,
+    transport_error,
+)
 from tests.support.shapes import ball, cube, plate
-from tests.support.solids import mesh_of, sheet
+from tests.support.solids import block, mesh_of, sheet
 
 MILKY = Material("milky", (0.98, 0.95, 1.9), (0.02, 0.05, 0.1), 1.3)  # R and G share sigma_t'
 ABOVE = Beam((0.0, 0.0, 2.0))
@@ -126,6 +132,42 @@ def test_progress_rises_over_all_walks(small) -> None:
     photon_reference(small, MILKY, [ABOVE], n_regions=20, n_photons=2_000, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+@pytest.fixture(scope="module")
+def between() -> PhotonReference:
+    mesh = mesh_of(block((6.0, 6.0, 2.0), (0.0, 0.0, 2.0)), block((6.0, 6.0, 2.0), (0.0, 0.0, -2.0)))
+    return photon_reference(mesh, MILKY, [ABOVE], n_regions=60, n_photons=30_000, between_parts=True)
+
+
+def test_one_walk_judges_transport_alone_and_all_light(between) -> None:
+    alone = transport_error(between, same_regions(between))
+    assert alone.rms == (0.0, 0.0, 0.0)
+    assert not between.whole.again.any()
+    missing = transport_error(between.whole, same_regions(between))
+    assert all(bias < -0.05 for bias in missing.bias)
+    assert transport_error(between.whole, same_regions(between.whole)).rms == (0.0, 0.0, 0.0)
+
+
+def test_light_between_parts_has_an_error_of_its_own(between) -> None:
+    alone, whole = same_regions(between), same_regions(between.whole)
+    absent, right = between_parts_error(between, alone, alone), between_parts_error(between, alone, whole)
+    flux = [between.regions.areas @ reference.exitance for reference in (between, between.whole)]
+    np.testing.assert_allclose(absent.share, 1.0 - flux[0] / flux[1], rtol=1e-6)
+    assert all(0.3 * share < rms < 3.0 * share for rms, share in zip(absent.rms, absent.share, strict=True))
+    assert all(0.0 < noise < 0.25 * rms for noise, rms in zip(absent.noise, absent.rms, strict=True))
+    assert max(right.rms) == 0.0
+    assert right.share == absent.share
+    # An error of transport alone is not one of light between parts.
+    same = between_parts_error(between, same_regions(between, 1.5), lambda *at: whole(*at) + 0.5 * alone(*at))
+    assert max(same.rms) < 1e-6
+
+
+def test_a_convex_object_has_no_light_between_parts(small) -> None:
+    found = photon_reference(small, MILKY, [ABOVE], n_regions=20, n_photons=5_000, between_parts=True)
+    assert not found.again.any()
+    error = between_parts_error(found, same_regions(found), same_regions(found))
+    assert error.share == error.rms == error.noise == (0.0, 0.0, 0.0)
 
 
 def test_open_meshes_are_refused() -> None:

@@ -24,7 +24,7 @@ from milkglass.viewer.scene.scene import EnvironmentSettings, MaterialSettings, 
 from tests.support.occluding import shaded_ball
 from tests.support.rendering import BACK, FRONT, MeshRenderer, scene_of, seen_at, surface_points
 from tests.support.shapes import ball
-from tests.support.solids import mesh_of, sheet
+from tests.support.solids import mesh_of, plates, sheet
 
 MARBLE = materials.lookup("marble")
 
@@ -217,7 +217,46 @@ def test_diffusion_is_near_photons_and_the_dipole_is_not(of_transport):
             assert len(error[name]) == 3
         for name in ("rms_error", "bias_error", "dark_error"):
             assert all(0.0 < share < 0.05 for share in error[name])
+        assert error["between_parts"] == {name: [0.0] * 3 for name in ("share", "rms", "noise")}  # a ball is convex
+        assert error["whole"] == {name: error[name] for name in error["whole"]}
     assert found["diffusion"]["noise"] == found["ewald"]["noise"]  # the same photons
+
+
+@pytest.mark.slow
+def test_light_between_parts_is_told_apart(context):
+    """Of two plates one shades the other: transport alone is right, whether a picture has the light between or not."""
+    renderer, found = MeshRenderer(context, plates(4.0, 4.0)), {}
+    for exchange in ("off", "on"):
+        settings = *MILKY, "transport.method=diffusion", f"transport.exchange={exchange}"
+        scene = scene_of(*settings, lights=(DirectionalLight((0.0, 0.2, 1.0)),), method="ewald")
+        report = error_report(renderer, scene, points=10, photons=50_000)
+        found[exchange] = report.content["transport_error"]
+    without, with_it = found["off"], found["on"]
+    assert with_it["rms"] == pytest.approx(without["rms"], abs=0.01)
+    assert max(without["rms"]) < 0.1
+    share = without["between_parts"]["share"]
+    assert with_it["between_parts"]["share"] == share  # the same photons
+    assert min(share) > 0.05
+    assert max(without["between_parts"]["noise"]) < 0.03
+    assert without["whole"]["bias"] == pytest.approx([-part for part in share], abs=0.05)
+    for missing, added in zip(without["between_parts"]["rms"], with_it["between_parts"]["rms"], strict=True):
+        assert added < 0.3 * missing
+    line = summary(report, "a.json").splitlines()[1]
+    assert ", light between parts " in line
+    assert " % of the light), both " in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "light", [{"lights": (DirectionalLight(FRONT, angle_deg=40.0),)}, {"lights": (), "environment": "overcast"}]
+)
+def test_wide_lamps_and_surroundings_are_compared_with_photons(renderer_of, light):
+    scene = scene_of(*MILKY, "transport.method=diffusion", lights=light["lights"], method="ewald")
+    if "environment" in light:
+        scene = replace(scene, environment=EnvironmentSettings(builtin=light["environment"]))
+    error = error_report(renderer_of("ball"), scene, points=10, photons=40_000).content["transport_error"]
+    assert max(error["rms"]) < 0.08
+    assert max(np.abs(error["bias"])) < 0.05
 
 
 def test_equation_1_is_no_error_of_diffusion(of_transport):
@@ -234,10 +273,14 @@ def test_lines_on_the_terminal_say_which_error_is_which(of_transport, report):
     assert lines(of_transport["diffusion"])[0].startswith("Difference of exitance from equation (1), which diffusion")
     first, second = lines(of_transport["ewald"])
     assert first.startswith("Error of exitance at 10 visible points: rms ")
-    assert second.startswith("Error against a walk of photons, over the whole surface: rms ")
+    assert second.startswith("Error against a walk of photons, over the whole surface: transport inside rms ")
     assert len(lines(report.content)) == 1
-    dark = {"rms": [0.1, None, None], "bias": [0.01, None, None]}
-    assert "rms 10.00, -, - %" in lines({**of_transport["ewald"], "transport_error": dark})[1]
+    part = {"rms": [0.1, None, None], "bias": [0.01, None, None], "share": [0.2, None, None]}
+    dark = part | {"between_parts": part, "whole": part}
+    assert (
+        "transport inside rms 10.00, -, - %, light between parts 10.00, -, - % (which is 20.00, -, - %"
+        in lines({**of_transport["ewald"], "transport_error": dark})[1]
+    )
 
 
 def of_coefficients(scene, *sigma_s_prime: float):
@@ -296,7 +339,7 @@ def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monke
     assert all(math.isfinite(share) for share in content["error"]["rms"])
     line = capsys.readouterr().out
     assert line.startswith("Error of exitance at 20 visible points: rms ")
-    assert "see error.json.\nError against a walk of photons, over the whole surface: rms " in line
+    assert "see error.json.\nError against a walk of photons, over the whole surface: transport inside rms " in line
     assert content["transport_error"]["photons"] == 500
 
 

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 
 from milkglass.core.geometry.bodies import bodies_at, find_bodies
+from milkglass.viewer.error.photons import obstacle
 from milkglass.viewer.error.point_exitance import scene_exitance
-from milkglass.viewer.error.report import illumination_of, obstacle
+from milkglass.viewer.error.report import illumination_of
 from milkglass.viewer.files import images
 from milkglass.viewer.render.renderer import render
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight

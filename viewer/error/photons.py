@@ -1,0 +1,140 @@
+"""Error of a scene's transport against photons: of transport alone, and of the light between parts of the object.
+
+Both come of one walk (`core.reference.photons`), in which light that has met the object again is told apart. No OpenGL.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.light.probe import Probe
+from milkglass.core.reference.photon_lights import Beam, PhotonLight, Surroundings
+from milkglass.core.reference.transport_error import (
+    BetweenPartsError,
+    PhotonReference,
+    TransportError,
+    between_parts_error,
+    photon_reference,
+    transport_error,
+)
+from milkglass.core.transport.base import Scattered
+from milkglass.viewer.error.point_exitance import scene_exitance
+from milkglass.viewer.error.visible import Illumination
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.scene import Scene
+
+N_REGIONS = 150  # of the surface, over which the exitance of photons and of the transport is compared
+
+
+Solution = tuple[LitScene, Scattered]
+
+
+@dataclass(frozen=True)
+class PhotonError:
+    """Errors of what is shown, against photons.
+
+    Attributes
+    ----------
+    inside : TransportError
+        Of transport alone, against photons that never come back.
+    between_parts : BetweenPartsError
+        Of the light between parts.
+    whole : TransportError
+        Of all light together, against photons however often they have met the object.
+    regions : int
+    lost : float
+        Share of the light lost at edges.
+    """
+
+    inside: TransportError
+    between_parts: BetweenPartsError
+    whole: TransportError
+    regions: int
+    lost: float
+
+
+def photon_walk(
+    scene: Scene,
+    mesh: Mesh,
+    probe: Probe | None,
+    photons: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> PhotonReference:
+    """Return the exitance of a scene's object by photons.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without an `obstacle`.
+    mesh : Mesh
+    probe : Probe or None
+        The whole one of the scene's environment, strong sources included.
+    photons : int
+        Number of photons of each light and mean free path, >= 1.
+    seed : int
+    progress : callable, optional
+        Called with the finished share, in [0, 1]; what it raises ends the work.
+
+    Raises
+    ------
+    InputError
+        If photons cannot walk in the mesh or the material.
+    """
+    lights, material = photon_lights(scene, probe), scene.material.resolve()
+    return photon_reference(mesh, material, lights, N_REGIONS, photons, seed, progress, between_parts=True)
+
+
+def photon_error(
+    reference: PhotonReference, shown: Solution, alone: Solution, illumination: Illumination
+) -> PhotonError:
+    """Return the error of what a transport has scattered, relative to photons under the same light.
+
+    Parameters
+    ----------
+    reference : PhotonReference
+    shown, alone : pairs of LitScene and Scattered
+        The transport of a picture, and the same without light between parts; they may be the same.
+    illumination : Illumination
+        Without light between parts.
+    """
+    whole = scene_exitance(*shown, illumination)
+    inside = whole if alone is shown else scene_exitance(*alone, illumination)
+    return PhotonError(
+        transport_error(reference, inside),
+        between_parts_error(reference, inside, whole),
+        transport_error(reference.whole, whole),
+        len(reference.regions.areas),
+        reference.lost,
+    )
+
+
+def photon_lights(scene: Scene, probe: Probe | None) -> list[PhotonLight]:
+    """Return the distant lights of a scene, and its environment, for photons."""
+    lights: list[PhotonLight] = [
+        Beam(light.vector, light.brightness, light.apparent_deg(0.0)) for light in scene.effective_lights()
+    ]
+    if probe is not None and scene.environment.intensity > 0.0:
+        to_probe = world_to_probe(scene.environment.rotation_deg)
+        lights.append(Surroundings(probe.latlong, to_probe, scene.environment.intensity))
+    return lights
+
+
+def obstacle(scene: Scene, lit: LitScene) -> str | None:
+    """Return the reason why a scene cannot be compared with photons, in a few words, or None."""
+    for light in scene.effective_lights():
+        if not light.DISTANT:
+            return f"photons come from distant lights only, and the scene has a {light.KIND} light"
+    environment = scene.environment
+    if environment.given and not environment.occluded:
+        return "the object is in the way of photons, and environment.occluded is off"
+    if not scene.effective_lights() and not (environment.given and environment.intensity > 0.0):
+        return "the scene has no light"
+    if not any(scene.material.resolve().sigma_s_prime):
+        return "the material does not scatter"
+    if lit.detail is not None:
+        return "photons do not know the colours and the relief of the model's surface"
+    if lit.body_marks is not None and lit.quality.facts.uses_profile:
+        return "bodies that are separate are compared with transport diffusion only"
+    return None
