@@ -225,7 +225,7 @@ class Allowance:
         self._steps, self._end = steps, time.perf_counter() + seconds
 
     def take(self) -> bool:
-        """Whether one more step may be taken, which is then counted."""
+        """Tell whether one more step may be taken, and count it."""
         self._steps -= 1
         return self._steps >= 0 and time.perf_counter() < self._end
 
@@ -322,7 +322,7 @@ class Stages:
         return result
 
     def spread(self, name: AnyStage, depends_on: Iterable[object], work: Callable[[], Steps[T]]) -> T:
-        """As `run`, for work in steps, of which a frame with an allowance takes one and then what that leaves.
+        """Return the stage's result as `run` does, of work in steps: a frame takes one, then what its allowance leaves.
 
         Raises
         ------
@@ -342,7 +342,7 @@ class Stages:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Take all steps meanwhile, whatever the frame's allowance."""
+        """Have stages take all of their steps until the block ends, whatever the frame's allowance."""
         allowance, self._allowance = self._allowance, None
         try:
             yield

@@ -7,6 +7,7 @@ is refused.
 
 import functools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -62,14 +63,17 @@ class _Blas:
 
     def __init__(self) -> None:
         self._lock, self._depth = threading.Lock(), 0
-        self._limits: Any = None
+        self._limits: list[Any] = []  # the later ones of libraries that were loaded meanwhile, too
+        self._modules = 0
 
     def enter(self) -> None:
         with self._lock:
             self._depth += 1
-            if self._depth == 1:
+            modules = len(sys.modules)
+            if self._depth == 1 or modules != self._modules:
                 with _control():
-                    self._limits = _controller().limit(limits=1)
+                    self._limits.append(_controller(modules).limit(limits=1))
+                self._modules = modules
 
     def leave(self) -> None:
         with self._lock:
@@ -78,14 +82,14 @@ class _Blas:
                 self.restore()
 
     def restore(self) -> None:
-        if self._limits is not None:
-            with _control():
-                self._limits.restore_original_limits()
-            self._limits = None
+        with _control():
+            while self._limits:
+                self._limits.pop().restore_original_limits()
 
 
-@functools.cache
-def _controller() -> Any:
+@functools.lru_cache(1)
+def _controller(modules: int) -> Any:
+    """Return the BLAS libraries of the process; only a new one of Python's modules brings a new library."""
     import numpy as np  # noqa: F401  (its BLAS must be there to be found)
 
     return ThreadpoolController().select(user_api="blas")

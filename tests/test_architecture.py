@@ -221,6 +221,35 @@ def test_inheritance_from_a_concrete_class_and_a_private_reach_are_seen():
     assert {what for _, what in private_reaches(tree)} == {"super()._draw", "a._hidden"}
 
 
+def undocumentable(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Line and name of every parameter that a function's docstring lists and the function has not."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.FunctionDef) or "\nParameters\n---" not in (text := ast.get_docstring(node) or ""):
+            continue
+        arguments = {argument.arg for argument in ast.walk(node.args) if isinstance(argument, ast.arg)}
+        section = text.split("\nParameters\n")[1].split("\n\n")[0]
+        for line in section.splitlines()[1:]:
+            names = [] if line.startswith(" ") else line.split(" :")[0].split(", ")
+            yield from ((node.lineno, name) for name in names if name.isidentifier() and name not in arguments)
+
+
+@pytest.mark.slow
+def test_docstrings_list_the_parameters_that_there_are():
+    found = [
+        f"{path}:{line}: {name}"
+        for folder in ("core", "viewer")
+        for path, tree in syntax_trees(folder)
+        for line, name in undocumentable(tree)
+    ]
+    assert not found
+
+
+def test_a_parameter_that_is_not_there_is_seen():
+    text = "Add.\n\n    Parameters\n    ----------\n    a, kept : int\n        Of b.\n    b\n    "
+    code = f'def f(a, *, b):\n    """{text}"""\n'
+    assert list(undocumentable(ast.parse(code))) == [(1, "kept")]
+
+
 # fmt: off
 PARTICLES = {
     "own", "each", "made", "told", "way", "ways", "others", "here", "there", "what",

@@ -7,7 +7,7 @@ Components are those of the faces, connected through vertices that share a posit
 * one lies in the matter of the other: an inner cavity (a shell that looks inwards) belongs to the solid around it,
   and a solid inside a solid is one with it. In the matter means that the closed components around it, counted +1 where
   they look outwards and -1 where inwards, do not cancel: a ball that floats in a cavity is a separate body.
-* they are open: a sheet has no inside, so all open components are one body.
+* they are open: an open surface has no inside, so all open components are one body.
 
 Touching solids: where they share a vertex they are one component, since nothing in a mesh tells them from a solid
 that is pinched there; where faces only lie upon each other, or overlap by less than `TOUCHING_DISTANCE`, they stay two.

@@ -115,7 +115,7 @@ def names() -> tuple[str, ...]:
 
 
 def lookup(name: str, additional: Sequence[Material] = ()) -> Material:
-    """Return a material by name, ignoring case, spaces, hyphens and underscores: of the library, else of `more`.
+    """Return a material by name, ignoring case, spaces, hyphens and underscores: of the library, else `additional`.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def estimate_height(
         Nodes of the object.
     base : (h, w) float64
         The outline inflated, see `inflated`.
-    unexplained : (h, w), optional
+    residual : (h, w), optional
         Luminance less that of `base` under the fitted light, over the mean; None where the light is not known.
     gradient : (3,)
         Change of luminance with the normal, over the mean.

@@ -133,7 +133,7 @@ class BetterDipole:
 
 
 def _difference(near: npt.ArrayLike, separation: npt.ArrayLike, q: Array) -> Array:
-    """Return (exp(-near q) - exp(-(near + apart) q)) / q, which is `apart` at q = 0."""
+    """Return (exp(-near q) - exp(-(near + separation) q)) / q, which is `separation` at q = 0."""
     near, separation = np.asarray(near, np.float64), np.asarray(separation, np.float64)
     safe = np.where(q > 0.0, q, 1.0)
     return np.where(q > 0.0, np.exp(-near * q) * -np.expm1(-separation * q) / safe, separation + 0.0 * q)

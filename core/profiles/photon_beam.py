@@ -19,8 +19,9 @@ damped; and light that scatters once is added exactly. C_phi, C_E, D, s_tr, z_b 
 taken to 1e-6.) Profiles depend on s_t' by scale alone, so there is one table an albedo and index, in mean free paths,
 made when it is first asked for.
 
-Of the published profiles for a pencil of light this one is nearest to a photon walk (README). The directional dipole
-(Frisvad, Hachisuka and Kjeldsen 2014) needs the direction of the light at each source, which an irradiance has lost.
+Of the published profiles for a pencil of light this one is nearest to a photon walk (core/README.md). The directional
+dipole (Frisvad, Hachisuka and Kjeldsen 2014) needs the direction of the light at each source, which an irradiance has
+lost.
 """
 
 import functools

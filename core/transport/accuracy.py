@@ -32,7 +32,7 @@ COARSEST = 1e6  # of the finest detail: spacings beyond are not searched
 class ErrorLaw:
     """The greatest of terms min(a (h / d)^p kappa^q tau^r, b), each given as (a, p, q, r, b).
 
-    tau = 1 - detail / mean free path is 0 without absorption and nears 1 with much; kappa is with or without sheets.
+    tau = 1 - detail / mean free path is 0 without absorption and nears 1 with much; kappa counts thin slabs or not.
     """
 
     terms: tuple[tuple[float, float, float, float, float], ...]
@@ -64,7 +64,7 @@ class Roughness:
     sizes : cell sizes h, mm, falling
     values : kappa at them, in [0, 1/3]
     with_sheets : (1 - |mean normal|^2) / 2 at them, in [0, 1/2]
-        Where both sides of a flat sheet lie in a cell they count too.
+        Where both sides of a flat slab lie in a cell they count too.
     """
 
     sizes: tuple[float, ...]
@@ -87,7 +87,7 @@ def roughness(samples: SurfaceSamples, bounds: Array) -> Roughness:
     """Measure how far a surface is from planes, cell by cell.
 
     In a cell with the normals' second moments T = sum n n^T dA / sum dA, kappa = (1 - tr T^2) / 2: 0 on a plane and on
-    both sides of a flat sheet, 1/3 for normals all around. The sheet term of `core.transport.ewald` knows the other
+    both sides of a flat slab, 1/3 for normals all around. The thin-slab term of `core.transport.ewald` knows the other
     side where lamps light it; where an environment does it does not, hence `with_sheets`.
 
     Parameters

@@ -124,11 +124,11 @@ class LightAtPoints:
     cosine : (n,) or None
         Of the light to the normal, outside; None where it comes from all around.
     behind : (n, 3)
-        E on the other side of a sheet, times how far the two sides are one.
+        E on the other side of a thin slab, times how far the two sides are one.
     behind_cosine : (n,)
         Of the light to the normal over there.
     thickness : (n,)
-        Of the sheet, mm.
+        Of the slab, mm.
     """
 
     irradiance: Array
@@ -150,13 +150,13 @@ class SurfaceLights(Protocol):
         ----------
         points, normals
         reach : float
-            Thickness up to which the light behind a sheet matters, mm; 0 where it never does.
+            Thickness up to which the light behind a thin slab matters, mm; 0 where it never does.
         thin : bool
             Whether light from all around is asked for on the other side too.
         """
 
     def on_body(self, faces: Bools) -> "SurfaceLights":
-        """Return the lights on one body of the object, for whose sheets only these of the object's faces count."""
+        """Return the lights on one body of the object, for whose thin slabs only these of the object's faces count."""
 
 
 class Scattered(Protocol):
@@ -227,7 +227,7 @@ GoOn = Callable[[Scattered], bool]
 
 
 class Transport(Protocol):
-    """A way to spread light inside an object."""
+    """A method of scattering light inside an object."""
 
     @property
     def smooth(self) -> bool:

@@ -164,7 +164,7 @@ def local_table(profile: Profile, s: float) -> CubicSpline:
     """Return rho_s(e), what R_L leaves out of an evenly lit plane at distance e, for 0 <= e <= SHEET_REACH s, mm.
 
     rho_s(e) = T(e) - int w(t) T(|e - t|) dt. rho_s(0) is the factor on a point's own irradiance; at the thickness of a
-    thin sheet it is the one on the irradiance of the other side.
+    thin slab it is the one on the irradiance of the other side.
     """
     furthest, reach = SHEET_REACH * s, WINDOW_WIDTHS * s
     step = max(min(s / 20.0, profile.mean_free_path / 6.0), (furthest + 2.0 * reach) / MAX_NODES)

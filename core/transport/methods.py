@@ -25,7 +25,7 @@ class Method:
     needs_roughness : bool
         Whether the error to expect, and with it the grid, follows from the roughness of the surface.
     knows_sheets : bool
-        Whether pixels ask for the light that enters the other side of thin sheets.
+        Whether pixels ask for the light that enters the other side of thin slabs.
     solves : bool
         Whether an equation is solved in steps, begun from the last solution, for the light that pixels have then too.
     normalises_flux : bool

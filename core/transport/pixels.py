@@ -20,7 +20,7 @@ class LocalTerm:
     factors : (n, 3) float64
         rho_s per channel at n thicknesses evenly from 0 to `reach`; beyond it is 0.
     reach : float
-        Thickness up to which the light behind a sheet matters, mm; 0 where it never does.
+        Thickness up to which the light behind a thin slab matters, mm; 0 where it never does.
     """
 
     factors: Array
@@ -47,13 +47,13 @@ class PixelEquation:
     diffuse_cosine : float
         That serves for light from all around.
     front, across : (rows, m, 3) float32
-        Factors on the irradiance of the pixel and of the far side of the sheet.
+        Factors on the irradiance of the pixel and of the far side of a thin slab.
     coupling : (m, 4) float32
         f of R, G and B, and k.
     diagonal, doubled : (3,) float64
         rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
     depths : (2, n_layers, height, width) float32, or None where no part is thin
-        1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a sheet, from 0 to 1.
+        1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a thin slab, from 0 to 1.
     bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
         b - 1 at the nodes.
     """

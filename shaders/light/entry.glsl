@@ -8,10 +8,10 @@ uniform sampler2D t_own;         // columns: thickness; rows: cosine of the refr
 uniform sampler2D t_across;
 uniform float u_least_cosine;    // of the first row; the last row's is 1
 uniform float u_diffuse_cosine;  // that serves for light from all around
-uniform sampler3D t_depths;      // 1 / thickness, 1/mm, and how far it is a sheet
+uniform sampler3D t_depths;      // 1 / thickness, 1/mm, and how far it is a thin slab
 uniform float u_thin_reach;      // thickness of the last column, mm; 0: no part is thin
 
-// Thickness and share of a sheet at a surface point of a body.
+// Thickness and share of a thin slab at a surface point of a body.
 vec2 depths_at(vec3 position, float body) {
     if (u_thin_reach == 0.0) return vec2(0.0);
     vec2 depths = textureLod(t_depths, volume_coordinates(position, body), 0.0).rg;

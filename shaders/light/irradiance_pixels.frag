@@ -2,7 +2,7 @@
 // Irradiance, highlight and local part of exitance of one light at every pixel of the G-buffer; blended additively,
 // light by light. The local part is the term of core/transport/pixels.py, factor(0) E here + factor(thickness) E on the
 // other side; or, with transport `diffusion`, what light adds to the right-hand side of the equation of
-// core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a sheet in the three alphas.
+// core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a thin slab in the three alphas.
 // Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an
 // environment, its radiance under the same lobe, prefiltered (core/light/highlights.py).
 // SOFT: of a light with a size, through the shadow maps of its sub-lights. DETAIL: the surface has colours or relief.
@@ -16,7 +16,7 @@
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
-uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a sheet
+uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a thin slab
 uniform sampler2D t_lobe;      // of the highlight's
 uniform bool u_occluded;       // whether t_visible is there
 uniform sampler2D t_reentering;         // E of light that left the object and enters it again; any of another kind

@@ -1,9 +1,9 @@
-// Dachsbacher and Stamminger 2003, Translucent Shadow Maps, used for a remainder: thin sheets lit from behind, the
+// Dachsbacher and Stamminger 2003, Translucent Shadow Maps, used for a remainder: thin slabs lit from behind, the
 // light of the other side that the layers are too coarse to carry across. Mirrored by core/reference/sheet.py.
 //
 // A surface that faces away from a light sees it through the object; the shadow map knows where the light entered. If
-// the way between is short, the two sides are a sheet of that thickness, and the local term of core/transport/pixels.py
-// applies to the irradiance over there. Needs irradiance.glsl.
+// the way between is short, the two sides are a thin slab of that thickness, and the local term of
+// core/transport/pixels.py applies to the irradiance over there. Needs irradiance.glsl.
 
 #ifdef SOFT
 mat4 shadow_to_world(int view) { return sub_light_matrix(view, 4); }
@@ -44,9 +44,9 @@ float flatness(int view, vec2 place, vec3 entry, vec3 normal, float width, vec2 
     return 0.25 * sum;
 }
 
-// What enters the other side of a sheet.
+// What enters the other side of a thin slab.
 struct Behind {
-    vec3 irradiance;  // E there, times how far the two sides are a sheet
+    vec3 irradiance;  // E there, times how far the two sides are a thin slab
     float thickness;  // mm
     float cosine;     // of the light to the normal there
 };
@@ -70,7 +70,7 @@ Behind light_behind(int i, vec3 position, vec3 normal, vec3 to_light, float body
                            light_entry(view, place + vec2(0.0, 2.0 * texel.y)) - entry);
         if (dot(other, other) == 0.0) return NOTHING_BEHIND;  // no plane, and a zero vector would become NaN
         other = normalize(other) * sign(dot(other, to_light));
-        // Only parallel sides are a sheet; at the edge of the light on a ball they are one and the same surface.
+        // Only parallel sides are a thin slab; at the edge of the light on a ball they are one and the same surface.
         float parallel = smoothstep(SHEET_PARALLEL.x, SHEET_PARALLEL.y, -dot(normal, other));
         Arrival arrival = unshadowed(i, entry);
         // Along a grazing ray the sides are far apart, however thin it looks from here.
@@ -86,7 +86,7 @@ Behind light_behind(int i, vec3 position, vec3 normal, vec3 to_light, float body
     return NOTHING_BEHIND;
 }
 
-// Local exitance that light behind a sheet adds on this side.
+// Local exitance that light behind a thin slab adds on this side.
 vec3 light_through_sheet(Behind behind) {
     float nodes = float(textureSize(t_sheet, 0).x);
     float s = (behind.thickness / u_sheet_reach * (nodes - 1.0) + 0.5) / nodes;

@@ -10,7 +10,7 @@
 
 uniform sampler2D t_position;   // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;     // a: body
-uniform sampler2D t_irradiance; // a, as of the next two: what the other side of a sheet has in place of t_local's rgb
+uniform sampler2D t_irradiance; // a, as of the next two: what a thin slab's other side has in place of t_local's rgb
 uniform sampler2D t_specular;
 uniform sampler2D t_local;      // see irradiance_pixels.frag
 uniform sampler3D t_exitance;   // at the nodes of the layers; the filter is the trilinear gather
@@ -19,8 +19,8 @@ uniform bool u_smooth;          // gather with quadratic B-splines instead of te
 uniform bool u_diffusion;
 uniform vec3 u_diagonal;        // rho(0) / (2 A)
 uniform vec3 u_doubled;         // 2 A
-uniform sampler2D t_coupling;   // between the sides of a sheet, over thickness; one row
-uniform sampler3D t_depths;     // 1 / thickness, 1/mm, and how far it is a sheet
+uniform sampler2D t_coupling;   // between the sides of a thin slab, over thickness; one row
+uniform sampler3D t_depths;     // 1 / thickness, 1/mm, and how far it is a thin slab
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
 uniform bool u_bent;            // whether the next is other than 0
 uniform sampler3D t_bending;    // A of a curved surface over a flat one's, less 1
@@ -77,7 +77,7 @@ vec3 damped_inverse(vec3 eigenvalue) {
 }
 
 // Exitance of transport `diffusion`. entering: what light that enters here adds; entering_behind: on the other side.
-// Solved for the excess of phi over the mean around here; of a sheet the two sides' equations by their matrix's
+// Solved for the excess of phi over the mean around here; of a thin slab the two sides' equations by their matrix's
 // eigenvalues. core/transport/diffusion/points.py does the same in float64, by the same names.
 vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec3 entering, vec3 entering_behind) {
     vec4 gathered = gather(coordinates);

@@ -4,7 +4,7 @@
 uniform sampler2D t_colour;       // of detail.frag
 uniform sampler2D t_shading;
 uniform float u_before;           // power of the colour on irradiance
-uniform sampler3D t_near_colour;  // to that power, of the surface near each node: for other sides of sheets
+uniform sampler3D t_near_colour;  // to that power, of the surface near each node: for other sides of thin slabs
 uniform mat4 u_world_to_near;
 
 // Normal that light meets and, in a, a factor on irradiance.

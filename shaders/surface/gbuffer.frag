@@ -20,7 +20,7 @@ const float v_body = 0.0;
 in vec3 v_visible;
 in vec3 v_behind;
 in vec4 v_lobe;
-layout(location = 2) out vec4 o_visible;  // a: the same on the other side of a sheet, see visible.glsl
+layout(location = 2) out vec4 o_visible;  // a: the same on the other side of a thin slab, see visible.glsl
 layout(location = 3) out vec4 o_lobe;     // of the highlight, see highlights_vertices.vert; not where there is none
 #endif
 

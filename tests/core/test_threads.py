@@ -177,6 +177,33 @@ def test_a_block_that_fails_ends_too():
     assert blas_threads() == before
 
 
+def test_a_library_that_is_loaded_later_is_limited_from_the_next_block_on():
+    """SciPy brings a BLAS of its own; within an outer block it counts from the next inner one on."""
+    code = """
+import sys
+from threadpoolctl import threadpool_info
+from milkglass.core.threads import one_blas_thread, thread_pool
+def blas():
+    libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    return {library["filepath"]: library["num_threads"] for library in libraries}
+with one_blas_thread():
+    before = blas()
+    assert set(before.values()) == {1}
+    import scipy.linalg
+    with one_blas_thread():
+        inside = blas()
+        assert len(inside) > len(before) and set(inside.values()) == {1}, inside
+    assert thread_pool().submit(blas).result() == inside
+    assert blas() == inside
+import os
+assert set(blas().values()) == {os.cpu_count()}, blas()
+with one_blas_thread():
+    assert blas() == inside
+"""
+    environment = {key: value for key, value in os.environ.items() if not key.endswith("_NUM_THREADS")}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 def test_a_forked_child_has_a_pool_of_its_own_and_blas_as_it_was():
     """Also where other threads of the parent were in the middle of something."""

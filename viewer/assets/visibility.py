@@ -20,7 +20,7 @@ VERSION = 3  # of what is in the files, and of how rays are cast
 
 
 def cached_sight(mesh: Mesh) -> Sight | None:
-    """Return what is known of a mesh, None where nothing is or the file is damaged."""
+    """Return a mesh's sight from the cache; None where there is none, or its file is damaged."""
     kept = _cache(mesh).read(mesh, {"bits": np.uint8})
     if kept is None or kept["bits"].shape != (len(mesh.vertices), directions_for(len(mesh.vertices)) // 8):
         return None
@@ -28,7 +28,7 @@ def cached_sight(mesh: Mesh) -> Sight | None:
 
 
 def keep_sight(mesh: Mesh, sight: Sight) -> None:
-    """Keep what rays found, whole or not at all, and drop what has not been used for longest."""
+    """Write a mesh's sight to the cache, whole or not at all, and delete the files that were not used for longest."""
     _cache(mesh).keep(mesh, {"bits": sight.bits})
 
 
@@ -77,5 +77,5 @@ def bake_visibility(
 
 
 def needs_visibility(environment: EnvironmentSettings) -> bool:
-    """Whether there is light that something may be in the way of."""
+    """Tell whether a scene has light of an environment that the object may occlude."""
     return environment.given and environment.occluded and environment.intensity > 0.0

@@ -63,7 +63,7 @@ def summary(report: "ErrorReport", path: str) -> str:
     rms, p99 = (_percents(shares) for shares in (report.deviation.rms, report.deviation.p99))
     subject = "Error of exitance"
     if "difference" in report.content:
-        subject = "Difference of exitance from equation (1), which diffusion does not solve,"
+        subject = "Difference of exitance from equation (1), which this transport does not solve,"
     lines = [f"{subject} at {points} visible points: rms {rms} %, 99th percentile {p99} % (R, G, B); see {path}."]
     if "rms" in (environment := report.content.get("environment", {})):
         rms = _percents(environment["rms"])

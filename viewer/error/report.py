@@ -206,7 +206,7 @@ def error_report(
         Reported in place of those of this function, where the picture was drawn before.
     progress : callable, optional
         Called with the finished share of the reference, in [0, 1].
-    walked : callable, optional
+    photon_progress : callable, optional
         Called with the finished share of the photons, in [0, 1].
 
     Raises

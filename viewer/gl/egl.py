@@ -19,7 +19,7 @@ class Binding(NamedTuple):
 
 
 def binding() -> Binding | None:
-    """Return what this thread has; None where it has nothing of EGL's."""
+    """Return the binding of this thread; None where no context of EGL is current."""
     egl = _egl()
     context = None if egl is None else egl.eglGetCurrentContext()
     if context is None:
@@ -29,7 +29,7 @@ def binding() -> Binding | None:
 
 
 def bind(before: Binding) -> None:
-    """Give this thread what it had."""
+    """Make the context of a binding current in this thread again."""
     _egl().eglMakeCurrent(*before)
 
 

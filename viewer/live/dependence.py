@@ -29,7 +29,7 @@ DRAGGED = {*TABLES, LIGHTS} - {ModelSettings.TABLE, TransportSettings.TABLE}  # 
 
 
 def files(scene: Scene) -> Key:
-    """Return what decides whether all that has to be read and sampled before a scene is lit can be."""
+    """Return the key of what is read and sampled before a scene is lit: where it is the same, that fails alike."""
     return scene.key(Part.SURFACE), paths(scene)
 
 
@@ -79,7 +79,7 @@ def looks_of(scene: Scene, lit: LitScene) -> Key:
 
 @dataclass(frozen=True)
 class LitFor:
-    """What light was asked for.
+    """Keys of the light that was asked for.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class LitFor:
 
     @classmethod
     def of(cls, scene: Scene, *, rays: Key) -> "LitFor":
-        """Return what the light of a scene depends on."""
+        """Return the keys of a scene's light."""
         keys = scene.key(Part.TRANSPORT), light_key(scene), scene.key(Part.SHAPE)
         return cls(*keys, rays, scene.camera)
 
@@ -136,5 +136,5 @@ class Drag:
 
 
 def drag_key(scene: Scene) -> Key:
-    """Return what of transport the object and the grid alone decide."""
+    """Return the key of transport, of the object and its grid alone."""
     return scene.key(Part.TRANSPORT, without=DRAGGED)

@@ -21,7 +21,7 @@ class Developer(Protocol):
     def develop(
         self, renderer: Renderer, scene: Scene, lit: LitScene, finished: Finished, request: PictureRequest
     ) -> Picture:
-        """Draw a picture.
+        """Draw a picture of radiance, exposed and tone-mapped or put into a photograph, and return it.
 
         Parameters
         ----------

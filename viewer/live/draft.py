@@ -38,7 +38,7 @@ class Cost:
 
 
 def draft_resolution(scene: Scene, quality: Quality, cost: Cost) -> int | None:
-    """How many texels transport may have while something moves, None for what the scene asks for.
+    """Return how many texels transport may have while something moves, None for what the scene asks for.
 
     Parameters
     ----------

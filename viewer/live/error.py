@@ -43,14 +43,14 @@ LARGEST = 512  # pixels along the longer side of the picture that points are cho
 THREADS = max(1, (os.cpu_count() or 1) - 1)  # of the sum: one core is left to what draws
 WAKE_SECONDS = 0.1  # between frames that only show progress
 NOT_EQUATION_1 = (
-    "not measured here, because diffusion does not approximate equation (1): milkglass bench and milkglass render "
+    "not measured here, because this transport does not approximate equation (1): milkglass bench and milkglass render "
     "--report compare it with a photon walk"
 )
 
 
 @dataclass(frozen=True)
 class Question:
-    """What the error is asked of: where the points lie in the view, what lights them, how many they are."""
+    """What a measurement depends on: where the points lie in the view, what lights them, how many they are."""
 
     place: Key
     light: Key

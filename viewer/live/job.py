@@ -22,7 +22,7 @@ from milkglass.viewer.render.renderer import Renderer
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """What is drawn, and the light that it is of.
+    """Scattered light that is drawn, and the lighting that it was computed for.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ SURFACE_STAGES = {Stage.RAYS, Stage.BOUNDARY}  # run once a mesh and grid, which
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a job has come to.
+    """The result of a transport job, final or on the way.
 
     Attributes
     ----------

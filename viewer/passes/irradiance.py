@@ -154,7 +154,7 @@ class PixelLight:
     """RGBA float textures of every pixel's light, and the framebuffer that draws into them.
 
     `local` is the exitance of `core.transport.base.LocalTerm`, or what light adds to the equation of
-    `core.transport.diffusion.pixels`; then the alphas are the same on the other side of a sheet.
+    `core.transport.diffusion.pixels`; then the alphas are the same on the other side of a thin slab.
     """
 
     irradiance: moderngl.Texture

@@ -167,7 +167,7 @@ def _corners(mesh: Mesh) -> Array:
 
 
 def _around_object(corners: Array, eye: Array, min_depth: float) -> _View | None:
-    """Aim a view from a place at the object and fit it; None where it is all around, or nearer than `least` mm."""
+    """Aim a view from a place at the object and fit it; None where it is all around, or nearer than `min_depth` mm."""
     offsets = corners - eye
     aim = np.mean(offsets / np.maximum(np.linalg.norm(offsets, axis=1), min_depth)[:, None], axis=0)
     for _ in range(2):  # the second time at the middle of what the first one saw

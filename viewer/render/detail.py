@@ -18,7 +18,7 @@ from milkglass.viewer.passes.detail import DetailBuffers, DetailPass
 from milkglass.viewer.passes.detail_uniforms import Drawn, SampledSurface, SurfaceDetail
 from milkglass.viewer.scene.scene import Scene
 
-NEAR_NODES = 48  # along the object's longest side, where the colour of the other side of a sheet is looked up
+NEAR_NODES = 48  # along the object's longest side, where the colour of the other side of a thin slab is looked up
 
 
 class DetailStages:

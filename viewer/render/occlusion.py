@@ -73,7 +73,7 @@ class OcclusionStages:
         )
 
     def occluded(self, irradiance: Float32, occlusion: Occlusion | None, samples: SurfaceSamples) -> Float32:
-        """Unoccluded E at the surface samples, (n, 3), times what reaches them."""
+        """Return E at the surface samples, (n, 3): that without occlusion times the visible share."""
         if occlusion is None:
             return irradiance
         fine = occlusion.baked.refined

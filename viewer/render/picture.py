@@ -122,7 +122,7 @@ class Frame:
     remarks: tuple[str, ...] = ()
 
     def channels(self) -> dict[str, Float32]:
-        """EXR channel name -> (H, W) float32."""
+        """Return the channels of an EXR file, (H, W) float32 each, by name."""
         planes = {name: self.radiance[..., i] for i, name in enumerate("RGB")}
         planes["A"] = self.alpha
         for layer, names in (("position", "XYZ"), ("normal", "XYZ")):

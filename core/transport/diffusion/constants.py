@@ -22,7 +22,7 @@ class CurvatureConstants:
 
     same_face_cosine: float = chosen(0.7, "cosine between normals from which on they are of one face", *BENCHMARK)
     normal_separation: float = chosen(
-        1.0, "patches that normals a right angle apart count as, so that the sides of a sheet are apart", *BENCHMARK
+        1.0, "patches that normals a right angle apart count as, so that the sides of a slab are apart", *BENCHMARK
     )
     smooth_turn: float = chosen(0.15, "radians that a surface turns over a patch up to which it is smooth", *BENCHMARK)
     edge_turn: float = chosen(0.35, "radians that a surface turns over a patch from which on it is an edge", *BENCHMARK)

@@ -111,7 +111,7 @@ def sources(
 ) -> tuple[Float32, Array]:
     """Return the first scattering of one channel: assigned to the nodes, and its local part at the patches.
 
-    `kept` is the share of each patch's light that diffuses, (n,).
+    `retained` is the share of each patch's light that diffuses, (n,).
 
     Returns
     -------
@@ -141,7 +141,7 @@ def sources(
 
 
 def first_sources(entry: Entry, medium: Medium, channel: int, retained: Array) -> tuple[Array, Array]:
-    """Return depths of first scattering along the rays, mm, and its a' E dA, (m, 2) each; `kept` as in `sources`."""
+    """Return depths of first scattering along the rays, mm, and its a' E dA, (m, 2) each; arguments of `sources`."""
     depths, shares = first_scattering(entry.chords_in(medium))
     flux = retained[entry.patches] * entry.flux[:, channel]
     return medium.mean_free_path * depths, medium.albedo * flux[:, None] * shares

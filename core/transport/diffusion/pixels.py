@@ -6,10 +6,10 @@ for everything that the nodes carry:
     (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + front E + across E'
 
 with M = phi / (2 A), A that of a flat surface and b as `core.material.medium.Medium.bending` has it. Dashes are the
-other side of a sheet of thickness T, where the same holds with the sides changed, so that both are known from the light
+other side of a slab of thickness T, where the same holds with the sides changed, so that both are known from the light
 on both; elsewhere f and k are 0 and `across` does not matter.
 
-On ridges and thin sheets a point has next to nothing of its own, and errors of O would be all that is left of it. So
+On ridges and thin slabs a point has next to nothing of its own, and errors of O would be all that is left of it. So
 the two are solved for what phi is more than the neighbourhood's mean, and of that an eigenvalue l of their matrix
 is taken as l^3 / (l^4 + WEAK_EIGENVALUE^4), not as 1 / l: 1 % less where l is 1/2, as on smooth surfaces.
 """
@@ -130,9 +130,9 @@ def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tup
 
 
 def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
-    """Return `PixelEquation.depths`: thickness and share of a sheet, spread over the nodes by area.
+    """Return `PixelEquation.depths`: thickness and share of a thin slab, spread over the nodes by area.
 
-    Means are of 1 / T, by which a sheet stays one beside parts that are much thicker.
+    Means are of 1 / T, by which a slab stays thin beside parts that are much thicker.
     """
     areas = boundary.patches.areas
     thickness = np.where(boundary.thickness > 0.0, boundary.thickness, reach)

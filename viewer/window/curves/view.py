@@ -21,7 +21,7 @@ from milkglass.viewer.window.curves.plot import ProfilePlot
 
 NONE, KEPT = "nothing", "B, the kept state"
 R_D, PER_RADIUS = "R_d", "2π r R_d"
-NOT_SEEN = "The picture is solved by diffusion, which has no profile: it is not made of these curves."
+NOT_SEEN = "The picture solves an equation, which has no profile: it is not made of these curves."
 SHARE, SMALLEST_SHARE, LARGEST_SHARE = 0.45, 0.2, 0.75  # of the view's height
 LEGEND = 27.0  # width, em
 TITLED_WIDTH, WIDE_WIDTH = 33.0, 45.0  # of the view: for words in the legend, for options beside it, em

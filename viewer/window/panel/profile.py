@@ -17,7 +17,7 @@ from milkglass.viewer.scene.material_settings import COMBINATIONS, MaterialSetti
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import origin_of
 
-NO_PROFILE = "Transport diffusion solves the object's own equation and has no profile; ewald and layered have."
+NO_PROFILE = "This transport solves the object's own equation and has no profile; others sum one."
 COEFFICIENTS, COLOUR, DIFFUSE = "coefficients", "colour and mean free path", "colour and diffuse mean free path"
 WAYS_TIP = (
     "Scattering and absorption coefficients; or a colour under white light and a mean free path, which the profile's "
@@ -55,7 +55,7 @@ class ProfileRows:
         elif new is not None:
             session.edit("material", profile=new)
         if off is not None:
-            controls.note("transport diffusion has no profile")
+            controls.note("this transport has no profile")
         if material.profile != TABLE or material.profile_table is None:
             return
         controls.begin_row("Table")

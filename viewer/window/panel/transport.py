@@ -12,7 +12,7 @@ from milkglass.viewer.window.panel.section import Section, Seen
 NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
 NEW_MATERIAL: tuple[AnyStage, ...] = (Stage.SPECTRA, Stage.CONVOLUTION)
 SOLVED_FOR = (*SOURCES, Stage.SOLUTION)  # likewise, with `diffusion`
-ASSIGNMENT_OFF = "It means nothing to diffusion, which spreads light with quadratic B-splines always."
+ASSIGNMENT_OFF = "It means nothing to this transport, which spreads light with quadratic B-splines always."
 
 
 class TransportSection(Section):

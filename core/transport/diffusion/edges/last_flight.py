@@ -96,7 +96,7 @@ def last_flight(
 ) -> LastFlight | None:
     """Return the last flight of one channel; None where no patch is beside a concave edge.
 
-    `s` is the window's width, mm, and `kept` the share of each patch's light that diffuses, (n,).
+    `s` is the window's width, mm, and `retained` the share of each patch's light that diffuses, (n,).
     """
     share = _edge_shares(boundary, medium.mean_free_path)
     share *= rising(share.mean(), LIMITS.least_share, LIMITS.full_share)
