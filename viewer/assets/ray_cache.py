@@ -14,6 +14,7 @@ import numpy.typing as npt
 import platformdirs
 
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.viewer.scene.whole_file import replacement
 
 MOST_BYTES = 512 << 20  # of all files of a kind; those unused for longest go first
 
@@ -56,15 +57,10 @@ class RayCache:
     def keep(self, mesh: Mesh, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         """Keep arrays of a mesh, whole or not at all, and drop what has not been used for longest."""
         path = self.path(mesh)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                with temporary.open("wb") as file:  # a name would be given another suffix
-                    np.savez(file, allow_pickle=False, **arrays)
-                os.replace(temporary, path)
-            finally:
-                temporary.unlink(missing_ok=True)
+            with replacement(path) as temporary:
+                np.savez(temporary, allow_pickle=False, **arrays)
             _trim(path.parent)
 
     def path(self, mesh: Mesh) -> Path:

@@ -2,8 +2,6 @@
 
 import csv
 import io
-import os
-import secrets
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from rich.table import Table
 from milkglass.core.errors import InputError
 from milkglass.viewer.bench.chain import ChainRow
 from milkglass.viewer.bench.speed import ConvolutionRow, FrameRow, ProcessRow, Timing
+from milkglass.viewer.scene.whole_file import replacement
 
 TARGET_RATIOS = {4: 2.0, 8: 3.0}  # layers -> largest accepted ratio to the bare transforms
 UNLIMITED_WIDTH = 10_000  # columns in a pipe, where no line is broken
@@ -93,15 +92,12 @@ class BenchReport:
             self._write(self._folder / "bench.md", "\n".join(self._markdown).encode())
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Write a whole file or none, under a temporary name first."""
-        temporary = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
+        """Write a whole file or none."""
         try:
-            temporary.write_bytes(content)
-            os.replace(temporary, path)
+            with replacement(path) as temporary:
+                temporary.write_bytes(content)
         except OSError as error:
             raise InputError(f"{path} cannot be written ({error.strerror})") from error
-        finally:
-            temporary.unlink(missing_ok=True)
 
 
 def report_convolution(report: BenchReport, rows: Sequence[ConvolutionRow]) -> None:

@@ -1,7 +1,5 @@
 """The formats of depth maps, one a line of `DEPTH_FORMATS`: arrays (h, w) float32, larger is nearer."""
 
-import os
-import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +9,7 @@ import numpy as np
 from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
 from milkglass.viewer.files.images import read_channels, read_photo, write_exr, write_png
+from milkglass.viewer.scene.whole_file import replacement
 
 
 @dataclass(frozen=True)
@@ -63,14 +62,11 @@ def _read_npy(path: Path) -> Float32:
 
 
 def _write_npy(path: Path, depth: Float32) -> None:
-    temporary = path.with_name(f".{secrets.token_hex(8)}.npy")
     try:
-        np.save(temporary, depth)
-        os.replace(temporary, path)
+        with replacement(path) as temporary:
+            np.save(temporary, depth)
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror}); check the free space") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 DEPTH_FORMATS: dict[str, DepthFormat] = {

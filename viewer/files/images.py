@@ -7,7 +7,6 @@ left behind.
 
 import itertools
 import os
-import secrets
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.whole_file import replacement
 
 Pixels8 = npt.NDArray[np.uint8]
 PixelsInt = npt.NDArray[np.unsignedinteger]  # uint8 or uint16
@@ -267,25 +267,21 @@ def _upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[n
 def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.NDArray[np.generic]]) -> None:
     """Write an image whose rows come in bands, from the top."""
     check_output(path, (suffix,))
-    target = Path(os.path.realpath(path))  # a link stays a link
-    temporary = target.with_name(f".{secrets.token_hex(8)}{suffix}")
-    output = oiio.ImageOutput.create(str(temporary))
+    output = oiio.ImageOutput.create(suffix[1:])
     if output is None:
         raise RuntimeError(f"this OpenImageIO cannot write {suffix} files: {oiio.geterror()}")
     try:
-        written, top = output.open(str(temporary), spec), 0
-        for band in bands if written else ():
-            written = written and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
-            top += len(band)
-        written = output.close() and written
-        output.geterror()  # fetched so that it is not printed at exit
-        if not written or not is_complete(temporary, spec.height):
-            raise InputError(f"{path} could not be written: check the free space and the permissions.")
-        os.replace(temporary, target)
+        with replacement(path) as temporary:
+            written, top = output.open(str(temporary), spec), 0
+            for band in bands if written else ():
+                written = written and output.write_scanlines(top, top + len(band), 0, np.ascontiguousarray(band))
+                top += len(band)
+            written = output.close() and written
+            output.geterror()  # fetched so that it is not printed at exit
+            if not written or not is_complete(temporary, spec.height):
+                raise InputError(f"{path} could not be written: check the free space and the permissions.")
     except OSError as error:
         raise InputError(f"{path} could not be written: {error.strerror}.") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _count(mask: npt.NDArray[np.bool_]) -> str:

@@ -1,7 +1,5 @@
 """Writes a material's profile as a table that `material.profile_table` reads."""
 
-import os
-import secrets
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +8,7 @@ from milkglass.core.profiles.curves import table_text
 from milkglass.core.profiles.table import parse_table
 from milkglass.viewer.scene.material_settings import MaterialSettings
 from milkglass.viewer.scene.tables import ProfileTable
+from milkglass.viewer.scene.whole_file import replacement
 
 
 def write_profile(path: Path, material: MaterialSettings, read: Callable[[Path], ProfileTable]) -> str:
@@ -26,15 +25,11 @@ def write_profile(path: Path, material: MaterialSettings, read: Callable[[Path],
         If the material's own table cannot be read, or the file cannot be written.
     """
     text = table_text(material.profiles(read), f"{material.profile} of {material.resolve().name}")
-    target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{secrets.token_hex(8)}.csv")
     try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, target)
+        with replacement(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error.strerror or error})") from error
-    finally:
-        temporary.unlink(missing_ok=True)
     try:
         parse_table(text, path.name)
     except InputError as error:  # a profile that returns more than it gets, which a table may not

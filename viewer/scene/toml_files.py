@@ -1,7 +1,5 @@
 """TOML files, read and written whole or not at all."""
 
-import contextlib
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -11,6 +9,7 @@ from typing import Any
 import tomli_w
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.whole_file import replacement
 
 # Vectors of numbers on one line: one key a line is what people edit.
 _VECTOR = re.compile(r"\[\n((?: +-?[0-9][^\n]*,\n)+)\]")
@@ -36,20 +35,14 @@ def dumps(document: Mapping[str, Any]) -> str:
 
 
 def write(path: str | Path, text: str, document: str) -> None:
-    """Write a file, whole or not at all; `what` names it in messages: "the scene file"."""
-    # Through a link, write what it points to, and leave the link.
-    target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    """Write a file, whole or not at all; `document` names it in messages: "the scene file"."""
     try:
-        temporary.write_bytes(text.encode("utf-8"))
-        os.replace(temporary, target)
+        with replacement(path) as temporary:
+            temporary.write_bytes(text.encode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot write {document} ({error.strerror or error})") from error
     except UnicodeEncodeError as error:
         raise InputError(f"{path}: cannot hold a file name that is not UTF-8 text; rename it") from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
 
 
 def _one_line(error: Exception) -> str:

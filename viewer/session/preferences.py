@@ -2,12 +2,13 @@
 
 import contextlib
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import platformdirs
+
+from milkglass.viewer.scene.whole_file import replacement
 
 RECENT_FILES = 8
 SMALLEST_SIDE, LARGEST_SIDE = 320, 16384  # of the window
@@ -50,13 +51,12 @@ class Preferences:
         return known
 
     def save(self, path: Path | None = None) -> None:
-        """Write the file in one step, so that it is never half written."""
+        """Write the file whole or not at all; where that fails, what was remembered before stays."""
         path = path or _default_path()
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
-            os.replace(temporary, path)
+            with replacement(path) as temporary:
+                temporary.write_text(json.dumps(asdict(self), indent=1), encoding="utf-8")
 
     def opened(self, path: Path) -> None:
         """Put a file first among the recent ones, and keep its folder."""
