@@ -16,29 +16,29 @@ from milkglass.core.lazy import lazy
 if TYPE_CHECKING:
     from milkglass.core.errors import InputError as InputError
     from milkglass.core.material.library import Material as Material
-    from milkglass.viewer.render.picture import Frame as Frame
-    from milkglass.viewer.render.picture import Still as Still
-    from milkglass.viewer.render.renderer import Renderer as Renderer
-    from milkglass.viewer.render.renderer import render as render
-    from milkglass.viewer.render.renderer import render_image as render_image
+    from milkglass.viewer.render.picture import Frame as Frame, Still as Still
+    from milkglass.viewer.render.renderer import Renderer as Renderer, render as render, render_image as render_image
     from milkglass.viewer.scene.library import materials as materials
-    from milkglass.viewer.scene.lights import DirectionalLight as DirectionalLight
-    from milkglass.viewer.scene.lights import Light as Light
-    from milkglass.viewer.scene.lights import PointLight as PointLight
-    from milkglass.viewer.scene.lights import RectangleLight as RectangleLight
-    from milkglass.viewer.scene.lights import SphereLight as SphereLight
-    from milkglass.viewer.scene.lights import SpotLight as SpotLight
-    from milkglass.viewer.scene.scene import Scene as Scene
-    from milkglass.viewer.scene.scene import default_scene as default_scene
-    from milkglass.viewer.scene.settings import CameraSettings as CameraSettings
-    from milkglass.viewer.scene.settings import DetailSettings as DetailSettings
-    from milkglass.viewer.scene.settings import DisplaySettings as DisplaySettings
-    from milkglass.viewer.scene.settings import EnvironmentSettings as EnvironmentSettings
-    from milkglass.viewer.scene.settings import MaterialSettings as MaterialSettings
-    from milkglass.viewer.scene.settings import ModelSettings as ModelSettings
-    from milkglass.viewer.scene.settings import PhotoSettings as PhotoSettings
-    from milkglass.viewer.scene.settings import SpecularSettings as SpecularSettings
-    from milkglass.viewer.scene.settings import TransportSettings as TransportSettings
+    from milkglass.viewer.scene.lights import (
+        DirectionalLight as DirectionalLight,
+        Light as Light,
+        PointLight as PointLight,
+        RectangleLight as RectangleLight,
+        SphereLight as SphereLight,
+        SpotLight as SpotLight,
+    )
+    from milkglass.viewer.scene.scene import Scene as Scene, default_scene as default_scene
+    from milkglass.viewer.scene.settings import (
+        CameraSettings as CameraSettings,
+        DetailSettings as DetailSettings,
+        DisplaySettings as DisplaySettings,
+        EnvironmentSettings as EnvironmentSettings,
+        MaterialSettings as MaterialSettings,
+        ModelSettings as ModelSettings,
+        PhotoSettings as PhotoSettings,
+        SpecularSettings as SpecularSettings,
+        TransportSettings as TransportSettings,
+    )
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)
 

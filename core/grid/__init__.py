@@ -5,11 +5,8 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.core.grid.convolution import LayerConvolver as LayerConvolver
-    from milkglass.core.grid.convolution import prepared as prepared
-    from milkglass.core.grid.layers import LayerGrid as LayerGrid
-    from milkglass.core.grid.layers import deposit as deposit
-    from milkglass.core.grid.layers import gather as gather
+    from milkglass.core.grid.convolution import LayerConvolver as LayerConvolver, prepared as prepared
+    from milkglass.core.grid.layers import LayerGrid as LayerGrid, deposit as deposit, gather as gather
     from milkglass.core.grid.shape import ConvolutionShape as ConvolutionShape
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -7,12 +7,8 @@ from milkglass.core.lazy import lazy
 if TYPE_CHECKING:
     from milkglass.core.light.highlights import LobeFilter as LobeFilter
     from milkglass.core.light.presets import preset as preset
-    from milkglass.core.light.probe import Probe as Probe
-    from milkglass.core.light.probe import irradiance_table as irradiance_table
-    from milkglass.core.light.sources import ProbeSource as ProbeSource
-    from milkglass.core.light.sources import extract_sources as extract_sources
-    from milkglass.core.light.visibility import Sight as Sight
-    from milkglass.core.light.visibility import Visibility as Visibility
-    from milkglass.core.light.visibility import transfer as transfer
+    from milkglass.core.light.probe import Probe as Probe, irradiance_table as irradiance_table
+    from milkglass.core.light.sources import ProbeSource as ProbeSource, extract_sources as extract_sources
+    from milkglass.core.light.visibility import Sight as Sight, Visibility as Visibility, transfer as transfer
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -6,11 +6,8 @@ from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
     from milkglass.core.material.fresnel import transmittance as transmittance
-    from milkglass.core.material.library import Material as Material
-    from milkglass.core.material.library import lookup as lookup
-    from milkglass.core.material.medium import Medium as Medium
-    from milkglass.core.material.medium import media as media
-    from milkglass.core.material.mixtures import dilute as dilute
-    from milkglass.core.material.mixtures import mix as mix
+    from milkglass.core.material.library import Material as Material, lookup as lookup
+    from milkglass.core.material.medium import Medium as Medium, media as media
+    from milkglass.core.material.mixtures import dilute as dilute, mix as mix
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.core.photograph.depth import estimate_height as estimate_height
-    from milkglass.core.photograph.depth import inflated as inflated
+    from milkglass.core.photograph.depth import estimate_height as estimate_height, inflated as inflated
     from milkglass.core.photograph.light import fit_surround as fit_surround
-    from milkglass.core.photograph.surface import Outline as Outline
-    from milkglass.core.photograph.surface import find_outline as find_outline
-    from milkglass.core.photograph.surface import height_surface as height_surface
-    from milkglass.core.photograph.surround import scene_radiance as scene_radiance
-    from milkglass.core.photograph.surround import surround_map as surround_map
+    from milkglass.core.photograph.surface import (
+        Outline as Outline,
+        find_outline as find_outline,
+        height_surface as height_surface,
+    )
+    from milkglass.core.photograph.surround import scene_radiance as scene_radiance, surround_map as surround_map
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.core.reference.equation import Occluder as Occluder
-    from milkglass.core.reference.equation import direct_exitance as direct_exitance
+    from milkglass.core.reference.equation import Occluder as Occluder, direct_exitance as direct_exitance
     from milkglass.core.reference.photons import walk as walk
-    from milkglass.core.reference.transport_error import PhotonReference as PhotonReference
-    from milkglass.core.reference.transport_error import TransportError as TransportError
-    from milkglass.core.reference.transport_error import photon_reference as photon_reference
+    from milkglass.core.reference.transport_error import (
+        PhotonReference as PhotonReference,
+        TransportError as TransportError,
+        photon_reference as photon_reference,
+    )
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -71,7 +71,7 @@ class Roughness:
     values: tuple[float, ...]
     with_sheets: tuple[float, ...]
 
-    def __call__(self, size: float, with_sheets: bool = False) -> float:
+    def __call__(self, size: float, *, with_sheets: bool = False) -> float:
         """Return kappa at any cell size, mm: a power law between and beyond, never above the coarsest."""
         values = self.with_sheets if with_sheets else self.values
         x, y = np.log(self.sizes[::-1]), np.log(np.maximum(values[::-1], 1e-12))
@@ -121,7 +121,7 @@ def predicted_error(
     law: ErrorLaw, profiles: Profiles, spacing: float, shape: Roughness, assignment: str = TSC
 ) -> float:
     """Return the rms error over rms exitance to expect in the worst channel, for a spacing of the nodes, mm."""
-    kappa = shape(spacing, law.with_sheets)
+    kappa = shape(spacing, with_sheets=law.with_sheets)
     return max(law(profile, spacing, kappa, assignment) for profile in profiles)
 
 

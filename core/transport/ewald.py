@@ -206,7 +206,7 @@ NEAR_TARGET = 2.0  # times the target: an error that still passes for meeting it
 
 
 def choose_quality(
-    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, *, sharp_light: bool = True
 ) -> Quality:
     """Return the quality for a request: nodes from the error that `core.transport.accuracy` predicts."""
     assert shape is not None

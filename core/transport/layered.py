@@ -65,7 +65,7 @@ class LayeredTransport(FftTransport):
 
 
 def choose_quality(
-    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, *, sharp_light: bool = True
 ) -> Quality:
     """Return the quality for a request, without a predicted error; see `core.transport.quality.choose_quality`."""
     layers, resolution = request.layers or DEFAULT_LAYERS, request.resolution or DEFAULT_RESOLUTION

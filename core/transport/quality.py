@@ -166,7 +166,7 @@ class Quality:
 
 
 def choose_quality(
-    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, *, sharp_light: bool = True
 ) -> Quality:
     """Fill in what a scene leaves open, for a material's profiles, an object and its light.
 
@@ -178,7 +178,7 @@ def choose_quality(
     sharp_light : bool
         Whether a light casts shadows; an environment alone does not.
     """
-    quality: Quality = _home(request.method).choose_quality(request, profiles, mesh, shape, sharp_light)
+    quality: Quality = _home(request.method).choose_quality(request, profiles, mesh, shape, sharp_light=sharp_light)
     return quality
 
 

@@ -79,7 +79,7 @@ class UniformTransport:
         self.kernels.release()
 
 
-def choose_quality(asked, profiles, mesh, shape, sharp_light=True):
+def choose_quality(asked, profiles, mesh, shape, *, sharp_light=True):
     return Quality(asked.method, None, asked.resolution or 16)
 
 

@@ -148,7 +148,7 @@ class Assets:
         """Return how rough a mesh is, see `core.transport.accuracy.roughness`."""
         return self.get(RoughnessOf(mesh))
 
-    def row_sums(self, mesh: Mesh, separate: bool = False) -> Array:
+    def row_sums(self, mesh: Mesh, *, separate: bool = False) -> Array:
         """Return how closed a mesh is, or each of its bodies, see `core.transport.diffusion.boundary.row_sums`."""
         return self.get(RowSumsOf(mesh, separate))
 
@@ -158,7 +158,7 @@ class Assets:
         `separate` bodies are closed each for itself.
         """
         instead = settings.facts.on_open_surface
-        if instead is None or is_closed(self.row_sums(mesh, separate)):
+        if instead is None or is_closed(self.row_sums(mesh, separate=separate)):
             return settings
         return replace(settings, method=instead)
 
@@ -167,6 +167,7 @@ class Assets:
         settings: TransportSettings,
         profiles: Profiles,
         mesh: Mesh,
+        *,
         sharp_light: bool,
         separate: bool = False,
     ) -> Quality:

@@ -270,9 +270,9 @@ class QualityOf:
         """Choose the quality, by the shape where the method needs to know it."""
         mesh, settings = self.mesh, assets.possible(self.settings, self.mesh, separate=self.separate)
         shape = assets.roughness(mesh) if settings.facts.needs_roughness else None
-        quality = choose_quality(settings, self.profiles, mesh, shape, self.sharp_light)
+        quality = choose_quality(settings, self.profiles, mesh, shape, sharp_light=self.sharp_light)
         if settings != self.settings:
-            sums = assets.row_sums(mesh, self.separate)
+            sums = assets.row_sums(mesh, separate=self.separate)
             worst = float(sums[np.abs(sums + 0.5).argmax()])
             quality = replace(quality, instead_of=self.settings.method, open_surface=worst)
         return quality

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.viewer.bench.run import Plan as Plan
-    from milkglass.viewer.bench.run import run_plan as run_plan
+    from milkglass.viewer.bench.run import Plan as Plan, run_plan as run_plan
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

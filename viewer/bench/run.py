@@ -23,41 +23,17 @@ from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.bench import (
     chain as bench_chain,
-)
-from milkglass.viewer.bench import (
     error as bench_error,
-)
-from milkglass.viewer.bench import (
     error_report as bench_error_report,
-)
-from milkglass.viewer.bench import (
     occlusion as bench_occlusion,
-)
-from milkglass.viewer.bench import (
     photo as bench_photo,
-)
-from milkglass.viewer.bench import (
     report as bench_report,
-)
-from milkglass.viewer.bench import (
     rivals as bench_rivals,
-)
-from milkglass.viewer.bench import (
     solving as bench_solving,
-)
-from milkglass.viewer.bench import (
     speed as bench_speed,
-)
-from milkglass.viewer.bench import (
     transport as bench_transport,
-)
-from milkglass.viewer.bench import (
     transport_report as bench_transport_report,
-)
-from milkglass.viewer.bench import (
     window as bench_window,
-)
-from milkglass.viewer.bench import (
     yardsticks as bench_yardsticks,
 )
 from milkglass.viewer.bench.error import MATERIALS
@@ -141,18 +117,18 @@ QUICK = Plan(
 )
 
 
-def run(quick: bool, output: Path | None, model: Path | None = None) -> None:
+def run(output: Path | None, model: Path | None = None, *, quick: bool) -> None:
     """Run the benchmark and report on stdout.
 
     Parameters
     ----------
-    quick : bool
-        Whether to run a small selection, in under a minute.
     output : Path, optional
         Folder for CSV files, the tables as Markdown and the plot.
     model : Path, optional
         Mesh of the frames, whose error is measured too, relative to photons where it is closed; without one the frames
         are of the built-in sculpture.
+    quick : bool
+        Whether to run a small selection, in under a minute.
 
     Raises
     ------

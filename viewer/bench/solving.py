@@ -12,8 +12,7 @@ import numpy as np
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
-from milkglass.core.material import fresnel
-from milkglass.core.material import library as materials
+from milkglass.core.material import fresnel, library as materials
 from milkglass.core.material.medium import Medium, media
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import EnteringLight

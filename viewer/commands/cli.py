@@ -86,7 +86,7 @@ def view(
     if any(context.params[name] is not None for name in ("photo", "mask", *(flag.parameter for flag in PHOTO_FLAGS))):
         from milkglass.viewer.commands import photograph as photo_command
 
-        photo_command.run(context.params, has_display())
+        photo_command.run(context.params, has_display=has_display())
         return
     if play is not None:
         from milkglass.viewer.window import replay
@@ -101,7 +101,7 @@ def view(
 
 @app.command()
 @scene_options
-def render(  # noqa: PLR0913
+def render(
     scene: Scene,
     output: Annotated[list[str], typer.Option(metavar="FILE", help=f"{RENDERED}; may be repeated.")],
     reference: Annotated[
@@ -167,7 +167,8 @@ def bench(
     """Measure speed against error, and write tables and a plot."""
     from milkglass.viewer.bench import run as benchmark
 
-    benchmark.run(quick, None if output is None else Path(output), None if model is None else Path(model))
+    folder, file = (None if name is None else Path(name) for name in (output, model))
+    benchmark.run(folder, file, quick=quick)
 
 
 @app.command()
@@ -201,8 +202,7 @@ def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "F
     from rich.console import Console
 
     from milkglass.viewer.commands import terminal
-    from milkglass.viewer.render import memory
-    from milkglass.viewer.render import renderer as frame
+    from milkglass.viewer.render import memory, renderer as frame
 
     memory.share_heap()
     draw = frame.render if any(format_of(output).linear for output in outputs) else frame.render_image

@@ -107,7 +107,9 @@ def _save(edited: "Edited", outputs: list[str], depth_output: str | None, backgr
 
     photo, transparent = edited.photo, background == "transparent"
     compositor = Compositor(edited, "filled" if transparent else background)
-    contents = PictureContents(photo.size, lambda: compositor.bands(transparent), compositor.layers, photo.profile)
+    contents = PictureContents(
+        photo.size, lambda: compositor.bands(transparent=transparent), compositor.layers, photo.profile
+    )
     for output in outputs:
         write_picture(output, contents)
     if depth_output is not None:

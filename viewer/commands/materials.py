@@ -12,8 +12,7 @@ from rich.text import Text
 from milkglass.core.arrays import Array
 from milkglass.core.display import srgb
 from milkglass.core.errors import InputError
-from milkglass.core.material import library as materials
-from milkglass.core.material import single_scattering
+from milkglass.core.material import library as materials, single_scattering
 from milkglass.core.material.library import Material
 from milkglass.core.profiles import dipole
 from milkglass.viewer.scene import library, own_materials

@@ -16,7 +16,7 @@ from milkglass.viewer.scene.scene import START, Scene
 DEPTH_PARAMETERS = tuple(flag.parameter for flag in PHOTO_FLAGS)
 
 
-def run(options: Mapping[str, Any], has_display: bool) -> None:
+def run(options: Mapping[str, Any], *, has_display: bool) -> None:
     """Show the photograph of `view`'s options in a window until that is closed; errors as `work_and_scene`."""
     work, scene = work_and_scene(options)
     if not has_display:

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.viewer.error.compare import compare_files as compare_files
-    from milkglass.viewer.error.compare import compare_images as compare_images
+    from milkglass.viewer.error.compare import compare_files as compare_files, compare_images as compare_images
     from milkglass.viewer.error.report import error_report as error_report
     from milkglass.viewer.error.visible import measure as measure
 else:

@@ -57,7 +57,7 @@ class _Turns:
 class _Process:
     """The context without a window of this process, and whether its parent has used OpenGL."""
 
-    def __init__(self, parent_used_opengl: bool) -> None:
+    def __init__(self, *, parent_used_opengl: bool) -> None:
         self.making = threading.Lock()
         self.context: moderngl.Context | None = None
         self.has_window = False
@@ -65,7 +65,7 @@ class _Process:
 
     def forked(self) -> "_Process":
         """Return that of a child: its lock is free, whichever thread of the parent held the parent's."""
-        return _Process(self.parent_used_opengl or self.has_window or self.context is not None)
+        return _Process(parent_used_opengl=self.parent_used_opengl or self.has_window or self.context is not None)
 
 
 _process = _Process(parent_used_opengl=False)

@@ -32,6 +32,13 @@ class Reach(NamedTuple):
     format: str = "%.3g"
 
 
+class Reset(NamedTuple):
+    """The default of a row, and what brings it back."""
+
+    default: Any
+    run: Callable[[], object]
+
+
 REACH = {
     "model.size_mm": Reach(1.0, 1000.0, True, "%.1f"),
     "camera.azimuth_deg": Reach(-180.0, 180.0, False, "%.1f"),
@@ -98,20 +105,19 @@ class Controls:
         if value is None and automatic is None:
             return
         changed = self.value(
-            name, label, declared, value, default=default, on_reset=lambda: self._put(table, key, default),
+            name, label, declared, value, Reset(default, lambda: self._put(table, key, default)),
             automatic=automatic, off=off,
         )  # fmt: skip
         if changed is not None:
             self._put(table, key, changed)
 
-    def value(  # noqa: PLR0913
-        self, name: str, label: str, declared: Setting, value: Any, *, default: Any = None,
-        on_reset: Callable[[], object] | None = None, reach: Reach | None = None,
-        automatic: float | str | None = None, off: str | None = None,
+    def value(
+        self, name: str, label: str, declared: Setting, value: Any, reset: Reset, *,
+        reach: Reach | None = None, automatic: float | str | None = None, off: str | None = None,
     ) -> Any:  # fmt: skip
         """Draw the control of any value that a `Setting` describes; returns the new value, None if unchanged."""
         imgui.begin_disabled(off is not None)
-        self.begin_row(label, resettable=on_reset is not None)
+        self.begin_row(label, resettable=True)
         if declared.choices and not declared.pattern:
             new = self._choice(name, declared, value, automatic)
         elif declared.kind == "boolean":
@@ -122,8 +128,8 @@ class Controls:
         else:
             new = self._number(name, declared, value, reach or REACH.get(name), automatic)
         hint = TYPE_HINT if declared.kind in ("number", "integer") else RESET_HINT
-        tip = explained(declared, default) + "\n" + (hint if off is None else off)
-        self.end_row(name, label, tip, on_reset, differs=value != default, is_off=off is not None)
+        tip = explained(declared, reset.default) + "\n" + (hint if off is None else off)
+        self.end_row(name, label, tip, reset.run, differs=value != reset.default, is_off=off is not None)
         imgui.end_disabled()
         return new
 

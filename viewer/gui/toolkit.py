@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import imgui_bundle
-from imgui_bundle import icons_fontawesome_6 as icons
-from imgui_bundle import imgui, implot
+from imgui_bundle import icons_fontawesome_6 as icons, imgui, implot
 
 from milkglass.viewer.gui.events import (
     BUTTONS,

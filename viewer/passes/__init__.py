@@ -9,8 +9,10 @@ if TYPE_CHECKING:
     from milkglass.viewer.passes.detail import DetailPass as DetailPass
     from milkglass.viewer.passes.gbuffer import GBufferPass as GBufferPass
     from milkglass.viewer.passes.highlights import HighlightsPass as HighlightsPass
-    from milkglass.viewer.passes.irradiance import PixelIrradiancePass as PixelIrradiancePass
-    from milkglass.viewer.passes.irradiance import SampleIrradiancePass as SampleIrradiancePass
+    from milkglass.viewer.passes.irradiance import (
+        PixelIrradiancePass as PixelIrradiancePass,
+        SampleIrradiancePass as SampleIrradiancePass,
+    )
     from milkglass.viewer.passes.layers import LayersPass as LayersPass
     from milkglass.viewer.passes.shadows import ShadowsPass as ShadowsPass
     from milkglass.viewer.passes.soft_shadows import SoftShadowsPass as SoftShadowsPass

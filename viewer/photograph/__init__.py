@@ -7,10 +7,11 @@ from milkglass.core.lazy import lazy
 if TYPE_CHECKING:
     from milkglass.viewer.photograph.composite import Compositor as Compositor
     from milkglass.viewer.photograph.edit import Edited as Edited
-    from milkglass.viewer.photograph.geometry import Geometry as Geometry
-    from milkglass.viewer.photograph.geometry import make_geometry as make_geometry
-    from milkglass.viewer.photograph.object import ObjectRequest as ObjectRequest
-    from milkglass.viewer.photograph.object import PhotographObject as PhotographObject
-    from milkglass.viewer.photograph.object import make_object as make_object
+    from milkglass.viewer.photograph.geometry import Geometry as Geometry, make_geometry as make_geometry
+    from milkglass.viewer.photograph.object import (
+        ObjectRequest as ObjectRequest,
+        PhotographObject as PhotographObject,
+        make_object as make_object,
+    )
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -47,14 +47,14 @@ class Compositor:
         mean = edited.radiance / np.maximum(edited.coverage, 1e-6)[..., None]
         self._radiance = np.float32(edited.exposure) * self._continued(mean)
 
-    def picture(self, transparent: bool = False) -> PixelsInt:
+    def picture(self, *, transparent: bool = False) -> PixelsInt:
         """Return the photograph with the object, (h, w, 3 or 4) of the photograph's type.
 
         `transparent`: the object alone, with alpha that is not multiplied in.
         """
-        return np.concatenate(list(self.bands(transparent)))
+        return np.concatenate(list(self.bands(transparent=transparent)))
 
-    def bands(self, transparent: bool = False) -> Iterator[PixelsInt]:
+    def bands(self, *, transparent: bool = False) -> Iterator[PixelsInt]:
         """Return the picture in bands of at most `BAND` rows, from the top; some are computed ahead."""
         h, w = self._edited.photo.size
         rows = (Region(top, 0, min(BAND, h - top), w) for top in range(0, h, BAND))

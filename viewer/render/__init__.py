@@ -6,11 +6,7 @@ from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
     from milkglass.viewer.render.lit_scene import LitScene as LitScene
-    from milkglass.viewer.render.picture import Frame as Frame
-    from milkglass.viewer.render.picture import Picture as Picture
-    from milkglass.viewer.render.picture import Still as Still
-    from milkglass.viewer.render.renderer import Renderer as Renderer
-    from milkglass.viewer.render.renderer import render as render
-    from milkglass.viewer.render.renderer import render_image as render_image
+    from milkglass.viewer.render.picture import Frame as Frame, Picture as Picture, Still as Still
+    from milkglass.viewer.render.renderer import Renderer as Renderer, render as render, render_image as render_image
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

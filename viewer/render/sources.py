@@ -55,7 +55,7 @@ class LampSources:
         unit = light.brightened((1.0, 1.0, 1.0))
         stage = SHADOWS[name.stage].of(name.number)
         if draft and count > 0 and not self._has(stage, [mesh, unit, bodies, count]):
-            count = light.sub_light_count(mesh.radius, draft)
+            count = light.sub_light_count(mesh.radius, draft=draft)
         shadow = self._spread(
             stage,
             [mesh, unit, bodies, count],

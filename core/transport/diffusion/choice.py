@@ -17,7 +17,7 @@ DIFFUSION_NODES, DIFFUSION_POWER, DIFFUSION_FINEST = 62, 0.55, 160
 
 
 def choose_quality(
-    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, sharp_light: bool = True
+    request: QualityRequest, profiles: Profiles, mesh: Mesh, shape: Roughness | None, *, sharp_light: bool = True
 ) -> Quality:
     """Return the quality for a request, without a predicted error; see `core.transport.quality.choose_quality`."""
     tighter = DEFAULT_ERROR_TARGET / (request.error_target or DEFAULT_ERROR_TARGET)

@@ -40,8 +40,7 @@ from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.pixels import pixel_tables
 from milkglass.core.transport.diffusion.reentry import SurfaceExchange
-from milkglass.core.transport.diffusion.solution import Solution as Solution
-from milkglass.core.transport.diffusion.solution import reached, same_flux
+from milkglass.core.transport.diffusion.solution import Solution as Solution, reached, same_flux
 from milkglass.core.transport.pixels import PixelTables
 
 SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B

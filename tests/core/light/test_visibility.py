@@ -16,8 +16,7 @@ from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import load_model
 from tests.support.occluding import Places, irradiance, rms
 from tests.support.shapes import ball, cube, torus_knot
-from tests.support.solids import ball as part
-from tests.support.solids import block, mesh_of
+from tests.support.solids import ball as part, block, mesh_of
 
 ETA = 1.5
 WHITE = np.ones((16, 32, 3), np.float32)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from milkglass.core.material import library as materials
-from milkglass.core.material import medium
+from milkglass.core.material import library as materials, medium
 from milkglass.core.material.medium import Medium, curvature_factor, extrapolation_factor, media
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.samples import surface_samples
-from milkglass.core.material import fresnel
-from milkglass.core.material import library as materials
+from milkglass.core.material import fresnel, library as materials
 from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.equation import Occluder, direct_exitance
 from tests.support.shapes import ball, cube, plate

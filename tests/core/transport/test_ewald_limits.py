@@ -32,7 +32,7 @@ STRIPE = 3.0  # mm
 
 
 def default_nodes(lit: Lit) -> int:
-    return Assets().quality(DEFAULT, lit.profiles, lit.mesh, True).resolution
+    return Assets().quality(DEFAULT, lit.profiles, lit.mesh, sharp_light=True).resolution
 
 
 @pytest.mark.parametrize("eta", [1.0, 1.1, 1.33, 1.8, 2.5])

@@ -39,7 +39,7 @@ ASSETS = Assets(keep=20)
 
 
 def choose_quality(settings, found, mesh, sharp=True):
-    return ASSETS.quality(settings, found, mesh, sharp)
+    return ASSETS.quality(settings, found, mesh, sharp_light=sharp)
 
 
 def profiles(sigma_s_prime: float, sigma_a: float = 0.01):
@@ -154,12 +154,14 @@ def test_layers_are_kept_and_their_distance_counts():
 
 def test_layered_promises_nothing_and_needs_no_shape():
     assets = Assets()
-    quality = assets.quality(TransportSettings(method="layered"), profiles(2.0), BALL, True)
+    quality = assets.quality(TransportSettings(method="layered"), profiles(2.0), BALL, sharp_light=True)
     assert (quality.method, quality.layers, quality.resolution) == ("layered", 8, 128)
     assert quality.predicted_error is None
     assert quality.warning is None
     assert not assets.has(RoughnessOf(BALL))
-    chosen = assets.quality(TransportSettings(method="layered", layers=4, resolution=256), profiles(2.0), BALL, True)
+    chosen = assets.quality(
+        TransportSettings(method="layered", layers=4, resolution=256), profiles(2.0), BALL, sharp_light=True
+    )
     assert (chosen.layers, chosen.resolution) == (4, 256)
 
 

@@ -10,8 +10,7 @@ from milkglass.core.light.bake import bake
 from milkglass.viewer.assets import ray_cache, visibility
 from milkglass.viewer.assets.visibility import bake_visibility, refine
 from tests.support.shapes import ball, cube
-from tests.support.solids import ball as part
-from tests.support.solids import mesh_of
+from tests.support.solids import ball as part, mesh_of
 
 
 @pytest.fixture(autouse=True)

@@ -19,9 +19,7 @@ from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
 from milkglass.core.stages import Stage, Stages
-from milkglass.viewer.bench import run as bench
-from milkglass.viewer.bench import solving as bench_solving
-from milkglass.viewer.bench import window as bench_window
+from milkglass.viewer.bench import run as bench, solving as bench_solving, window as bench_window
 from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
 from milkglass.viewer.bench.error_report import scheme_times
 from milkglass.viewer.bench.lights import LIGHTS, Directional, sky_pixels
@@ -339,4 +337,4 @@ def test_plot_is_a_png(tmp_path, coarse_reference):
 def test_unusable_folder_is_refused_before_any_work(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot make the folder"):
-        bench.run(False, tmp_path / "file")
+        bench.run(tmp_path / "file", quick=False)

@@ -202,7 +202,7 @@ def test_window_where_there_is_a_display(variable, monkeypatch):
 
 def test_bench_passes_its_options(monkeypatch):
     calls = []
-    monkeypatch.setattr("milkglass.viewer.bench.run.run", lambda *given: calls.append(given))
+    monkeypatch.setattr("milkglass.viewer.bench.run.run", lambda *files, quick: calls.append((quick, *files)))
     assert cli.main(["bench"]) == 0
     assert cli.main(["bench", "--quick", "--output", "d", "--model", "m.ply"]) == 0
     assert calls == [(False, None, None), (True, Path("d"), Path("m.ply"))]

@@ -116,7 +116,7 @@ def test_diffusion_in_separate_bodies(driver):
     assert not ran & {"samples", "model"}
     finished = driver.view.live.finished
     assert len(finished.scattered.parts) == 2
-    assert solved(finished.scattered, finished.complete).startswith("solved: R to ")
+    assert solved(finished.scattered, complete=finished.complete).startswith("solved: R to ")
     outgoing = finished.outgoing()
     assert outgoing.shape == (3, *finished.lit.grid.shape)
     leaving = sum(

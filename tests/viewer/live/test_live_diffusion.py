@@ -130,11 +130,11 @@ def test_a_solution_on_the_way_shows_once_it_may_be_seen_and_is_no_rest(driver, 
     assert live.finished is not before
     assert max(live.finished.scattered.residuals) == steps.residuals[-1] > TOLERANCE
     assert not live.finished.complete
-    assert "on the way" in solved(live.finished.scattered, live.finished.complete)
+    assert "on the way" in solved(live.finished.scattered, complete=live.finished.complete)
     assert not driver.app.at_rest()
     steps.end()
     assert is_as_rendered(driver)
-    assert solved(live.finished.scattered, True).startswith("solved: R to ")
+    assert solved(live.finished.scattered, complete=True).startswith("solved: R to ")
     np.testing.assert_equal(sorted(steps.residuals, reverse=True), steps.residuals)
 
 

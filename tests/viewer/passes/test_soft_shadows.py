@@ -303,7 +303,7 @@ def test_a_large_light_comes_to_rest_over_several_frames(driver, context, monkey
 
     monkeypatch.setattr(DepthTiles, "steps", counted)
     first, second = (RectangleLight((x, 0.0, 62.0), size_mm=(90.0, 90.0)) for x in (10.0, -10.0))
-    few, whole = (first.sub_light_count(50.0, draft) for draft in (True, False))
+    few, whole = (first.sub_light_count(50.0, draft=draft) for draft in (True, False))
     assert whole > 4 * STEPS_A_FRAME
 
     def frame():

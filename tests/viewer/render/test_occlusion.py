@@ -18,8 +18,7 @@ from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
 from tests.support.occluding import around, irradiance, places_of, rms, shaded_ball, write_probe
 from tests.support.rendering import MeshRenderer, inside, scene_of
 from tests.support.shapes import ball
-from tests.support.solids import ball as part
-from tests.support.solids import mesh_of
+from tests.support.solids import ball as part, mesh_of
 from tests.support.waiting import wait_until
 
 ETA = 1.5

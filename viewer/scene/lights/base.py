@@ -30,7 +30,7 @@ DEGREES_A_SUB_LIGHT = 2.0  # of the diameter: mean absolute errors of irradiance
 
 def on_setting() -> Any:
     """Declare the key that switches a light on and off."""
-    return light_setting("boolean", True, why="whether the light shines; off keeps it for later")
+    return light_setting("boolean", default=True, why="whether the light shines; off keeps it for later")
 
 
 def fixed_to_setting() -> Any:
@@ -131,7 +131,7 @@ class Light(ABC):
         `mesh_radius` is of the object's bounding sphere about the origin, mm.
         """
 
-    def sub_light_count(self, mesh_radius: float, draft: bool = False) -> int:
+    def sub_light_count(self, mesh_radius: float, *, draft: bool = False) -> int:
         """Return how many sub-lights it needs: few where the filter of a shadow is about right, or for a draft."""
         angle = self.apparent_deg(mesh_radius)
         if angle <= SMALL_DEG:

@@ -6,7 +6,6 @@ from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
     from milkglass.viewer.window.panel.panel import Panel as Panel
-    from milkglass.viewer.window.panel.section import Section as Section
-    from milkglass.viewer.window.panel.section import Tools as Tools
+    from milkglass.viewer.window.panel.section import Section as Section, Tools as Tools
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

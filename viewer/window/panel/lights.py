@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Reach, explained
+from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Reach, Reset, explained
 from milkglass.viewer.gui.toolkit import ACCENT, icons, imgui
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.declaration import Setting, plain, settings_of
@@ -139,8 +139,8 @@ class LightsSection(Section):
         chosen: list[str] = []
         kinds = Setting("text", KIND_HELP, choices=tuple(LIGHT_KINDS))
         kind = controls.value(
-            f"{name}.kind", "Kind", kinds, light.KIND, default=DirectionalLight.KIND,
-            on_reset=lambda: chosen.append(DirectionalLight.KIND),
+            f"{name}.kind", "Kind", kinds, light.KIND,
+            Reset(DirectionalLight.KIND, lambda: chosen.append(DirectionalLight.KIND)),
         )  # fmt: skip
         chosen += [] if kind is None else [kind]
         if chosen:
@@ -160,16 +160,8 @@ class LightsSection(Section):
                 chosen |= self._sides(name, key, declared, getattr(light, key), defaults[key])
                 continue
             label, reach = ROWS.get(key, (_label(key), None))
-            reset = partial(chosen.__setitem__, key, defaults[key])
-            new = self._controls.value(
-                f"{name}.{key}",
-                label,
-                declared,
-                getattr(light, key),
-                default=defaults[key],
-                on_reset=reset,
-                reach=reach,
-            )
+            reset = Reset(defaults[key], partial(chosen.__setitem__, key, defaults[key]))
+            new = self._controls.value(f"{name}.{key}", label, declared, getattr(light, key), reset, reach=reach)
             if new is not None:
                 chosen[key] = plain(new) if isinstance(new, float) else new
         fixed_to = chosen.pop("fixed_to", light.fixed_to)
@@ -180,10 +172,8 @@ class LightsSection(Section):
     def _sides(self, name: str, key: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
         sides, side = list(value), replace(declared, length=None)
         for i, label in enumerate(SIDES):
-            reset = partial(sides.__setitem__, i, default[i])
-            new = self._controls.value(
-                f"{name}.{label}", label, side, value[i], default=default[i], on_reset=reset, reach=SIDE_REACH
-            )
+            reset = Reset(default[i], partial(sides.__setitem__, i, default[i]))
+            new = self._controls.value(f"{name}.{label}", label, side, value[i], reset, reach=SIDE_REACH)
             if new is not None:
                 sides[i] = plain(new)
         return {key: tuple(sides)} if tuple(sides) != value else {}
@@ -273,8 +263,8 @@ class LightsSection(Section):
         )  # fmt: skip
         label = key.capitalize()
         new_brightness = self._controls.value(
-            f"{name}.{key}", label, replace(declared, length=None), brightest, default=max(default),
-            on_reset=lambda: chosen.update(brightness=max(default)), reach=BRIGHT[key],
+            f"{name}.{key}", label, replace(declared, length=None), brightest,
+            Reset(max(default), lambda: chosen.update(brightness=max(default))), reach=BRIGHT[key],
         )  # fmt: skip
         if new_brightness is not None:
             chosen["brightness"] = max(new_brightness, 0.0)

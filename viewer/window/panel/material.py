@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from milkglass.core.material import library as materials
-from milkglass.core.material import single_scattering
+from milkglass.core.material import library as materials, single_scattering
 from milkglass.core.material.library import Material
 from milkglass.viewer.gui.command import Commands
-from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, explained
+from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.live import solves
@@ -178,8 +177,8 @@ class MaterialSection(Section):
         found = origin_of(session)
         origin = material.DEFAULT_ETA if found is None else found.eta
         new = self._controls.value(
-            "material.eta", "η", declared, material.base().eta, default=origin,
-            on_reset=lambda: session.edit("material", eta=None if material.name else origin),
+            "material.eta", "η", declared, material.base().eta,
+            Reset(origin, lambda: session.edit("material", eta=None if material.name else origin)),
         )  # fmt: skip
         if new is not None:
             session.edit("material", eta=new)

@@ -57,7 +57,7 @@ class ModelSection(Section):
         look = live.assets.look(model) if live.assets.has(model_source(model)) else None
         for key, label, fact in PICTURES:
             self._picture(look, key, label, of_file=look is not None and getattr(look, fact))
-        colours, relief = missing(look, model.texture is not None, model.normal_map is not None)
+        colours, relief = missing(look, model)
         controls.setting("detail.albedo", "Colours", off=colours)
         controls.setting("detail.normal_strength", "Relief", off=relief)
 
@@ -78,10 +78,9 @@ class ModelSection(Section):
         imgui.end_disabled()
 
 
-def missing(look: Look | None, texture: bool, normal_map: bool) -> tuple[str | None, str | None]:
+def missing(look: Look | None, model: ModelSettings) -> tuple[str | None, str | None]:
     """Return the reasons, sentences, for which the model lacks colours and relief; None where it has them."""
     mapped = look is not None and look.mapped
-    colours = (
-        None if texture or (look is not None and look.has_colours) else NO_COLOURS if mapped else NO_COLOURS_NO_MAP
-    )
-    return colours, None if normal_map or (look is not None and look.has_relief) else NO_RELIEF
+    has_colours = model.texture is not None or (look is not None and look.has_colours)
+    has_relief = model.normal_map is not None or (look is not None and look.has_relief)
+    return None if has_colours else NO_COLOURS if mapped else NO_COLOURS_NO_MAP, None if has_relief else NO_RELIEF

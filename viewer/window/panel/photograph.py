@@ -1,6 +1,6 @@
 """The panel's section on a photograph: how deep its object is read, its light, its edges, its mask."""
 
-from milkglass.viewer.gui.controls import RESET_HINT, Reach, default_of, explained
+from milkglass.viewer.gui.controls import RESET_HINT, Reach, Reset, default_of, explained
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.live.photograph_work import LARGEST_BRUSH, SMALLEST_BRUSH, PhotoWork
 from milkglass.viewer.scene.declaration import Setting, settings_of
@@ -114,8 +114,7 @@ class PhotographSection(Section):
         largest, start = LARGEST_BRUSH * max(work.photo.size), self._start_brush
         declared = Setting("number", "radius of the brush", low=SMALLEST_BRUSH, high=largest)
         new = self._controls.value(
-            "photo.brush", "Brush", declared, work.brush, default=start,
-            on_reset=lambda: setattr(work, "brush", start),
+            "photo.brush", "Brush", declared, work.brush, Reset(start, lambda: setattr(work, "brush", start)),
             reach=Reach(SMALLEST_BRUSH, max(SMALLEST_BRUSH + 1.0, largest), True, "%.0f px"),
         )  # fmt: skip
         if new is not None:  # what was typed may lie anywhere

@@ -9,7 +9,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.profiles.choose import reflectance
 from milkglass.core.profiles.registry import DIPOLE, TABLE
 from milkglass.viewer.gui.command import Commands
-from milkglass.viewer.gui.controls import TYPE_HINT, Controls, explained
+from milkglass.viewer.gui.controls import TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import icons, imgui
 from milkglass.viewer.scene.declaration import settings_of
@@ -47,8 +47,8 @@ class ProfileRows:
         material = session.scene.material
         declared = settings_of(material)["profile"]
         new = controls.value(
-            "material.profile", "Profile", declared, material.profile, default=DIPOLE, off=off,
-            on_reset=lambda: session.edit("material", profile=DIPOLE),
+            "material.profile", "Profile", declared, material.profile,
+            Reset(DIPOLE, lambda: session.edit("material", profile=DIPOLE)), off=off,
         )  # fmt: skip
         if new == TABLE and material.profile_table is None:
             self._commands.request("open_profile")

@@ -40,13 +40,13 @@ class TransportSection(Section):
         if expects:
             controls.note(quality.warning or quality.expected)
         if quality.facts.solves:
-            controls.note(solved(live.finished.scattered, live.finished.complete))
+            controls.note(solved(live.finished.scattered, complete=live.finished.complete))
         controls.note(chosen(live.finished, live.stage_times))
         if (missed := below_nodes(self._session.scene, lit)) is not None:
             controls.note(missed)
 
 
-def solved(solution: Scattered, complete: bool) -> str:
+def solved(solution: Scattered, *, complete: bool) -> str:
     """Return a sentence on a solution: the residual of every channel and the products it took."""
     channels = [
         f"{channel} to {f'{residual:.0e}'.replace('e-0', 'e-')} in {products}"

@@ -12,8 +12,7 @@ from milkglass.core.transport.diffusion.green import local_green
 from milkglass.core.transport.diffusion.patches import make_patches
 from milkglass.core.transport.diffusion.solver import WINDOW, DiffusionTransport
 from tests.support.diffusing import samples_of
-from tests.support.shapes import ball as smooth_ball
-from tests.support.shapes import cube, plate, torus_knot
+from tests.support.shapes import ball as smooth_ball, cube, plate, torus_knot
 from tests.support.solids import ball, block, mesh_of, rings, scattered, sheet
 
 

@@ -18,8 +18,7 @@ from milkglass.core.transport.diffusion.iteration import Iteration, fitted
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from tests.support.dense import Dense
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of, slab
-from tests.support.shapes import ball, cube
-from tests.support.shapes import plate as plate_of
+from tests.support.shapes import ball, cube, plate as plate_of
 from tests.support.solids import block, mesh_of
 
 THREE = (MARBLE, SKIM_MILK, WHOLE_MILK)

@@ -15,8 +15,7 @@ from milkglass.core.transport.diffusion.solver import MOST_PRODUCTS, DiffusionTr
 from milkglass.viewer.files.model import builtin_model
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of
 from tests.support.shapes import ball, cube, torus_knot
-from tests.support.solids import ball as part
-from tests.support.solids import block, mesh_of
+from tests.support.solids import ball as part, block, mesh_of
 
 THREE = (MARBLE, SKIM_MILK, WHOLE_MILK)
 CLEAR = (Medium(2.62, 0.0, 1.5), Medium(0.7, 0.0, 1.3), Medium(10.0, 0.0, 1.3))
