@@ -88,11 +88,11 @@ def _foot(width: int, top: float, error: "VisibleError") -> Pixels8:
     bar = colours(np.linspace(0.0, 1.0, width - 2 * MARGIN_PIXELS))
     foot[10:26, MARGIN_PIXELS:-MARGIN_PIXELS] = bar[None].astype(np.uint8)
     rms = ", ".join(f"{100.0 * share:.2g}" for share in error.deviation.rms)
-    foot = _text(foot, MARGIN_PIXELS, 44, "0")
-    foot = _text(foot, width // 2, 44, _percent(0.5 * top), "centre")
-    foot = _text(foot, width - MARGIN_PIXELS, 44, _percent(top), "right")
+    foot = written(foot, MARGIN_PIXELS, 44, "0")
+    foot = written(foot, width // 2, 44, _percent(0.5 * top), "centre")
+    foot = written(foot, width - MARGIN_PIXELS, 44, _percent(top), "right")
     count = len(error.reference)
-    return _text(
+    return written(
         foot,
         MARGIN_PIXELS,
         66,
@@ -104,10 +104,11 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
 
 
-def _text(pixels: Pixels8, x: int, y: int, text: str, align: str = "left") -> Pixels8:
+def written(pixels: Pixels8, x: int, y: int, text: str, align: str = "left", grey: float = 0.85) -> Pixels8:
+    """Return a picture (h, w, 3) with a text at a place; the same picture in a build without fonts."""
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
-    oiio.ImageBufAlgo.render_text(buffer, x, y, text, 14, "", (0.85, 0.85, 0.85), alignx=align)
+    oiio.ImageBufAlgo.render_text(buffer, x, y, text, 14, "", (grey, grey, grey), alignx=align)
     if buffer.has_error:
-        buffer.geterror()  # a build without fonts: the map has no captions
+        buffer.geterror()
         return pixels
     return np.asarray(buffer.get_pixels("uint8"))

@@ -1,35 +1,35 @@
 """Comparison of a picture with path tracing by Mitsuba 3: `milkglass render --path-traced FILE.exr`.
 
 Mesh, camera and material are the same: a homogeneous, isotropically scattering medium of the reduced coefficients,
-behind a smooth dielectric boundary. Paths from the eye can hit a light through such a boundary only if it has
-a size, so directional lights are discs of `HALF_ANGLE_DEG` degrees about their direction. Faces are flat, as
-for photons. Light that never scatters (highlights, light straight through) is traced separately; pixels with any of it
-are excluded.
+behind a smooth dielectric boundary (`viewer.error.mitsuba_paths`). Paths from the eye can hit a light through such a
+boundary only if it has a size, so sharp lights are discs of `HALF_ANGLE_DEG` degrees about their direction; wide ones
+and environments are what they are, and less noisy. Faces are flat, as for photons. Light that never scatters
+(highlights, light straight through) and the object seen in its mirror are no subsurface light, and not compared.
 
-What remains even of an exact exitance M:
-
-* `ewald` and `layered` have (7), L = F_t M / pi, whose flux is M times the mean F_t of diffuse light, 0.94 for
-  eta = 1.3 and 0.91 for 1.5, while all of M leaves in traced paths.
-* Light that has left, or was reflected, meets concave objects again, in traced paths alone: in bright hollows pictures
-  and photons have half of the light or less. On convex objects transport alone is compared.
+Traced paths know whether light has left the object and met it again. So they judge two pictures: all subsurface light,
+and transport alone, drawn without light between parts, against paths that never met the object again.
 """
 
 import importlib.util
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.ndimage import binary_erosion
 
 from milkglass.core.arrays import Array
+from milkglass.core.display import srgb
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.light.probe import Probe
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
-from milkglass.viewer.files.images import check_output, write_exr
+from milkglass.viewer.error import mitsuba_paths
+from milkglass.viewer.error.map import written
+from milkglass.viewer.error.mitsuba_paths import Lamp, Subject, Surrounding, View
+from milkglass.viewer.files.images import Pixels8, check_output, write_exr, write_png
 from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
@@ -37,11 +37,13 @@ from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 
-HALF_ANGLE_DEG = 6.0  # of the disc of a light: smaller discs are noisier
-DISC_DISTANCE = 50.0  # of the discs, in radii of the object
+HALF_ANGLE_DEG = 6.0  # of the disc of a sharp light: smaller discs are noisier
 BLOCKS_ACROSS = 12  # along the shorter side: means over blocks are compared, since single pixels are too noisy
 EDGE_PIXELS = 2  # excluded along outlines
-VARIANT = "scalar_rgb"  # needs no GPU and no LLVM
+SIGNIFICANT = 2.0  # standard errors that an rms is above nothing, at least
+STRIP_PERCENTILE, STRIP_BRIGHTNESS = 98.0, 0.85  # of traced radiance, shown as that share of white
+STRIP_PIXELS = 480  # height at least, by whole factors
+CAPTIONS = ("ours", 0.85), ("path traced", 0.85), ("difference (grey: none)", 0.1)  # with the grey of the letters
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,8 @@ class PathTracedComparison:
     ratio : (3,) tuple
         Mean over mean.
     rms : (3,) tuple
-        Root mean square difference of blocks of pixels over the traced rms, with the variance of the paths subtracted.
+        Root mean square difference of blocks of pixels over the traced rms, with the variance of the paths subtracted;
+        0 where what is left is not `SIGNIFICANT`.
     noise : (3,) tuple
         Standard error of the blocks by that variance, over the same.
     """
@@ -63,9 +66,43 @@ class PathTracedComparison:
     noise: tuple[float, ...]
 
     def __str__(self) -> str:
-        rms, noise = (", ".join(f"{100.0 * value:.1f}" for value in values) for values in (self.rms, self.noise))
-        ratio = ", ".join(f"{value:.3f}" for value in self.ratio)
-        return f"Subsurface light against traced paths: rms {rms} % (noise {noise} %), mean ratio {ratio} (R, G, B)."
+        rms = ", ".join(f"{100.0 * value:.1f} %" if value > 0.0 else "below the noise" for value in self.rms)
+        noise, ratio = (
+            ", ".join(f"{f * v:.{n}f}" for v in values)
+            for f, n, values in ((100.0, 1, self.noise), (1.0, 3, self.ratio))
+        )
+        return f"rms {rms} (noise {noise} %), mean ratio {ratio} (R, G, B)"
+
+
+@dataclass(frozen=True)
+class PathTracedResult:
+    """Comparisons of a picture with traced paths.
+
+    Attributes
+    ----------
+    whole : PathTracedComparison
+        Of all subsurface light.
+    alone : PathTracedComparison or None
+        Of transport alone; None where paths cannot tell light that has met the object again.
+    again_share : (3,) tuple or None
+        Share of such light in the traced subsurface light.
+    """
+
+    whole: PathTracedComparison
+    alone: PathTracedComparison | None = None
+    again_share: tuple[float, ...] | None = None
+
+    def __str__(self) -> str:
+        lines = [f"Subsurface light against traced paths: {self.whole}."]
+        if self.alone is None or self.again_share is None:
+            lines.append(
+                "Light that has met the object again is not told apart: Mitsuba's llvm_ad_rgb, which can, needs an "
+                "LLVM of version 16 or later (DRJIT_LIBLLVM_PATH names one)."
+            )
+        else:
+            share = ", ".join(f"{100.0 * value:.1f}" for value in self.again_share)
+            lines.append(f"Transport alone, without light between parts ({share} % of it): {self.alone}.")
+        return "\n".join(lines)
 
 
 def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
@@ -79,20 +116,20 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
     check_output(path, (".exr",))
     if any(os.path.realpath(output) == os.path.realpath(path) for output in outputs):
         raise InputError(f"--path-traced {path} would write over --output; choose another name")
-    if scene.environment.given or not scene.effective_lights():
-        raise InputError("--path-traced knows directional lights only; give the scene one, and no environment")
+    if not scene.effective_lights() and not (scene.environment.given and scene.environment.intensity > 0.0):
+        raise InputError("--path-traced needs light; give the scene a directional light or an environment")
     for light in scene.effective_lights():
         if not light.DISTANT:
-            raise InputError(f"--path-traced knows directional lights only; remove the {light.KIND} lights")
-        if not light.is_sharp:
-            raise InputError("--path-traced knows sharp lights only; set angle_deg of the directional ones to 0")
+            raise InputError(f"--path-traced knows distant lights only; remove the {light.KIND} lights")
+    if scene.environment.given and not scene.environment.occluded:
+        raise InputError("--path-traced has the object in the way of light; leave environment.occluded on")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
     if importlib.util.find_spec("mitsuba") is None:
         raise InputError('--path-traced needs Mitsuba 3: pip install "milkglass[mitsuba]"')
 
 
-def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedComparison:
+def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedResult:
     """Render a scene and return its comparison with traced paths; see `trace`."""
     renderer = Renderer(headless_context())
     lit = renderer.light(scene)
@@ -102,39 +139,88 @@ def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedCompar
     mesh = lit.model.mesh
     if not is_closed(row_sums(mesh)):
         raise InputError("--path-traced needs a closed mesh that is wound outwards")
-    return trace(scene, mesh, renderer.render(scene, seed=seed), path, paths, seed)
+    frame = alone = renderer.render(scene, seed=seed)
+    if lit.exchange is not None:
+        alone = renderer.render(replace(scene, transport=replace(scene.transport, exchange="off")), seed=seed)
+    probe = renderer.probe(scene.environment) if scene.environment.given else None
+    return trace(scene, subject_of(scene, mesh, probe), (frame, alone), path, paths, seed)
 
 
-def trace(scene: Scene, mesh: Mesh, frame: Frame, path: Path, paths: int, seed: int = 0) -> PathTracedComparison:
-    """Trace a picture, write it and the difference (layer `difference`), and return the comparison.
+def trace(
+    scene: Scene, subject: Subject, frames: tuple[Frame, Frame], path: Path, paths: int, seed: int = 0
+) -> PathTracedResult:
+    """Trace a picture, write it and a strip beside ours, and return the comparison.
 
     Parameters
     ----------
     scene : Scene
-        With a perspective camera and directional lights only.
-    mesh : Mesh
-        Closed.
-    frame : Frame
-        Picture of the scene.
+    subject : Subject
+        From `subject_of`.
+    frames : pair of Frame
+        Pictures of the scene: as it is, and without light between parts; they may be the same.
     path : Path
-        EXR file of the traced radiance.
+        EXR file of the traced radiance of subsurface light, with layers `difference` and, where it is told apart,
+        `again`; a strip, ours, traced, and their difference, goes beside it (`strip_path`).
     paths : int
         Number of paths a pixel, >= 2.
     seed : int
     """
-    material = scene.material.resolve()
-    albedo, sigma_t = material.alpha_prime, material.sigma_t_prime
     # Two independent halves, whose difference estimates the noise.
-    halves = np.stack([_traced(scene, mesh, albedo, sigma_t, paths // 2, 2 * seed + i) for i in range(2)])
-    unscattered = _traced(scene, mesh, np.zeros(3), sigma_t, max(16, paths // 16), 2 * seed)
-    traced = halves.mean(axis=0)
+    halves = [mitsuba_paths.trace(subject, paths // 2, 2 * seed + i) for i in range(2)]
+    whole = np.stack([half.whole for half in halves])
+    traced, (frame, alone) = whole.mean(axis=0), frames
     difference = frame.subsurface - traced
+    used = binary_erosion(frame.alpha == 1.0, iterations=EDGE_PIXELS)
+    result = PathTracedResult(compare(frame.subsurface, whole, used))
     layers = {"": traced, "difference.": difference}
+    again = [half.again for half in halves if half.again is not None]
+    if again:
+        layers["again."] = np.mean(again, axis=0)
+        share = layers["again."][used].sum(axis=0) / np.maximum(traced[used].sum(axis=0), np.finfo(np.float64).tiny)
+        first = compare(alone.subsurface, np.stack([half.first for half in halves]), used)
+        result = replace(result, alone=first, again_share=tuple(share.tolist()))
     write_exr(
         path, {f"{n}{c}": layer[..., i].astype(np.float32) for n, layer in layers.items() for i, c in enumerate("RGB")}
     )
-    inside = binary_erosion(frame.alpha == 1.0, iterations=EDGE_PIXELS)
-    return compare(frame.subsurface, halves, inside & ~binary_dilation(unscattered.any(axis=-1)))
+    write_png(strip_path(path), strip(frame.subsurface, traced))
+    return result
+
+
+def subject_of(scene: Scene, mesh: Mesh, probe: Probe | None) -> Subject:
+    """Return what is traced of a scene with distant lights and a perspective camera; `probe` is its environment's."""
+    width, height = scene.display.image_size
+    camera, environment = place_camera(scene.camera, mesh.radius, (width, height)), scene.environment
+    half = float(np.tan(0.5 * np.radians(scene.camera.view_angle_deg))) / scene.camera.zoom
+    view = View(camera.eye[:3], camera.rotation, half, (width, height))  # its columns: right, up and back
+    surrounding = None
+    if probe is not None and environment.intensity > 0.0:
+        surrounding = Surrounding(environment.intensity * probe.latlong, environment.rotation_deg)
+    lamps = [_lamp(light) for light in scene.effective_lights()]
+    return Subject(mesh, scene.material.resolve(), lamps, surrounding, view)
+
+
+def _lamp(light: Light) -> Lamp:
+    """Return a disc of constant radiance with the irradiance of a distant light."""
+    towards = np.asarray(light.vector, np.float64) / np.linalg.norm(light.vector)
+    half = float(np.radians(HALF_ANGLE_DEG if light.is_sharp else 0.5 * light.apparent_deg(0.0)))
+    return Lamp(towards, np.asarray(light.brightness, np.float64) / (np.pi * np.sin(half) ** 2), half)
+
+
+def strip_path(path: Path) -> Path:
+    """Return the path of the strip beside a traced picture: paths.exr -> paths.png."""
+    return path.with_suffix(".png")
+
+
+def strip(ours: npt.ArrayLike, traced: Array) -> Pixels8:
+    """Return ours, the traced picture and their difference beside each other, (h, w, 3), at one exposure."""
+    picture, brightest = np.asarray(ours, np.float64), traced.max(axis=-1)
+    white = float(np.percentile(brightest[brightest > 0.0], STRIP_PERCENTILE)) if brightest.any() else 1.0
+    gain, enlarged = STRIP_BRIGHTNESS / white, max(1, -(-STRIP_PIXELS // len(picture)))
+    shown = gain * picture, gain * traced, 0.5 + 0.5 * gain * (picture - traced)
+    pixels = (np.asarray(255.0 * srgb(tile) + 0.5, np.uint8) for tile in shown)
+    tiles = (np.repeat(np.repeat(tile, enlarged, axis=0), enlarged, axis=1) for tile in pixels)
+    captioned = [written(tile, 10, 20, text, grey=grey) for tile, (text, grey) in zip(tiles, CAPTIONS, strict=True)]
+    return np.concatenate(captioned, axis=1)
 
 
 def compare(picture: npt.ArrayLike, halves: Array, used: npt.NDArray[np.bool_]) -> PathTracedComparison:
@@ -146,7 +232,8 @@ def compare(picture: npt.ArrayLike, halves: Array, used: npt.NDArray[np.bool_]) 
     traced_rms = np.sqrt(np.maximum(np.mean(traced**2, axis=0) - noise2, np.finfo(np.float64).tiny))
     rms2 = np.mean((picture_means - traced) ** 2, axis=0) - noise2
     ratio = radiance[used].sum(axis=0) / np.maximum(halves.mean(axis=0)[used].sum(axis=0), np.finfo(np.float64).tiny)
-    values = ratio, np.sqrt(np.maximum(rms2, 0.0)) / traced_rms, np.sqrt(noise2) / traced_rms
+    rms2 = np.where(rms2 > SIGNIFICANT * np.sqrt(2.0 / len(traced)) * noise2, rms2, 0.0)
+    values = ratio, np.sqrt(rms2) / traced_rms, np.sqrt(noise2) / traced_rms
     return PathTracedComparison(*(tuple(value.tolist()) for value in values))
 
 
@@ -161,70 +248,3 @@ def _block_means(image: npt.NDArray[np.floating], used: npt.NDArray[np.bool_]) -
     if not used_blocks.any():
         raise InputError("the picture shows too little of the object to compare; enlarge it")
     return np.asarray(sums[used_blocks] / count[used_blocks][:, None], np.float64)
-
-
-def _traced(scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Array, paths: int, seed: int) -> Array:
-    """Return traced radiance, (h, w, 3) float64, without that of the lights themselves."""
-    import mitsuba as mi
-
-    mi.set_variant(VARIANT)
-    image = mi.render(mi.load_dict(_description(mi, scene, mesh, albedo, sigma_t)), spp=max(paths, 1), seed=seed)
-    return np.asarray(image, np.float64)[..., :3]
-
-
-def _description(mi: Any, scene: Scene, mesh: Mesh, albedo: Array, sigma_t: Array) -> dict[str, Any]:
-    width, height = scene.display.image_size
-    camera = place_camera(scene.camera, mesh.radius, (width, height))
-    eye, rotation = camera.eye[:3], camera.rotation  # columns: right, up and back
-    half = np.tan(0.5 * np.radians(scene.camera.view_angle_deg)) / scene.camera.zoom
-    look = mi.ScalarTransform4f().look_at(
-        origin=eye.tolist(), target=(eye - rotation[:, 2]).tolist(), up=rotation[:, 1].tolist()
-    )
-    film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgb", "rfilter": {"type": "box"}}
-    sensor = {"type": "perspective", "to_world": look, "film": film, "sampler": {"type": "independent"}}
-    sensor |= {"fov_axis": "y", "fov": float(2.0 * np.degrees(np.arctan(half))), "near_clip": 1e-3 * mesh.radius}
-    discs = {f"sun {i}": _disc(mi, light, mesh.radius) for i, light in enumerate(scene.effective_lights())}
-    return {
-        "type": "scene",
-        "integrator": {"type": "volpathmis", "max_depth": -1, "rr_depth": 64, "hide_emitters": True},
-        "sensor": sensor,
-        "object": _object(mi, mesh, albedo, sigma_t, scene.material.resolve().eta),
-        **discs,
-    }
-
-
-def _disc(mi: Any, light: Light, radius: float) -> dict[str, Any]:
-    """Return a distant disc of constant radiance with the irradiance of a directional light."""
-    towards = np.asarray(light.vector, np.float64) / np.linalg.norm(light.vector)
-    up = np.eye(3)[np.abs(towards).argmin()]
-    distance, angle = DISC_DISTANCE * radius, np.radians(HALF_ANGLE_DEG)
-    to_world = mi.ScalarTransform4f().look_at(origin=(distance * towards).tolist(), target=[0, 0, 0], up=up.tolist())
-    radiance = np.asarray(light.brightness) / (np.pi * np.sin(angle) ** 2)
-    emitter = {"type": "area", "radiance": {"type": "rgb", "value": radiance.tolist()}}
-    return {
-        "type": "disk",
-        "to_world": to_world @ mi.ScalarTransform4f().scale(float(distance * np.tan(angle))),
-        "emitter": emitter,
-    }
-
-
-def _object(mi: Any, mesh: Mesh, albedo: Array, sigma_t: Array, eta: float) -> Any:
-    properties = mi.Properties()
-    properties["face_normals"] = True
-    properties["bsdf"] = mi.load_dict({"type": "dielectric", "int_ior": eta, "ext_ior": 1.0})
-    scale = float(sigma_t.max()) or 1.0  # colours are not above 1
-    colours = {"albedo": albedo, "sigma_t": sigma_t / scale}
-    properties["interior"] = mi.load_dict(
-        {
-            "type": "homogeneous",
-            "phase": {"type": "isotropic"},
-            "scale": scale,
-            **{name: {"type": "rgb", "value": value.tolist()} for name, value in colours.items()},
-        }
-    )
-    shape = mi.Mesh("object", len(mesh.vertices), len(mesh.faces), props=properties)
-    arrays = mi.traverse(shape)
-    arrays["vertex_positions"] = np.ascontiguousarray(mesh.vertices, np.float32).ravel()
-    arrays["faces"] = np.ascontiguousarray(mesh.faces, np.uint32).ravel()
-    arrays.update()
-    return shape
