@@ -270,7 +270,9 @@ def test_lines_on_the_terminal_say_which_error_is_which(of_transport, report):
     def lines(content):
         return summary(replace(report, content=content), "a.json").splitlines()
 
-    assert lines(of_transport["diffusion"])[0].startswith("Difference of exitance from equation (1), which diffusion")
+    assert lines(of_transport["diffusion"])[0].startswith(
+        "Difference of exitance from equation (1), which this transport does not solve"
+    )
     first, second = lines(of_transport["ewald"])
     assert first.startswith("Error of exitance at 10 visible points: rms ")
     assert second.startswith("Error against a walk of photons, over the whole surface: transport inside rms ")
