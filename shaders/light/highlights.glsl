@@ -36,7 +36,8 @@ float above_horizon(float sine) {
 // lobe: what is visible of it, see highlights_vertices.vert.
 vec3 environment_highlight(vec3 normal, vec3 to_eye, vec4 lobe) {
     vec3 mirror = reflect(-to_eye, normal);
-    float weight = u_surround_strength * mirrored(normal, to_eye) * above_horizon(dot(mirror, normal));
+    float weight = u_surround_strength * mirrored(normal, to_eye);
+    if (!u_fresnel) weight *= above_horizon(dot(mirror, normal));  // else the lobe above has all of the integral
     weight *= clamp(lobe.a + dot(lobe.rgb, mirror), 0.0, 1.0);
     return weight * u_light_colour * latlong_table(t_highlights, u_environment_rotation * mirror);
 }

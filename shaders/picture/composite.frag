@@ -30,11 +30,16 @@ uniform sampler2D t_lobe;       // visible share of the highlight of an environm
 uniform bool u_occluded_lobe;   // whether it is there
 uniform float u_surround_strength;  // see highlights.glsl
 uniform bool u_fresnel;
+uniform mat4 u_world_to_clip;
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
 uniform float u_exit_normalisation;  // N, sr
 uniform float u_weight;         // 1 / samples of a pixel
+
+const int MIRROR_STEPS = 24, MIRROR_HALVINGS = 5;
+const float ASIDE = 1.5;            // pixels
+const float LEAST_MIRRORED = 0.15;  // reflectance from which on rays are followed, in full from twice as much on
 
 layout(location = 0) out vec4 o_radiance;  // a: coverage
 layout(location = 1) out vec4 o_position;
@@ -108,12 +113,67 @@ vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec
     return (mean + excess) / u_doubled;
 }
 
-// What is in the way of a highlight is the object, taken to be as bright as here: else it had dark rims before itself.
-vec3 mirrored_self(ivec2 pixel, vec3 normal, vec3 to_eye, float entering, vec3 radiance) {
-    if (!u_occluded_lobe) return vec3(0.0);
-    vec4 lobe = texelFetch(t_lobe, pixel, 0);
-    float blocked = 1.0 - clamp(lobe.a + dot(lobe.rgb, reflect(-to_eye, normal)), 0.0, 1.0);
-    return u_surround_strength * (u_fresnel ? 1.0 - entering : 1.0) * blocked * radiance;
+// M of the surface that a pixel shows.
+vec3 exitance_at(ivec2 pixel, vec3 position, vec4 normal_and_body) {
+    vec3 coordinates = volume_coordinates(position, normal_and_body.a);
+    vec4 local = texelFetch(t_local, pixel, 0);
+    vec3 behind = vec3(texelFetch(t_irradiance, pixel, 0).a, texelFetch(t_specular, pixel, 0).a, local.a);
+    vec3 exitance = u_diffusion
+        ? diffuse_exitance(position, normal_and_body, coordinates, local.rgb, behind)
+        : gather(coordinates).rgb + local.rgb;
+    return max(exitance, 0.0) * tint_leaving(pixel);  // the FFT leaves noise of 1e-7 of the maximum where it is dark
+}
+
+// The pixel that shows what a ray from the surface meets, negative where none does: steps that grow, the first of which
+// to end behind what is seen, by no more than its own length, is halved to where it meets it (McGuire and Mara 2014,
+// Efficient GPU Screen-Space Ray Tracing). Rays that graze go on nearly as the eye's: what they meet is seen beside the
+// silhouette, and so it is looked for aside of the ray, by more than a pixel, as one on the silhouette shows but itself.
+ivec2 met(vec3 position, vec3 normal, vec3 to_eye, vec3 ray) {
+    vec2 size = vec2(textureSize(t_position, 0));
+    vec4 start = u_world_to_clip * vec4(position, 1.0), onward = u_world_to_clip * vec4(ray, 0.0);
+    vec4 across = u_world_to_clip * vec4(normal, 0.0);
+    vec2 aside = size * (across.xy * start.w - start.xy * across.w);
+    aside *= ASIDE / max(length(aside), 1e-20);
+    float reach = (start.w - start.z) / max(onward.z - onward.w, 1e-20);  // to the far plane
+    float low = 0.0, high = 0.0;
+    ivec2 found = ivec2(-1);
+    for (int i = 1; i <= MIRROR_STEPS + MIRROR_HALVINGS; ++i) {
+        float share = float(i) / float(MIRROR_STEPS);
+        float next = found.x < 0 ? reach * share * share : 0.5 * (low + high);
+        if (found.x < 0 && i > MIRROR_STEPS) break;
+        vec4 clip = start + next * onward;
+        vec2 pixel = (0.5 * clip.xy / clip.w + 0.5) * size + aside;
+        if (clip.w <= 0.0 || any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(pixel, size))) break;
+        vec4 seen = texelFetch(t_position, ivec2(pixel), 0);
+        float beyond = dot(seen.xyz - position - next * ray, to_eye);
+        bool meets = seen.a > 0.0 && beyond > 0.0;
+        if (meets) found = ivec2(pixel);
+        if (meets) high = next; else low = next;
+    }
+    return found;
+}
+
+// What a highlight mirrors of the object itself, else it had dark rims before itself: what a ray that grazes meets in
+// the picture; and what is in the way of an environment besides, taken to be as bright as here.
+vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float entering, vec3 exitance) {
+    vec3 ray = reflect(-to_eye, normal), radiance = exitance / PI;
+    float blocked = 0.0, mirrored = u_fresnel ? 1.0 - entering : 1.0;
+    if (u_occluded_lobe) {
+        vec4 lobe = texelFetch(t_lobe, pixel, 0);
+        blocked = 1.0 - clamp(lobe.a + dot(lobe.rgb, ray), 0.0, 1.0);
+    }
+    float followed = u_fresnel ? smoothstep(LEAST_MIRRORED, 2.0 * LEAST_MIRRORED, mirrored) : 0.0;
+    if (followed > 0.0 && u_surround_strength > 0.0) {
+        ivec2 there = met(position, normal, to_eye, ray);
+        if (there.x >= 0) {
+            vec4 facing = texelFetch(t_normal, there, 0);
+            vec3 leaving = exitance_at(there, texelFetch(t_position, there, 0).xyz, facing);
+            leaving *= fresnel_transmittance(u_eta, max(-dot(facing.xyz, ray), 0.0)) / u_exit_normalisation;
+            radiance = mix(radiance, leaving, followed);
+            blocked = u_occluded_lobe ? blocked : followed;
+        }
+    }
+    return u_surround_strength * mirrored * blocked * radiance;
 }
 
 void main() {
@@ -122,20 +182,13 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
-    vec3 coordinates = volume_coordinates(position.xyz, normal_and_body.a);
     vec4 irradiance = texelFetch(t_irradiance, pixel, 0), specular = texelFetch(t_specular, pixel, 0);
-    vec4 local = texelFetch(t_local, pixel, 0);
-    vec3 behind = vec3(irradiance.a, specular.a, local.a);
-    vec3 exitance = u_diffusion
-        ? diffuse_exitance(position.xyz, normal_and_body, coordinates, local.rgb, behind)
-        : gather(coordinates).rgb + local.rgb;
-    exitance = max(exitance, 0.0);  // the FFT leaves noise of 1e-7 of the maximum where no light arrives
-    exitance *= tint_leaving(pixel);
+    vec3 exitance = exitance_at(pixel, position.xyz, normal_and_body);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
     vec3 subsurface = entering * exitance / u_exit_normalisation;
-    vec3 highlight = specular.rgb + mirrored_self(pixel, normal, to_eye, entering, exitance / PI);
+    vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
     o_radiance = u_weight * vec4(subsurface + highlight, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);

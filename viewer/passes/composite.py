@@ -74,6 +74,7 @@ class CompositePass:
                 "t_lobe": gbuffer.lobe or gbuffer.normal,
                 "u_occluded_lobe": gbuffer.lobe is not None,
                 **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
+                "u_world_to_clip": camera.world_to_clip,
                 "u_eye": tuple(camera.eye),
                 "u_weight": weight,
             }

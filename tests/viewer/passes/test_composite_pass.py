@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.fresnel import hemispherical_transmittance, transmittance
 from milkglass.viewer.render.picture import Frame, PictureRequest, read_frame, read_image
 from milkglass.viewer.scene.camera import pixel_offsets
@@ -20,6 +21,7 @@ from tests.support.rendering import (
     outliers,
     scene_of,
 )
+from tests.support.shapes import ball, plate
 
 PROJECTIONS = ["camera.orthographic=true", "camera.orthographic=false"]
 LAMPS = (
@@ -178,3 +180,36 @@ def test_a_seed_gives_the_same_bits_again(context, shapes, renderer_of, seed):
     second = MeshRenderer(context, shapes["cube"]).render(scene_of(), samples=4, seed=seed)
     for name in ("radiance", "alpha", "image"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+def test_a_rim_mirrors_what_is_seen_beside_it(renderer_of):
+    """A ball before a plate, lit by a lamp alone: what a ray that grazes meets, with Fresnel's share, as if traced."""
+    before, behind = ball(20.0), plate(60.0, 4.0)
+    vertices = np.concatenate([before.vertices, behind.vertices - [0.0, 0.0, 25.0]])
+    faces = np.concatenate([before.faces, behind.faces + len(before.vertices)])
+    renderer = renderer_of(Mesh.of(vertices, np.concatenate([before.normals, behind.normals]), faces))
+    front = (
+        "camera.orthographic=true",
+        "camera.azimuth_deg=0",
+        "camera.zoom=2",
+        "camera.elevation_deg=0",
+        "display.image_size=[256, 256]",
+    )
+    frame = renderer.render(scene_of(*front, "material.eta=1.5", method="ewald"), samples=1)
+    cosine = frame.normal[..., 2].astype(np.float64)
+    rim = inside(frame) & (frame.position[..., 2] > -10.0) & (cosine > 0.05) & (cosine < 0.25)
+    normal, position = frame.normal[rim].astype(np.float64), frame.position[rim].astype(np.float64)
+    ray = 2.0 * cosine[rim][:, None] * normal - [0.0, 0.0, 1.0]
+    met = position + (position[:, 2:] + 23.0) / -ray[:, 2:] * ray
+    shown = np.stack(np.nonzero(frame.alpha), axis=1), frame.position[frame.alpha > 0.0][:, [1, 0]]
+    lines = [np.polyfit(place, pixel, 1) for pixel, place in zip(shown[0].T, shown[1].T, strict=True)]
+    row, column = (
+        np.rint(np.polyval(line, met[:, axis])).astype(int) for line, axis in zip(lines, (1, 0), strict=True)
+    )
+    there = frame.exitance[row, column]
+    leaving = transmittance(1.5, -ray[:, 2])[:, None] * there / np.pi
+    expected = (1.0 - transmittance(1.5, cosine[rim]))[:, None] * leaving
+    difference = np.abs(frame.specular[rim] - expected)[:, 0] / expected[:, 0]
+    assert rim.sum() > 300
+    assert np.median(difference) < 0.03
+    assert np.quantile(difference, 0.9) < 0.1
