@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -74,7 +75,10 @@ def sdist(tmp_path_factory):
     code = "import sys, setuptools.build_meta as backend; backend.build_sdist(sys.argv[1])"
     if int(importlib.metadata.version("setuptools").split(".")[0]) < SETUPTOOLS:
         pytest.skip(f"setuptools >= {SETUPTOOLS} is not installed")
-    run(sys.executable, "-c", code, folder, cwd=copied_sources(folder), env=environment())
+    sources = copied_sources(folder)
+    (sources / "tests").mkdir()
+    (sources / "tests" / "test_a.py").write_text("")  # which setuptools would take along
+    run(sys.executable, "-c", code, folder, cwd=sources, env=environment())
     (built,) = folder.glob("*.tar.gz")
     return built
 
@@ -113,6 +117,14 @@ def test_the_wheel_holds_every_file_that_is_needed(wheel):
     assert {Path(name).suffix for name in extra} <= {".csv", ".md"}
     assert not any(name.startswith("tests") for name in names)
     assert any(name.endswith("/licenses/LICENSE") for name in names)
+
+
+@pytest.mark.slow
+def test_the_sdist_holds_the_licence_and_no_tests(sdist):
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"LICENSE", "CITATION.cff", "README.md", "pyproject.toml"} <= names
+    assert not any(name.startswith("tests") for name in names)
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ from milkglass.core.material import fresnel
 from milkglass.core.material.library import Material
 from milkglass.core.provenance import chosen, fitted
 
-SMALLEST_ALBEDO = 0.06  # below it k of `_diffusion` is 1 to the last bit
+SMALLEST_ALBEDO = 0.06  # below it k of `asymptotic_diffusion` is 1 to the last bit
 LONGEST_PATH = 1e9  # mean free path, mm; more changes nothing
 
 
@@ -98,7 +98,7 @@ class Medium:
     @property
     def diffusion(self) -> float:
         """Diffusion coefficient D = s_a / sigma^2, mm: the asymptotic one of transport."""
-        return _diffusion(self.sigma_a / self.sigma_t_prime) / self.sigma_t_prime
+        return asymptotic_diffusion(self.sigma_a / self.sigma_t_prime) / self.sigma_t_prime
 
     @property
     def attenuation(self) -> float:
@@ -140,8 +140,11 @@ def media(material: Material) -> tuple[Medium, Medium, Medium]:
 
 
 @functools.lru_cache(maxsize=1024)
-def _diffusion(absorbed: float) -> float:
-    """Return D / l for 1 - a': (1 - a') / k^2, k the root of a' = k / artanh k (Case and Zweifel 1967)."""
+def asymptotic_diffusion(absorbed: float) -> float:
+    """Return D / l = (1 - a') / k^2 of the absorbed share 1 - a', k the root of a' = k / artanh k.
+
+    Case and Zweifel 1967.
+    """
     if absorbed < 1e-5:
         return 1.0 / 3.0 + 4.0 / 15.0 * absorbed
     if absorbed > 1.0 - SMALLEST_ALBEDO:

@@ -69,7 +69,7 @@ class Inside:
 
     def minimise(self, minimised: bool) -> None:
         """Ask for it, and be the window manager that does it."""
-        handle = self.window._handle
+        handle = self.window.handle
         (glfw.iconify_window if minimised else glfw.restore_window)(handle)
         x11 = ctypes.CDLL(ctypes.util.find_library("X11") or "libX11.so.6")
         display, number = ctypes.c_void_p(glfw.get_x11_display()), ctypes.c_ulong(glfw.get_x11_window(handle))
@@ -119,9 +119,9 @@ def call_back(name: str, window: Window, *arguments: object) -> None:
     """Call what is registered for an event, a C function, with C arguments."""
     register = getattr(library, f"glfwSet{name}Callback")
     kind = register.restype
-    registered = register(window._handle, kind(0))
-    register(window._handle, registered)
-    registered(window._handle, *arguments)
+    registered = register(window.handle, kind(0))
+    register(window.handle, registered)
+    registered(window.handle, *arguments)
 
 
 def main(folder: Path) -> None:
@@ -163,7 +163,7 @@ def main(folder: Path) -> None:
     found["without pixels"] = inside.loop(20)
     session.undo()
     glfw.get_framebuffer_size, glfw.get_window_size = real
-    call_back("FramebufferSize", inside.window, *glfw.get_framebuffer_size(inside.window._handle))
+    call_back("FramebufferSize", inside.window, *glfw.get_framebuffer_size(inside.window.handle))
     inside.shot("with pixels")
     (folder / "found.json").write_text(json.dumps(found))
     inside.window.close()

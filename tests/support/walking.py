@@ -42,7 +42,7 @@ class Walker(Driver):
         """What the window shows where the picture is."""
         self.settle()
         super().frame()
-        left, top, right, bottom = map(round, self.view._drawn_at)
+        left, top, right, bottom = map(round, self.view.drawn_at)
         return read_pixels(self.target, self.target.size)[top:bottom, left:right]
 
 

@@ -226,7 +226,7 @@ def _read(
         if pixels is None:
             source.geterror()
             raise InputError(f"{path} cannot be read: it is cut short, damaged or has deep pixels.")
-        return names, _upright(pixels, spec.get_int_attribute("Orientation", 1))
+        return names, upright(pixels, spec.get_int_attribute("Orientation", 1))
     finally:
         source.close()
 
@@ -255,8 +255,8 @@ def _check_input(path: Path, suffixes: Collection[str]) -> None:
         raise InputError(f"{path} cannot be read: it is cut short or not a PNG file.")
 
 
-def _upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[np.generic]:
-    """Apply the EXIF orientation 1 to 8, which cameras and bottom-up HDR files set."""
+def upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[np.generic]:
+    """Return pixels turned by the EXIF orientation 1 to 8, which cameras and bottom-up HDR files set."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
     flip_rows = orientation in (3, 4, 7, 8)

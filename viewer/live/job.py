@@ -111,7 +111,7 @@ class TransportJob:
     """
 
     def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
-        self._renderer, self._lit, self._wake = renderer, lit, wake
+        self._renderer, self.lit, self._wake = renderer, lit, wake
         self._superseded, self._unwanted = threading.Event(), threading.Event()
         self._preview: Scattered | None = None
         self._shown: Scattered | None = None
@@ -129,16 +129,16 @@ class TransportJob:
     def preview(self) -> Outcome | None:
         """Return the newest solution on the way, once."""
         solution, self._preview = self._preview, None  # one that comes in between is followed by others, or the end
-        return None if solution is None else Outcome(self._lit, solution, {}, complete=False)
+        return None if solution is None else Outcome(self.lit, solution, {}, complete=False)
 
     def _scatter(self) -> Outcome:
         """Run in the worker: nothing here touches OpenGL."""
         stages = self._renderer.transport_stages
         stages.begin()
         self._began = time.perf_counter()
-        scattered = self._renderer.scatter(self._lit, self._go_on)
+        scattered = self._renderer.scatter(self.lit, self._go_on)
         self._seen_after = min(self._seen_after, time.perf_counter() - self._began)
-        return Outcome(self._lit, scattered, dict(stages.timings), not self._gave_up, self._seen_after)
+        return Outcome(self.lit, scattered, dict(stages.timings), not self._gave_up, self._seen_after)
 
     def _go_on(self, solution: Scattered) -> bool:
         """Show the first solution that may be seen at once and some of the later ones; give up in good time."""

@@ -64,7 +64,7 @@ class Live:
         self.ran: Timings = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
-        self._job: TransportJob | None = None
+        self.job: TransportJob | None = None  # what the worker scatters now
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
@@ -73,7 +73,7 @@ class Live:
         self._lit_for: LitFor | None = None
         self._shadows: Key | None = None  # what all of the sub-lights there are were cast for
         self._sent: LitScene | None = None
-        self._cost: Cost | None = None  # of transport in a drag
+        self.cost: Cost | None = None  # of transport in a drag
         self._drag: Drag | None = None
 
     @property
@@ -89,7 +89,7 @@ class Live:
     @property
     def working(self) -> bool:
         """Whether the worker has something to do, or the next frame."""
-        return self.spreading or self._job is not None or self._load is not None or self.rays.busy
+        return self.spreading or self.job is not None or self._load is not None or self.rays.busy
 
     def draw(
         self, scene: Scene, detail: Detail, show: str = "radiance", exposure_for: float | None = None
@@ -170,8 +170,8 @@ class Live:
         """Wait for what the worker does now; for tests and replays, never for a window."""
         if self._load is not None:
             self._load.exception(timeout)
-        if self._job is not None:
-            self._job.future.exception(timeout)
+        if self.job is not None:
+            self.job.future.exception(timeout)
         self.rays.wait(timeout)
 
     def close(self) -> None:
@@ -217,7 +217,7 @@ class Live:
         if self._lit is not None and self._will_do(self._lit, asked, detail):
             return self._lit
         if self._lit is not None and self._is_drafted(asked) and self._awaits_first(self._lit):
-            if self._job is None:
+            if self.job is None:
                 self._go_on()
             return self._lit  # better shadows would make the first picture later
         scene, is_coarse = self._coarsened(scene, asked, detail)
@@ -245,9 +245,9 @@ class Live:
         if asked.is_turned(kept):
             near = detail.draft and turn_deg(asked.camera, kept.camera) < DRAFT_TURN_DEG
             return near or asked == kept
-        if detail.draft and lit.quality.facts.solves and self._job is not None:
+        if detail.draft and lit.quality.facts.solves and self.job is not None:
             # Lit when it can be solved for: until then the processor is the worker's.
-            self._job.supersede(at_once=asked.shape != kept.shape)
+            self.job.supersede(at_once=asked.shape != kept.shape)
             return True
         return False
 
@@ -273,31 +273,31 @@ class Live:
     def _take(self, lit: LitScene) -> LitScene:
         """Keep new light, unless it is the same to transport; a job of other light is told so."""
         if self._lit is None or not lit.is_same_light(self._lit):
-            if self._job is not None:
-                self._job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
+            if self.job is not None:
+                self.job.supersede(at_once=self._lit is not None and lit.model is not self._lit.model)
             self._lit = lit
         return self._lit
 
     def _draft_resolution(self, scene: Scene) -> int | None:
         """As `live.draft.draft_resolution`, once a drag: the grid stays and all weights on it, even of a material."""
-        if self._cost is None or self._lit is None:
+        if self.cost is None or self._lit is None:
             return None
         if self._drag is None or not self._drag.is_of(scene):
-            chosen = draft_resolution(scene, self._lit.quality, self._cost)
+            chosen = draft_resolution(scene, self._lit.quality, self.cost)
             self._drag = Drag.of(scene, chosen)
         return self._drag.resolution
 
     def _submit(self, lit: LitScene) -> None:
-        if self._job is None and self._sent is not lit:
+        if self.job is None and self._sent is not lit:
             self._sent = lit
-            self._job = TransportJob(self._worker, self.renderer, lit, self._wake)
+            self.job = TransportJob(self._worker, self.renderer, lit, self._wake)
 
     def _collect(self) -> None:
         """Take what the worker has, finished or on the way."""
-        if (job := self._job) is None:
+        if (job := self.job) is None:
             return
         if done := job.future.done():
-            self._job = None
+            self.job = None
         outcome = job.future.result() if done else job.preview()
         if outcome is None:
             return
@@ -308,7 +308,7 @@ class Live:
             gather = self.renderer.gather(lit, outcome.scattered)
             self.finished = Finished(lit, gather, outcome.scattered, outcome.complete)
         if outcome.seconds is not None:
-            self._cost = Cost(outcome.seconds, lit.quality.resolution, lit.grid.n_layers)
+            self.cost = Cost(outcome.seconds, lit.quality.resolution, lit.grid.n_layers)
         self.renderer.stages.timings.update(outcome.timings)
 
     def _go_on(self) -> None:

@@ -106,7 +106,7 @@ class App:
         self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear)
         self.commands = commands_of(self.workspace)
         self.error = LiveError(context, wake)
-        self._error_overlay = ErrorOverlay()
+        self.error_overlay = ErrorOverlay()
         controls = Controls(self.session, self._gui)
         self.panel = Panel(Tools(self.session, controls, self.commands, photo))
         self.profiles = ProfileView(self.session, controls, self.commands, wake)
@@ -174,7 +174,7 @@ class App:
             return
         self._gui.begin(now)
         self._keys()
-        view_box, panel_box = self._boxes()
+        view_box, panel_box = self.boxes()
         view_box, profile_box = self.profiles.split(view_box)
         if self.actions.panel_shown:
             self.panel.draw(panel_box, Seen(self.view.live, self.error, self.frames_per_second))
@@ -233,7 +233,8 @@ class App:
         """Return the shape of the pointer, by its name in `imgui.MouseCursor_`."""
         return str(imgui.MouseCursor_(imgui.get_mouse_cursor()).name)
 
-    def _boxes(self) -> tuple[Box, Box]:
+    def boxes(self) -> tuple[Box, Box]:
+        """Return the boxes of the view and of the panel in the window."""
         width, height = self._gui.size
         panel = 0.0
         if self.actions.panel_shown:
@@ -276,7 +277,7 @@ class App:
             return
         right = picture[2] if view.split is None else picture[0] + view.split * (picture[2] - picture[0])
         hovered = imgui.is_window_hovered()
-        self._error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
+        self.error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
 
     def _status(self) -> tuple[str, str]:
         live = self.view.live
@@ -292,9 +293,10 @@ class App:
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
         baked = live.rays.progress
         casting = "" if baked is None else f"{live.rays.casting}: {100.0 * baked:.0f} %"
-        return left, "   ".join(filter(None, (casting, self._error_status(), rate)))
+        return left, "   ".join(filter(None, (casting, self.error_status(), rate)))
 
-    def _error_status(self) -> str:
+    def error_status(self) -> str:
+        """Return the error of the picture in a few words, or how far its measurement is; else nothing."""
         if self.error.progress is not None:
             return f"measuring the error: {100.0 * self.error.progress:.0f} %"
         result = self.error.result

@@ -68,13 +68,19 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, p
 
 
 class Window:
-    """Shows an `App` in a GLFW window, and passes its events on."""
+    """Shows an `App` in a GLFW window, and passes its events on.
+
+    Attributes
+    ----------
+    handle : Any
+        The window to GLFW.
+    """
 
     def __init__(self, scene: Scene, path: Path | None, record: Path | None, photo: PhotoWork | None = None) -> None:
         self._preferences = Preferences.load()
         if path is not None:
             self._preferences.opened(path)
-        self._handle = _open(self._preferences.window_size)
+        self.handle = _open(self._preferences.window_size)
         context = window_context()
         self._screen = context.detect_framebuffer(0)
         self._recorder = None if record is None else Recorder(record, scene.to_toml())
@@ -119,13 +125,13 @@ class Window:
 
     def close(self) -> None:
         """Keep the size in the preferences, stop the workers and close the window."""
-        if min(self._size) > 0 and not glfw.get_window_attrib(self._handle, glfw.MAXIMIZED):
+        if min(self._size) > 0 and not glfw.get_window_attrib(self.handle, glfw.MAXIMIZED):
             self._preferences.window_size = self._size
         self._preferences.save()
         if self._recorder is not None:
             self._recorder.close()
         self.app.close()
-        glfw.destroy_window(self._handle)
+        glfw.destroy_window(self.handle)
         glfw.terminate()
 
     def draw(self) -> None:
@@ -136,19 +142,19 @@ class Window:
         if self._recorder is not None:
             final = self.app.at_rest() and self.app.next_frame() is None
             self._recorder.add(Drawn(self.app.clock(), final))
-        glfw.swap_buffers(self._handle)
+        glfw.swap_buffers(self.handle)
         if self.app.title != self._title:
             self._title = self.app.title
-            glfw.set_window_title(self._handle, self._title)
+            glfw.set_window_title(self.handle, self._title)
         pointer = self.app.mouse_cursor()
         if pointer != self._pointer:
             self._pointer = pointer
-            glfw.set_cursor(self._handle, self._cursor(pointer))
+            glfw.set_cursor(self.handle, self._cursor(pointer))
 
     def _is_hidden(self) -> bool:
         """Whether it is minimised, or has no pixels."""
-        iconified = bool(glfw.get_window_attrib(self._handle, glfw.ICONIFIED))
-        return iconified or min(glfw.get_framebuffer_size(self._handle)) <= 0
+        iconified = bool(glfw.get_window_attrib(self.handle, glfw.ICONIFIED))
+        return iconified or min(glfw.get_framebuffer_size(self.handle)) <= 0
 
     def _cursor(self, name: str) -> Any:
         if name not in POINTERS:
@@ -165,7 +171,7 @@ class Window:
         self.app.handle(event)
 
     def _listen(self) -> None:
-        handle, take = self._handle, self._take
+        handle, take = self.handle, self._take
 
         def dropped(_: Any, paths: Any) -> None:
             take(Dropped(tuple(map(str, paths))))
@@ -193,14 +199,14 @@ class Window:
         glfw.set_window_content_scale_callback(handle, lambda *_: self._resized())
 
     def _resized(self) -> None:
-        size = glfw.get_window_size(self._handle)
-        pixels = glfw.get_framebuffer_size(self._handle)
+        size = glfw.get_window_size(self.handle)
+        pixels = glfw.get_framebuffer_size(self.handle)
         if min(pixels) > 0:
             self._size = (int(size[0]), int(size[1]))
             self._screen.viewport = (0, 0, int(pixels[0]), int(pixels[1]))
         # On macOS and Wayland window coordinates are scaled already, on X11 and Windows they are pixels.
         scaled = pixels[0] / size[0] if size[0] else 1.0
-        content = glfw.get_window_content_scale(self._handle)[0]
+        content = glfw.get_window_content_scale(self.handle)[0]
         self._take(Resized((int(size[0]), int(size[1])), (int(pixels[0]), int(pixels[1])), content / max(scaled, 1e-3)))
 
 

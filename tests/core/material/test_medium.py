@@ -65,13 +65,16 @@ def test_near_grosjean_where_little_is_absorbed(albedo, apart):
 
 @pytest.mark.parametrize("branch", [1e-5, 1.0 - medium.SMALLEST_ALBEDO])
 def test_no_step_between_the_branches(branch):
-    below, above = medium._diffusion(branch * (1.0 - 1e-9)), medium._diffusion(branch * (1.0 + 1e-9))
+    below, above = (
+        medium.asymptotic_diffusion(branch * (1.0 - 1e-9)),
+        medium.asymptotic_diffusion(branch * (1.0 + 1e-9)),
+    )
     assert above == pytest.approx(below, rel=1e-8)
 
 
 def test_diffusion_rises_with_absorption():
     absorbed = np.concatenate([np.geomspace(1e-9, 0.5, 500), np.linspace(0.5, 1.0, 500)])
-    found = np.array([medium._diffusion(float(share)) for share in absorbed])
+    found = np.array([medium.asymptotic_diffusion(float(share)) for share in absorbed])
     # Between a third of a mean free path and all of it (where sigma is 1 / mfp').
     assert np.all(np.diff(found) >= -1e-12)
     assert found[0] == pytest.approx(1.0 / 3.0)

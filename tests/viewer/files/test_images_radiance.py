@@ -157,7 +157,7 @@ def test_photographs_are_turned_upright(orientation):
         7: np.rot90(scene.swapaxes(0, 1), 2),
         8: np.rot90(scene, -1),  # first row = left side, first column = bottom
     }[orientation]
-    np.testing.assert_array_equal(images._upright(stored, orientation), scene)
+    np.testing.assert_array_equal(images.upright(stored, orientation), scene)
 
 
 def test_shared_probes_are_read(data_dir):

@@ -209,7 +209,7 @@ def test_moved_slider_is_drawn_with_fewer_texels_and_settles_to_all(driver):
     driver.session.edit("transport", resolution=256, layers=24)
     driver.settle()
     live = driver.view.live
-    live._cost = Cost(5.0, 256, 24)  # as if transport were slow here
+    live.cost = Cost(5.0, 256, 24)  # as if transport were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
     drafts = live.lit.quality.resolution
     driver.settle()

@@ -92,7 +92,7 @@ def test_layers_show_all_bodies_together(driver):
     assert outgoing[:, incoming.sum(axis=0) > 0.0].min() > 0.0
     driver.session.view.show = "layer out"
     driver.settle()
-    key, texture = driver.view._map
+    key, texture = driver.view.layer_map
     expected = developed(np.moveaxis(outgoing[:, 0], 0, -1), outgoing, key[3])
     np.testing.assert_array_equal(np.frombuffer(texture.read(), np.uint8).reshape(expected.shape), expected)
 

@@ -80,7 +80,7 @@ class Steps:
 
     def go(self, count=1) -> None:
         """Let steps be taken, and wait until they are or there are no more."""
-        before, job = len(self.residuals), self._live._job
+        before, job = len(self.residuals), self._live.job
         for _ in range(count):
             self.gate.release()
         wait_until(lambda: len(self.residuals) >= before + count or job.future.done())
@@ -144,10 +144,10 @@ def test_newer_light_ends_a_solution_that_may_be_seen_and_it_is_no_rest(driver, 
     turn_light(driver, -1.0, 0.3, -0.5)
     driver.frames(2)
     steps.wait()
-    first, learnt = live.lit, live._cost
+    first, learnt = live.lit, live.cost
     turn_light(driver, 1.0, 0.3, -0.5)
     driver.frames(2)
-    while live._job is not None and live._job._lit is first:
+    while live.job is not None and live.job.lit is first:
         assert steps.residuals[-1] > TOLERANCE
         assert len(steps.residuals) < 40
         steps.go(1)
@@ -156,11 +156,11 @@ def test_newer_light_ends_a_solution_that_may_be_seen_and_it_is_no_rest(driver, 
     assert live.finished.lit is first
     assert not live.finished.complete
     assert TOLERANCE < max(live.finished.scattered.residuals) <= PRESENTABLE
-    assert live._cost == learnt  # from solutions that were carried through alone
+    assert live.cost == learnt  # from solutions that were carried through alone
     assert not live.is_settled(driver.view.shown)
     steps.end()
     assert is_as_rendered(driver)
-    assert live._cost != learnt
+    assert live.cost != learnt
 
 
 def test_coming_back_to_light_that_was_interrupted_solves_it(driver, monkeypatch):
@@ -191,7 +191,7 @@ def test_another_model_ends_a_solution_at_once_and_draws_nothing_of_it(driver, m
     assert steps.residuals[-1] > PRESENTABLE
     put(driver, f"model.path={other}")
     driver.frames(2)
-    job = live._job
+    job = live.job
     steps.go(1)
     job.future.result(10.0)
     assert len(steps.residuals) == 2
@@ -208,12 +208,12 @@ def test_a_preview_does_not_outlive_the_end_of_its_solution(driver, monkeypatch)
     put(driver, *OWN)
     driver.frames(1)
     live.wait()
-    job = live._job
+    job = live.job
     assert job.future.done()
     job._preview = job.future.result().scattered
     driver.settle()
     assert live.finished.complete
-    assert live._job is None
+    assert live.job is None
     assert is_as_rendered(driver)
 
 
@@ -251,7 +251,7 @@ def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(dr
     driver.settle()
     live = driver.view.live
     kept = live.finished.scattered.boundary
-    live._cost = Cost(20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
+    live.cost = Cost(20.0, 64, live.finished.lit.grid.n_layers)  # as if it were slow here
     driver.drag(driver.place("material.sigma_a.R"), (30.0, 0.0))
     assert live.lit.quality.resolution < 64
     driver.settle()
@@ -335,7 +335,8 @@ def test_costs_and_layers_are_told_and_shown(driver):
     for show in ("beauty", "irradiance", "exitance", "subsurface", "highlight", "normal", "layer in", "layer out"):
         driver.session.view.show = show
         driver.settle()
-        pixels = driver.picture() if driver.view._map is None else np.frombuffer(driver.view._map[1].read(), np.uint8)
+        shown = driver.view.layer_map
+        pixels = driver.picture() if shown is None else np.frombuffer(shown.texture.read(), np.uint8)
         pictures.add(pixels.tobytes())
     assert len(pictures) == 8
 

@@ -210,7 +210,7 @@ def remembered(tmp_path) -> Path:
 @pytest.mark.slow
 def test_open_orbit_slide_save_screenshot_quit_replay(display, context, tmp_path, scene_file, remembered, monkeypatch):
     twin = Driver(Scene.load(scene_file), SIZE)  # knows where the panel's controls are
-    slider, view = twin.place("material.sigma_a.G", 0.3), (0.5 * twin.app._boxes()[0][2], 0.5 * SIZE[1])
+    slider, view = twin.place("material.sigma_a.G", 0.3), (0.5 * twin.app.boxes()[0][2], 0.5 * SIZE[1])
     twin.close()
 
     window = RealWindow(display, tmp_path, "--scene", str(scene_file))

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -14,9 +14,11 @@ from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.gui.toolkit import Gui, imgui
 from milkglass.viewer.live.draft import Detail
+from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.picture import Picture
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import DisplaySettings
 from milkglass.viewer.session.session import SHOWN, Session
 from milkglass.viewer.window.view.drawing import checkerboard, developed, fitted
 from milkglass.viewer.window.view.overlays import draw_label
@@ -32,6 +34,13 @@ DRAWING = (Stage.GBUFFER, Stage.COMPOSITE, Stage.EXPOSURE, Stage.TONE_MAP)
 SMALLEST = 16  # pixels, of display.image_size
 
 
+class LayerMap(NamedTuple):
+    """A layer tone-mapped as a texture, and what it was made of: light, side, number, display settings."""
+
+    key: tuple[Finished, bool, int, DisplaySettings]
+    texture: moderngl.Texture
+
+
 class ViewArea:
     """Draws a session's scene and lets the mouse turn it.
 
@@ -43,6 +52,8 @@ class ViewArea:
         The last one, of the session's own state.
     changed : bool
         Whether the last frame drew anything new.
+    layer_map : LayerMap, optional
+        The layer that was shown last.
     """
 
     def __init__(
@@ -64,7 +75,7 @@ class ViewArea:
         self._scale = 1.0
         self._warned: tuple[str, ...] = ()
         self._per_pixel = 0.0  # ms
-        self._map: tuple[object, moderngl.Texture] | None = None
+        self.layer_map: LayerMap | None = None
         self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
 
     def steer(self, box: Box, now: float) -> None:
@@ -295,14 +306,14 @@ class ViewArea:
             return
         display = self._session.scene.display
         key = (finished, is_incoming, layer, display)
-        if self._map is None or self._map[0] != key:
+        if self.layer_map is None or self.layer_map.key != key:
             maps = finished.incoming() if is_incoming else finished.outgoing()
             layer = min(layer, maps.shape[1] - 1)
             pixels = developed(np.moveaxis(maps[:, layer], 0, -1), maps, display)
             texture = self._context.texture((pixels.shape[1], pixels.shape[0]), 4, pixels.tobytes())
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._map = (key, texture)
-        texture = self._map[1]
+            self.layer_map = LayerMap(key, texture)
+        texture = self.layer_map.texture
         box = fitted(self._drawn_at, texture.size, 0.9)
         shown = self._painter.show(texture)
         draw.add_image(shown, (box[0], box[1]), (box[2], box[3]), (0.0, 1.0), (1.0, 0.0))

@@ -174,7 +174,7 @@ def try_what_is_shown(walker: Walker) -> None:
     walker.session.put(scene)
     walker.click("fixed_size")
     assert not walker.shows("display.image_size")
-    assert walker.picture().shape[0] == walker.app._gui.pixels[1]
+    assert walker.picture().shape[0] == walker.target.size[1]
     walker.click("fixed_size")
     assert not differ(walker.picture(), start)
 

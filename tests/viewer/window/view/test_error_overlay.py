@@ -83,7 +83,7 @@ def test_the_map_can_be_hidden_and_stays_only_with_the_camera(driver):
     driver.session.edit("camera", zoom=1.1)
     driver.frames(1)
     drawn = []
-    driver.app._error_overlay.draw = lambda *_, **__: drawn.append(1)
+    driver.app.error_overlay.draw = lambda *_, **__: drawn.append(1)
     driver.frames(1)
     assert not drawn
     driver.settle()
@@ -137,7 +137,7 @@ def test_the_panel_may_be_hidden_and_the_window_resized_while_it_measures(driver
     driver.key("e")
     driver.settle()
     assert driver.app.error.result is not None
-    assert driver.app._error_status() == f"error {percent(max(driver.app.error.result.error.deviation.rms))}"
+    assert driver.app.error_status() == f"error {percent(max(driver.app.error.result.error.deviation.rms))}"
     driver.send(Resized((700, 500), (700, 500), 1.0))
     assert driver.app.error.outdated or driver.app.error.result.size == (512, 366)
     driver.settle()
@@ -157,7 +157,7 @@ def test_split_view_and_layers_with_a_measurement(driver):
     driver.session.view.show = "layer out"
     driver.settle()
     drawn = []
-    driver.app._error_overlay.draw = lambda *_, **__: drawn.append(1)
+    driver.app.error_overlay.draw = lambda *_, **__: drawn.append(1)
     driver.frames(2)
     assert not drawn
 

@@ -183,7 +183,7 @@ def test_split_shows_both_states_at_one_exposure(driver):
     assert kept is not None
     assert current is not None
     assert driver.view.live.finished.lit.profiles != driver.view.lives()[1].finished.lit.profiles
-    left, top, right, bottom = driver.view._drawn_at
+    left, top, right, bottom = driver.view.drawn_at
     driver.drag((0.5 * (left + right), 0.5 * (top + bottom)), (60.0, 0.0))
     assert driver.session.view.split == pytest.approx(0.5 + 60.0 / (right - left), abs=0.03)
     driver.key("v")
