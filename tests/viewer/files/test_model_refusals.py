@@ -10,20 +10,7 @@ import trimesh
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import flaws
 from milkglass.viewer.files.model import load_model, supported_suffixes
-
-
-def box(extents: tuple[float, float, float] = (1.0, 2.0, 4.0)) -> trimesh.Trimesh:
-    return trimesh.creation.box(extents=extents)
-
-
-def save(mesh: trimesh.Trimesh | trimesh.Scene, path: Path, **options: object) -> Path:
-    mesh.export(path, **options)
-    return path
-
-
-def write_obj(path: Path, text: str) -> Path:
-    path.write_text(text)
-    return path
+from tests.support.model_files import box, save, write_obj
 
 
 def refusal(path: Path, size_mm: float = 100.0, up: str = "y") -> str:
