@@ -12,6 +12,7 @@ from dataclasses import replace
 import moderngl
 
 from milkglass.core.stages import Part, Timings, Unfinished
+from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
 from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, scene_sources, turn_deg
@@ -286,6 +287,10 @@ class Live:
             chosen = draft_resolution(scene, self._lit.quality, self.cost)
             self._drag = Drag.of(scene, chosen)
         return self._drag.resolution
+
+    def scatter(self, lit: LitScene, go_on: GoOn) -> Scattered:
+        """Scatter other light than is shown, in the thread of transport, and wait for it, in any other thread."""
+        return self._worker.submit(self.renderer.scatter, lit, go_on).result()
 
     def _submit(self, lit: LitScene) -> None:
         if self.job is None and self._sent is not lit:

@@ -24,6 +24,7 @@ from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.commands import Workspace, cheat_sheet, commands_of
 from milkglass.viewer.window.curves.view import ProfileView
+from milkglass.viewer.window.panel.error import walk_verdict
 from milkglass.viewer.window.panel.panel import WIDTH, Panel
 from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
@@ -299,8 +300,12 @@ class App:
         """Return the error of the picture in a few words, or how far its measurement is; else nothing."""
         if self.error.progress is not None:
             return f"measuring the error: {100.0 * self.error.progress:.0f} %"
-        result = self.error.result
-        if not self.session.view.measure or result is None or self.error.outdated or result.is_dark:
+        result, walked = self.error.result, self.error.walked
+        if not self.session.view.measure or self.error.outdated:
+            return ""
+        if walked is not None:
+            return walk_verdict(walked)
+        if result is None or result.is_dark:
             return ""
         return f"error {percent(max(result.error.deviation.rms))}"
 

@@ -10,13 +10,15 @@ import trimesh
 
 from milkglass.core.transport.diffusion import solver as diffusion
 from milkglass.core.transport.diffusion.solver import TOLERANCE
+from milkglass.viewer.error.report import error_report
 from milkglass.viewer.live.draft import Cost, Detail
-from milkglass.viewer.live.error import NOT_EQUATION_1
 from milkglass.viewer.live.job import PRESENTABLE
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import apply_set
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, TransportSettings
 from milkglass.viewer.window.panel.transport import chosen, solved
-from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
+from tests.support.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
 from tests.support.waiting import DEADLINE, wait_until
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
@@ -300,22 +302,63 @@ def test_controls_without_meaning_are_off_and_the_rest_works(driver):
     assert "transport.assignment=tsc" in driver.app.panel.controls.boxes
 
 
-@pytest.mark.slow
-def test_the_error_is_not_measured_against_another_equation(driver):
-    driver.key("e")
+def measured_by_photons(driver):
+    driver.session.view.measure = True
     driver.settle()
     error = driver.app.error
-    assert driver.session.view.measure
-    assert (error.result, error.trouble, error.progress) == (None, NOT_EQUATION_1, None)
-    assert error._worker is None
+    assert (error.result, error.trouble, error.progress, error.outdated) == (None, None, None, False)
+    return error.walked
+
+
+@pytest.mark.slow
+def test_photons_judge_what_an_equation_gives(context, tmp_path, monkeypatch):
+    """The window has what a report has; a turn of the view walks no photons again; ewald has points as before."""
+    monkeypatch.setattr("milkglass.viewer.live.error.PHOTONS", 10_000)
+    scene = apply_set(with_diffusion(write_pair(tmp_path / "pair.ply")), ["model.size_mm=20"])
+    driver = Driver(replace(scene, lights=(DirectionalLight((1.0, 0.5, 1.0)),)))
+    walked = measured_by_photons(driver)
+    renderer = Renderer(driver.app.view.live.renderer.context)
+    found = error_report(renderer, driver.view.shown, points=5, photons=10_000).content["transport_error"]
+    for name, part in (("whole", walked.error.whole), ("between_parts", walked.error.between_parts)):
+        assert part.rms == pytest.approx(found[name]["rms"], abs=0.02)
+    assert walked.error.inside.rms == pytest.approx(found["rms"], abs=0.02)
+    assert min(walked.error.between_parts.share) > 0.01
+    assert is_as_rendered(driver)
+    put(driver, "camera.azimuth_deg=40")
+    driver.settle()
+    assert driver.app.error.walked.error is walked.error
+    put(driver, "transport.exchange=off")
+    without = measured_by_photons(driver)
+    assert without.error.inside.rms == pytest.approx(walked.error.inside.rms, abs=0.02)
+    assert max(without.error.between_parts.rms) > 2.0 * max(walked.error.between_parts.rms)
     driver.session.view.error_points = 50
     put(driver, "transport.method=ewald")
     driver.settle()
-    assert error.trouble is None
+    error = driver.app.error
+    assert (error.trouble, error.walked) == (None, None)
     assert error.result.quality.method == "ewald"
-    put(driver, "transport.method=diffusion")
+    driver.close()
+
+
+@pytest.mark.slow
+def test_a_walk_of_photons_ends_when_the_light_changes(driver):
     driver.settle()
-    assert (error.result, error.trouble) == (None, NOT_EQUATION_1)
+    driver.session.view.measure = True
+    driver.frames(1)
+    assert driver.app.error.progress is not None
+    turn_light(driver, 0.0, 1.0, 1.0)
+    driver.frames(2)
+    assert driver.app.error.outdated
+
+
+@pytest.mark.slow
+def test_what_photons_cannot_judge_is_said(driver):
+    driver.session.edit_lights((PointLight((0.0, 50.0, 100.0)),))
+    driver.key("e")
+    driver.settle()
+    error = driver.app.error
+    assert (error.result, error.walked, error.progress) == (None, None, None)
+    assert error.trouble == "not measured: photons come from distant lights only, and the scene has a point light"
 
 
 def test_costs_and_layers_are_told_and_shown(driver):

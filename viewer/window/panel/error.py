@@ -7,7 +7,7 @@ import numpy as np
 from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT
 from milkglass.viewer.gui.sliders import percent
 from milkglass.viewer.gui.toolkit import GOOD, WARNING, icons, imgui
-from milkglass.viewer.live.error import NOT_EQUATION_1, LiveError, Measured
+from milkglass.viewer.live.error import NO_POINTS, PHOTONS, LiveError, Measured, Walked
 from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
@@ -15,7 +15,8 @@ from milkglass.viewer.window.panel.section import Section, Seen, Tools
 FEWEST_POINTS, MOST_POINTS = 50, 2000
 MEASURE_TIP = (
     "Compare the light that leaves the surface on screen, M, with equation (1) summed directly in float64 at random "
-    "visible points. It starts by itself whenever the picture has come to rest (E)."
+    "visible points; of transport that solves an equation, with photons over the whole surface. It starts by itself "
+    "whenever the picture has come to rest (E)."
 )
 MAP_TIP = "Show where the error sits: a dot at every point measured. Rest on a dot to read it."
 WAITING = "measures when the picture is at rest"
@@ -43,41 +44,47 @@ class ErrorSection(Section):
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
         error, live = seen.error, seen.live
-        is_off = solves(live)
-        imgui.begin_disabled(is_off)
-        self._wishes(is_off=is_off)
-        imgui.end_disabled()
-        if is_off:
-            self._controls.note(NOT_EQUATION_1)
-            return
+        by_photons = solves(live)
+        self._wishes(by_photons=by_photons)
         view, controls = self._session.view, self._controls
         if not view.measure:
             controls.note("off: nothing is measured")
             return
-        self._state(error)
-        if error.trouble is None or error.outdated:
+        self._state(error, by_photons=by_photons)
+        if error.trouble is not None and not error.outdated:
+            return
+        if by_photons:
+            self._table(walked_rows(error.walked), outdated=error.outdated and error.walked is not None)
+            controls.note("" if error.walked is None else walk_conditions(error.walked))
+        else:
             self._numbers(error.result, outdated=error.outdated, live=live)
 
-    def _wishes(self, *, is_off: bool) -> None:
-        """Draw what can be asked for; `is_off` where it would be in vain."""
+    def _wishes(self, *, by_photons: bool) -> None:
+        """Draw what can be asked for; points are not where photons judge the surface."""
         view, controls = self._session.view, self._controls
         controls.begin_row("Measure")
         clicked, _ = imgui.checkbox("##error.measure", view.measure)
-        controls.end_row("error.measure", "Measure", NOT_EQUATION_1 if is_off else MEASURE_TIP)
+        controls.end_row("error.measure", "Measure", MEASURE_TIP)
         if clicked:
             view.measure = self._was_measuring = not view.measure
-        self._points(is_off=is_off)
+        imgui.begin_disabled(by_photons)
+        self._points(is_off=by_photons)
         controls.begin_row("Show map")
         clicked, _ = imgui.checkbox("##error.map", view.error_map)
-        controls.end_row("error.map", "Show map", NOT_EQUATION_1 if is_off else MAP_TIP)
+        controls.end_row("error.map", "Show map", NO_POINTS if by_photons else MAP_TIP)
+        imgui.end_disabled()
         if clicked:
             view.error_map = not view.error_map
 
-    def _state(self, error: LiveError) -> None:
+    def _state(self, error: LiveError, *, by_photons: bool) -> None:
         """Say how far it is, what went wrong, or whether the promise holds."""
         controls = self._controls
         if error.progress is not None:
-            imgui.progress_bar(error.progress, (-1.0, 0.0), f"summing the reference: {100.0 * error.progress:.0f} %")
+            words = "photons walk" if by_photons else "summing the reference"
+            imgui.progress_bar(error.progress, (-1.0, 0.0), f"{words}: {100.0 * error.progress:.0f} %")
+        elif error.walked is not None and not error.outdated:
+            imgui.align_text_to_frame_padding()
+            controls.note(walk_verdict(error.walked))
         elif error.outdated or error.result is None:
             imgui.align_text_to_frame_padding()
             failed = error.trouble is not None and not error.outdated
@@ -101,7 +108,7 @@ class ErrorSection(Section):
         if points is not None:
             view.error_points = min(max(points, FEWEST_POINTS), MOST_POINTS)
         controls.end_row(
-            "error.points", "Points", NOT_EQUATION_1 if is_off else tip,
+            "error.points", "Points", NO_POINTS if is_off else tip,
             lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS),
             differs=view.error_points != DEFAULT_ERROR_POINTS,
             is_off=is_off,
@@ -109,27 +116,32 @@ class ErrorSection(Section):
 
     def _numbers(self, measured: Measured | None, *, outdated: bool, live: Live) -> None:
         """Write the numbers, grey if they are of an earlier picture; dashes before there are any."""
+        shown = rows(measured)
+        quality = live.finished.lit.quality if measured is None and live.finished is not None else None
+        quality = measured.quality if measured is not None else quality
+        if quality is not None and quality.predicted_error is not None and quality.predicted_lit is not None:
+            shown.append(("expected, lit", [percent(quality.predicted_lit)]))
+            shown.append(("expected, up to", [percent(quality.predicted_error)]))
+        if quality is not None and quality.error_target is not None:
+            shown.append(("error target", [percent(quality.error_target)]))
+        self._table(shown, outdated=outdated and measured is not None)
+        self._controls.note("" if measured is None else conditions(measured))
+
+    def _table(self, shown: Sequence[tuple[str, Sequence[str]]], *, outdated: bool) -> None:
+        """Write rows of numbers of R, G and B, or of all, grey if they are outdated."""
         imgui.begin_disabled(outdated)
         if imgui.begin_table("##error", 4, imgui.TableFlags_.sizing_stretch_prop.value):
             for i in range(4):
                 imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch.value, 1.6 if i == 0 else 1.0)
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_unformatted("outdated" if outdated and measured is not None else "")
+            imgui.text_unformatted("outdated" if outdated else "")
             for letter, colour in CHANNELS:
                 imgui.table_next_column()
                 imgui.text_colored((*colour, 1.0), letter)
-            for label, values in rows(measured):
+            for label, values in shown:
                 self._row(label, values)
-            quality = live.finished.lit.quality if measured is None and live.finished is not None else None
-            quality = measured.quality if measured is not None else quality
-            if quality is not None and quality.predicted_error is not None and quality.predicted_lit is not None:
-                self._row("expected, lit", [percent(quality.predicted_lit)])
-                self._row("expected, up to", [percent(quality.predicted_error)])
-            if quality is not None and quality.error_target is not None:
-                self._row("error target", [percent(quality.error_target)])
             imgui.end_table()
-        self._controls.note("" if measured is None else conditions(measured))
         imgui.end_disabled()
 
     def _row(self, label: str, values: Sequence[str]) -> None:
@@ -179,3 +191,32 @@ def verdict(measured: Measured) -> tuple[bool | None, str]:
     if target is None:
         return False, "above what was expected"
     return False, "above the error target, and above what was expected"
+
+
+def walked_rows(walked: Walked | None) -> list[tuple[str, list[str]]]:
+    """Return the rows of a comparison with photons, of R, G and B; dashes before there is one."""
+    labels = "transport inside", "light between parts", "both", "share between parts"
+    if walked is None:
+        return [(label, ["-"] * 3) for label in labels]
+    error = walked.error
+    columns = error.inside.rms, error.between_parts.rms, error.whole.rms, error.between_parts.share
+    texts = ([percent(value) if np.isfinite(value) else "black" for value in values] for values in columns)
+    return list(zip(labels, texts, strict=True))
+
+
+def walk_verdict(walked: Walked) -> str:
+    """Return a sentence with both errors, of the worst channel."""
+    parts = walked.error.inside.rms, walked.error.between_parts.rms
+    if not np.isfinite(parts[0]).any():
+        return "no light leaves the surface, so there is no error"
+    inside, between = (percent(float(np.nanmax(values))) for values in parts)
+    return f"transport inside {inside}, light between parts {between}"
+
+
+def walk_conditions(walked: Walked) -> str:
+    """Return a sentence on how photons judged: how many, over what, their noise, and the time."""
+    noise = percent(float(np.nanmax([0.0, *walked.error.inside.noise])))
+    return (
+        f"rms over {walked.error.regions} regions against {PHOTONS:,} photons a light and mean free path; "
+        f"their noise of {noise} is taken off; {walked.seconds:.1f} s"
+    )
