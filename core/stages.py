@@ -109,7 +109,10 @@ class Stage(StrEnum):
     ENVIRONMENT_TABLE = "environment table", Part.IRRADIANCE
     ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
     EXCHANGE = "exchange between parts", Part.IRRADIANCE
-    MIRRORED = "mirrored light", Part.IRRADIANCE
+    MIRROR = "mirror", Part.OCCLUSION
+    MIRRORED = "mirrored surroundings", Part.IRRADIANCE
+    MIRRORED_LAMP = "mirrored light", Part.IRRADIANCE
+    MIRRORED_TOTAL = "all mirrored light", Part.IRRADIANCE
     MIRRORED_LIGHT = "light by mirrors", Part.IRRADIANCE
     TOTAL_FLUX = "flux with mirrored light", Part.IRRADIANCE
     SAMPLE_LEAVING = "leaving tints of samples", Part.SURFACE

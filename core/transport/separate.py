@@ -39,7 +39,7 @@ Ints = npt.NDArray[np.int64]
 
 # Areas are rounded up to this many steps each factor of two, so that alike bodies share padding and kernels.
 AREAS_A_DOUBLING = 2
-NEGLIGIBLE_CHANGE = 0.005  # of what light goes from body to body, as a share of all that enters
+NEGLIGIBLE_CHANGE = 0.001  # of what light goes from body to body, as a share of all that enters
 ATLASES = 4  # kept: a coarse and a fine one, of the last two grids
 
 

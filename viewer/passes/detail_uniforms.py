@@ -27,6 +27,12 @@ class SampledSurface:
         """Return irradiance (n, 3) times the factors."""
         return irradiance if self.weights is None else irradiance * self.weights
 
+    def unweighted(self, irradiance: Float32) -> Float32:
+        """Return irradiance (n, 3) without the factors, 0 where they are 0."""
+        if self.weights is None:
+            return irradiance
+        return np.divide(irradiance, self.weights, out=np.zeros_like(irradiance), where=self.weights > 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceDetail:

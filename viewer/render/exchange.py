@@ -1,13 +1,17 @@
 """Light between parts of the object: rays found once a mesh, then a matrix of transport and light by way of mirrors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.exchange import Exchange
+from milkglass.core.light.mirror import Mirror
 from milkglass.core.light.probe import Probe, lookup
+from milkglass.core.material.fresnel import transmittance
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import HitsOf, RefinedOf
@@ -15,9 +19,14 @@ from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.sources import shines
 from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 from milkglass.viewer.scene.settings import EnvironmentSettings, TransportSettings
+
+SUB_LIGHTS = 16  # of a lamp with a size, from which mirrored rays come
+LEAST_ENTERING = 1e-3  # of the most that a lamp has enter, below which a point is at the rim of its light
+COARSE_ROWS = 32  # of a probe that mirrored rays meet
 
 
 class ExchangeStages:
@@ -59,18 +68,47 @@ class ExchangeStages:
         return self._occlusions.refined(exchange.refined, buffers)
 
     def mirrored(
-        self, exchange: Exchange, environment: EnvironmentSettings, probe: Callable[[], Probe], eta: float
+        self,
+        exchange: Exchange,
+        lamps: Sequence[tuple[Light, Float32]],
+        samples: SurfaceSamples,
+        around: tuple[Probe, EnvironmentSettings] | None,
+        eta: float,
     ) -> Float32 | None:
-        """Return the irradiance of an environment by way of the surface's mirror, at the vertices; None without one."""
-        if not shines(environment):
+        """Return the irradiance of light that the surface mirrors onto itself, at the vertices, (n, 3); None for none.
+
+        Parameters
+        ----------
+        exchange : Exchange
+        lamps : of lights and what of them enters the samples, (m, 3)
+        samples : SurfaceSamples
+        around : probe and its environment, optional
+            Light from all around, without what shines as lamps.
+        eta : float
+        """
+        parts = []
+        mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
+        for i, (light, entering) in enumerate(lamps, start=1):
+            key = [mirror, samples, light, entering, eta]
+            parts.append(
+                self._run(
+                    Stage.MIRRORED_LAMP.of(i),
+                    key,
+                    lambda light=light, entering=entering: lamp_mirrored(mirror, light, entering, samples, eta),  # type: ignore[misc]
+                )
+            )
+        if around is not None:
+            probe, environment = around
+            to_probe, texels = world_to_probe(environment.rotation_deg), coarse(probe.latlong)
+
+            def radiance(directions: Array) -> Array:
+                return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
+
+            key = [exchange.hits, probe, environment.rotation_deg, environment.intensity, eta]
+            parts.append(self._run(Stage.MIRRORED, key, lambda: exchange.hits.mirrored(eta, radiance)))
+        if not parts:
             return None
-        around, to_probe = probe(), world_to_probe(environment.rotation_deg)
-
-        def radiance(directions: Array) -> Array:
-            return environment.intensity * np.asarray(lookup(around.latlong, directions @ to_probe), np.float64)
-
-        key = [exchange.hits, around, environment.rotation_deg, environment.intensity, eta]
-        return self._run(Stage.MIRRORED, key, lambda: exchange.hits.mirrored(eta, radiance))
+        return self._run(Stage.MIRRORED_TOTAL, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
 
     def flux(self, exchange: Exchange, mirrored: Float32, surface: SampledSurface) -> Float32:
         """Return the flux that enters the surface samples, (n, 3), for irradiance at the exchange's vertices."""
@@ -81,3 +119,33 @@ class ExchangeStages:
             return np.asarray(at_samples * samples.areas[:, None], np.float32)
 
         return self._run(Stage.MIRRORED_FLUX, [exchange, samples, mirrored], interpolated)
+
+
+def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: SurfaceSamples, eta: float) -> Float32:
+    """Return the irradiance of a lamp by way of the surface's mirror, at the vertices, (n, 3).
+
+    `entering` is what of it enters the samples, (m, 3), in its shadows; a ray from each goes to one of its sub-lights.
+    """
+    parts = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
+    points, normals = samples.points.astype(np.float64), samples.normals.astype(np.float64)
+    towards = np.empty((len(parts), *points.shape))
+    arriving = np.empty((len(parts), len(points)))  # of each sub-light, on a surface that faces it
+    for i, vector in enumerate(parts.vectors):
+        way = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
+        towards[i] = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        arriving[i] = parts.emission(i, points)
+    cosines = np.maximum(np.einsum("kij,ij->ki", towards, normals), 0.0)
+    arriving *= cosines
+    entered = (arriving * transmittance(eta, cosines)).mean(axis=0)
+    chosen = np.random.default_rng(0).integers(len(parts), size=len(points)), np.arange(len(points))
+    scale = arriving[chosen] / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
+    flux = entering * (scale * samples.areas)[:, None]
+    return mirror.irradiance(points, normals, towards[chosen], flux, eta)
+
+
+def coarse(latlong: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return a lat-long map with texels averaged to COARSE_ROWS rows at most: a few rays see small sources as noise."""
+    step = max(1, latlong.shape[0] // COARSE_ROWS)
+    rows, columns = latlong.shape[0] // step, latlong.shape[1] // step
+    cut = latlong[: rows * step, : columns * step].reshape(rows, step, columns, step, -1)
+    return np.asarray(cut.mean(axis=(1, 3)), latlong.dtype)

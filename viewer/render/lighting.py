@@ -28,7 +28,7 @@ from milkglass.viewer.render.detail import DetailStages
 from milkglass.viewer.render.exchange import ExchangeStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows
+from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
@@ -117,12 +117,8 @@ class Lighting:
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
         exchange = self._exchanges.of(settings, model.mesh, surface, leaving, say)
         refined = None if occlusion is None else occlusion.surface
-        mirrored = None
         if exchange is not None:
             refined = self._exchanges.uploaded(exchange, model.buffers)
-            if not draft:  # a turn of the environment looks up a million directions
-                around = scene.environment
-                mirrored = self._exchanges.mirrored(exchange, around, lambda: self.probe(around), material.eta)
 
         say("lighting the surface")
         irradiances = self._irradiances(surface, sources, material.eta)
@@ -132,6 +128,15 @@ class Lighting:
             lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
         )
         lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
+        mirrored = None
+        if exchange is not None and not draft:  # a turned lamp casts rays again
+            shining = *scene.effective_lights(), *self._surround.lamps(environment)
+            lit_by = [
+                (lamp, surface.unweighted(entering))
+                for lamp, entering in zip(shining, irradiances[: len(shining)], strict=True)
+            ]
+            around = (self._surround.rest(environment), environment) if shines(environment) else None
+            mirrored = self._exchanges.mirrored(exchange, lit_by, samples, around, material.eta)
         if exchange is not None and mirrored is not None:
             by_mirrors = self._exchanges.flux(exchange, mirrored, surface)
             flux = run(Stage.TOTAL_FLUX, [flux, by_mirrors], lambda: flux + by_mirrors)

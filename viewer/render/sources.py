@@ -96,6 +96,11 @@ class Surround:
         assert parts is not None
         return parts[1]
 
+    def lamps(self, environment: EnvironmentSettings) -> tuple[DirectionalLight, ...]:
+        """Return the strong sources of an environment's probe that shine as lamps, in the world."""
+        parts = self.parted(environment)
+        return () if parts is None else probe_lamps(environment, parts[0])
+
     def sources(
         self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
         bodies: moderngl.Buffer | None, occlusion: Occlusion | None, draft: bool,
