@@ -97,6 +97,7 @@ def test_bodies_light_each_other_as_one_object_does():
     received = float((lower.exitance_of_patches[:, 0] * lower.boundary.patches.areas).sum())
     points = joined.boundary.patches.points[:, 2] < 0.0
     expected = float((joined.exitance_of_patches[points, 0] * joined.boundary.patches.areas[points]).sum())
-    assert received == pytest.approx(expected, rel=0.02)
+    # Light that enters again in one body has no corrections at its edges; from another body it has.
+    assert received == pytest.approx(expected, rel=0.03)
     assert received > 0.05 * float(flux[:, 0].sum())
     np.testing.assert_allclose(separate.reentering[dark].mean(axis=0), joined.reentering[dark].mean(axis=0), rtol=0.02)
