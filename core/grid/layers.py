@@ -205,8 +205,9 @@ def _product_matrix(
         for axis, count in ((2, grid.n_layers), (1, grid.height), (0, grid.width)):
             first, along = axis_weights(block[:, axis], count)
             steps = first + np.arange(len(along))[:, None]
-            nodes = (nodes[:, None] * count + steps).reshape(-1, len(block))
-            weights = (weights[:, None] * along).reshape(-1, len(block))
+            shape = len(nodes) * len(along), len(block)
+            nodes = (nodes[:, None] * count + steps).reshape(shape)
+            weights = (weights[:, None] * along).reshape(shape)
         blocks.append((np.ascontiguousarray(nodes.T, index), np.ascontiguousarray(weights.T)))
     node = np.concatenate([nodes for nodes, _ in blocks])
     weight = np.concatenate([weights for _, weights in blocks])

@@ -86,18 +86,13 @@ class Hits:
             Number of emitters.
         """
         entering, mirrored = self._entering(eta)
-        scale = 1.0 / (self.rays * hemispherical_transmittance(eta))
-        vertices = self.vertices
-        rows, columns, values = [], [], []
-        for hit, arriving in enumerate((entering, entering * mirrored)):
-            columns_of_hit = np.where(self.faces[:, hit] >= 0, emitters[self.faces[:, hit]], -1)
-            used = np.flatnonzero(columns_of_hit >= 0)
-            leaving = 1.0 - reflectance(eta, self.cosines[used, 1]) if hit == 0 else 1.0
-            rows.append(vertices[used])
-            columns.append(columns_of_hit[used])
-            values.append((scale * arriving[used] * leaving).astype(np.float32))
-        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return csr_array(entries, shape=(len(self.first) - 1, count))
+        arriving = (entering / np.float32(self.rays * hemispherical_transmittance(eta)))[:, None]
+        values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
+        columns = np.where(self.faces >= 0, emitters[self.faces], -1)
+        used = columns >= 0
+        entries = np.concatenate([[0], np.cumsum(used.sum(axis=1))])[self.first]  # rays are in the order of rows
+        shape = len(self.first) - 1, count
+        return csr_array((values[used], columns[used].astype(np.int32), entries.astype(np.int32)), shape=shape)
 
     def mirrored(self, eta: float, radiance: Callable[[Array], Array]) -> Float32:
         """Return the irradiance that enters at the vertices by way of a mirror, (n, 3).
@@ -111,9 +106,13 @@ class Hits:
         sums = [np.bincount(vertices, column, minlength=n) for column in arriving.T]
         return (np.pi / self.rays * np.stack(sums, axis=1)).astype(np.float32)
 
-    def _entering(self, eta: float) -> tuple[Array, Array]:
+    def _entering(self, eta: float) -> tuple[Float32, Float32]:
         """Return F_t at the vertex and F_r at the first hit, (k,) each."""
-        return 1.0 - reflectance(eta, self.cosines[:, 0]), reflectance(eta, self.cosines[:, 1])
+        # Of every number that float16 has in [0, 1]: their bits, as whole numbers, count them.
+        one = int(np.float16(1.0).view(np.uint16))
+        table = reflectance(eta, np.arange(one + 1, dtype=np.uint16).view(np.float16)).astype(np.float32)
+        at_vertex, at_hit = table[np.minimum(self.cosines.view(np.uint16), one)].T
+        return 1.0 - at_vertex, at_hit
 
 
 def cast_hits(

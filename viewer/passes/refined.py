@@ -7,11 +7,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from milkglass.core.geometry.refine import Refined
+from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.geometry.refine import Refined, barycentric
 from milkglass.core.light.bake import opposite_points
 from milkglass.core.threads import computed_once
 from milkglass.viewer.assets.visibility import LONGEST_EDGE
 from milkglass.viewer.gl.buffers import MeshBuffers
+
+LIFT = 1e-3  # radii above the surface from which points are looked for on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,10 @@ class RefinedSurface:
         return opposite_points(self.refined.mesh)
 
     @computed_once
+    def _rays(self) -> RayMesh:
+        return RayMesh(self.refined.mesh.vertices, self.refined.mesh.faces)
+
+    @computed_once
     def _tree(self) -> cKDTree:
         mesh = self.refined.mesh
         return cKDTree(np.concatenate([mesh.vertices, self._turn * mesh.normals], axis=1))
@@ -48,14 +55,18 @@ class RefinedSurface:
     def at(
         self, values: npt.NDArray[np.floating], points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]
     ) -> npt.NDArray[np.float64]:
-        """Return values of the vertices (n, k) at m points with normals, (m, k): of the nearest that face that way."""
-        mesh = self.refined.mesh
-        places = np.concatenate([points, self._turn * normals], axis=1)
-        distance, nearest = self._tree.query(places, k=min(3, len(mesh.vertices)))
-        distance, nearest = (np.reshape(found, (len(points), -1)) for found in (distance, nearest))
-        weights = 1.0 / (distance**2 + (1e-6 * mesh.radius) ** 2)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return np.asarray(np.einsum("nk,nkc->nc", weights, values[nearest]))
+        """Return values of the vertices (n, k) at m points of the surface with normals, (m, k), as pixels have them."""
+        mesh, lift = self.refined.mesh, LIFT * self.refined.mesh.radius
+        face, along = self._rays.first(points + lift * normals, -normals)
+        corners = mesh.faces[face]
+        weights = np.maximum(barycentric(mesh.vertices, corners, points), 0.0)
+        weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        found = np.einsum("nk,nkc->nc", weights, values[corners])
+        far = np.flatnonzero((face < 0) | (np.abs(along - lift) > lift))
+        if len(far):  # not quite on the surface: the nearest vertex that faces that way
+            places = np.concatenate([points[far], self._turn * normals[far]], axis=1)
+            found[far] = values[self._tree.query(places)[1]]
+        return np.asarray(found)
 
     def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
         """Return the body of each vertex, as a buffer of one float a vertex."""

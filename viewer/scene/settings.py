@@ -305,7 +305,7 @@ class TransportSettings:
 
     method: str = setting(
         "text", DEFAULT_METHOD, choices=METHODS.keys(),
-        moves=(Part.BODIES, Part.SAMPLES),
+        moves=(Part.BODIES, Part.SAMPLES, Part.OCCLUSION),
         why="diffusion: solved in the object itself, close to transport; ewald: close to the dipole integral, (1); "
             "layered: the paper's parallel layers"
     )

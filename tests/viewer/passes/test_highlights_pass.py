@@ -151,7 +151,8 @@ def test_light_behind_a_sheet_is_that_of_its_other_side(context, tmp_path, monke
     front = np.zeros((32, 64, 3), np.float32)
     front[:, :16] = front[:, 48:] = 1.0
     small = "camera.azimuth_deg=0", "camera.elevation_deg=0", "display.image_size=[48, 48]"
-    scene = scene_of(*small, "transport.resolution=20", "transport.method=diffusion", "specular.strength=0")
+    diffusion = "transport.resolution=20", "transport.method=diffusion", "transport.exchange=off"
+    scene = scene_of(*small, *diffusion, "specular.strength=0")
 
     renderer = MeshRenderer(context, mesh)
 

@@ -56,6 +56,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     **{f"model.{key}": SOLVED for key in ("path", "builtin", "size_mm", "up")},
     "model.bodies": ("model.path={pair}", "model.bodies=joined"),
     "transport.method": ("model.path={pair}", *LAYERED),
+    "transport.exchange": ("transport.exchange=off", "model.path={pair}", "environment.occluded=false"),
     "transport.assignment": ("transport.assignment=tent",),
     "environment.occluded": ("environment.occluded=false",),
     "specular.shininess": ("environment.occluded=false",),  # else highlights are occluded, in the G-buffer
