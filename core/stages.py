@@ -26,6 +26,7 @@ class Part(StrEnum):
     TRANSPORT = "transport"  # through the object, up to the volume that pixels read
     VIEW = "view"  # where the picture is taken from, and its size
     LOOK = "look"  # radiance of the pixels
+    GROUND = "ground"  # that the object stands on
     DISPLAY = "display"  # exposure to sRGB
     PHOTOGRAPH = "photograph"  # that the object is put into
 
@@ -53,7 +54,8 @@ _READ = {
     Part.TRANSPORT: (Part.IRRADIANCE, Part.BODIES),
     Part.VIEW: (Part.SHAPE, Part.BODIES, Part.OCCLUSION),
     Part.LOOK: (Part.TRANSPORT, Part.VIEW),
-    Part.DISPLAY: (Part.LOOK,),
+    Part.GROUND: (Part.TRANSPORT, Part.VIEW),
+    Part.DISPLAY: (Part.LOOK, Part.GROUND),
     Part.PHOTOGRAPH: (Part.OBJECT, Part.LOOK),
 }
 
@@ -171,6 +173,16 @@ class Stage(StrEnum):
     ENVIRONMENT_HIGHLIGHTS = "environment highlights", Part.LOOK
     COMPOSITE = "composite", Part.LOOK
     EXPOSURE = "exposure", Part.LOOK
+
+    GROUND_RAYS = "rays from the ground", Part.GROUND
+    GROUND_SKY = "environment on the ground", Part.GROUND
+    GROUND_EMITTERS = "emitters before the ground", Part.GROUND
+    GROUND_GLOW = "glow on the ground", Part.GROUND
+    GROUND = "ground", Part.GROUND
+    GROUND_LAMPS = "lamps on the ground", Part.GROUND
+    GROUND_AROUND = "light around the ground", Part.GROUND
+    GROUND_TARGETS = "ground targets", Part.GROUND
+    GROUND_PIXELS = "ground at pixels", Part.GROUND
 
     BACKGROUND = "background", Part.DISPLAY
     IMAGE = "image", Part.DISPLAY

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         DetailSettings as DetailSettings,
         DisplaySettings as DisplaySettings,
         EnvironmentSettings as EnvironmentSettings,
+        GroundSettings as GroundSettings,
         MaterialSettings as MaterialSettings,
         ModelSettings as ModelSettings,
         PhotoSettings as PhotoSettings,

@@ -43,6 +43,7 @@ vec2 in_the_way(int view, vec4 clip) {
     vec2 place = clamp(0.5 * clip.xy / clip.w + 0.5, 0.5 / size, 1.0 - 0.5 / size);
     int columns = int(u_shadow_tiles.x);
     float depth = textureLod(t_shadow_depth, (place + vec2(view % columns, view / columns)) / u_shadow_tiles, 0.0).r;
+    if (depth == 1.0) return vec2(-1.0, 1.0);  // nothing, for places farther than the map too
     float ndc = 2.0 * depth - 1.0;
     if (u_light_kind != LIGHT_POINT) return vec2((clip.z - ndc) * u_shadow_range.y, 1.0);
     float near = u_shadow_range.x, far = u_shadow_range.y;

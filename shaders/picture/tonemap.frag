@@ -1,10 +1,12 @@
 #version 330
-// The picture: object and background, through the same display transform.
+// The picture: object, ground and background, through the same display transform.
 #include "photographic.glsl"
 #include "display_table.glsl"
 #include "latlong.glsl"
 
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
+uniform sampler2D t_ground;    // the same of the ground, as without the object
+uniform bool u_grounded;       // whether it is there
 uniform sampler2D t_probe;
 uniform sampler3D t_display;   // table of the display transform
 uniform bool u_photographic;   // the formula of photographic.glsl instead of the table
@@ -43,6 +45,7 @@ vec3 background(vec2 pixel) {
 
 void main() {
     vec4 radiance = texelFetch(t_radiance, ivec2(gl_FragCoord.xy), 0);
+    if (u_grounded) radiance += max(1.0 - radiance.a, 0.0) * texelFetch(t_ground, ivec2(gl_FragCoord.xy), 0);
     vec3 object = vec3(0.0);
     if (radiance.a > 0.0) {
         vec3 mean = radiance.rgb / radiance.a;

@@ -10,7 +10,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.app import read_pixels
 from tests.support.driving import Driver
 
-SIZE = (900, 2850)  # every section open and nothing scrolled
+SIZE = (900, 3050)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 
@@ -168,6 +168,10 @@ CONTROLS = [
         "probe", environment__rotation_deg=0.8, environment__intensity=0.9, environment__extract=0.05,
         display__background_blur_deg=0.5,
     ),
+    *sliders("plain", ground__on=0.05),
+    *sliders("ground", ground__gap_mm=0.2, ground__reflectance=0.9),
+    Control("ground.shown", "ground.shown", choose("ground.shown", "shadow"), "ground"),
+    Control("ground.color", "ground.color", pick_colour("ground.color"), "ground"),
     *sliders("ewald", transport__error_target=0.9),
     Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
     *(

@@ -19,6 +19,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
 from milkglass.core.light.exchange import Hits
+from milkglass.core.light.ground import GroundPlane, GroundRays
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
@@ -28,6 +29,7 @@ from milkglass.core.transport.accuracy import Roughness, roughness
 from milkglass.core.transport.diffusion.boundary import row_sums
 from milkglass.core.transport.quality import Quality, choose_quality, survey_spacing
 from milkglass.viewer.assets.exchange import find_hits
+from milkglass.viewer.assets.ground import find_ground_rays
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
 from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import FileModel, builtin_model, read_model
@@ -318,6 +320,23 @@ class HitsOf:
     def load(self, assets: "Assets") -> Hits | None:
         """Cast the rays; None where the mesh does not see itself."""
         return find_hits(assets.get(RefinedOf(self.mesh)), self.progress, self.cancelled)
+
+
+@dataclass(frozen=True)
+class GroundRaysOf:
+    """Rays from the plane `gap` mm below a mesh; parameters as of `viewer.assets.ground.find_ground_rays`."""
+
+    CASTING: ClassVar[str] = "the ground's shadows"
+
+    mesh: Mesh
+    gap: float
+    progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
+    cancelled: threading.Event | None = field(default=None, compare=False)
+
+    def load(self, assets: "Assets") -> GroundRays:
+        """Cast the rays."""
+        plane = GroundPlane.below(self.mesh, self.gap)
+        return find_ground_rays(assets.get(RefinedOf(self.mesh)), plane, self.progress, self.cancelled)
 
 
 def model_source(settings: ModelSettings) -> ModelSource:

@@ -56,6 +56,7 @@ REACH = {
     "specular.shininess": Reach(1.0, 2000.0, True, "%.0f"),
     "environment.rotation_deg": Reach(-180.0, 180.0, False, "%.1f"),
     "environment.intensity": Reach(0.0, 100.0, True, "%.3f"),
+    "ground.gap_mm": Reach(0.0, 100.0, False, "%.2f"),
     "transport.layers": Reach(1, 80),
     "transport.resolution": Reach(16, 512),
     "transport.error_target": Reach(0.001, 0.2, True, "%.3f"),

@@ -74,7 +74,8 @@ def turn_deg(a: CameraSettings, b: CameraSettings) -> float:
 def looks_of(scene: Scene, lit: LitScene) -> Key:
     """Return all that a picture depends on, but for its volume and its size."""
     sized = replace(scene, display=replace(scene.display, image_size=(16, 16)))
-    return *sized.moving(Part.VIEW, Part.LOOK, Part.DISPLAY, Part.PHOTOGRAPH), lit.model, lit.detail, lit.sources
+    parts = Part.VIEW, Part.LOOK, Part.GROUND, Part.DISPLAY, Part.PHOTOGRAPH
+    return *sized.moving(*parts), lit.model, lit.detail, lit.sources
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,20 @@ from dataclasses import replace
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.bake import BakeCancelled
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.sources import HitsOf, VisibilityOf, model_source
+from milkglass.viewer.assets.sources import GroundRaysOf, HitsOf, VisibilityOf, model_source
 from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.scene.scene import Scene
 
-RaySource = HitsOf | VisibilityOf
+RaySource = HitsOf | VisibilityOf | GroundRaysOf
 
 LOG = logging.getLogger(__name__)
 STEPS = 50  # of the progress that is shown
 
 
 class RaysJob:
-    """Keeps light between parts, then visibility of the environment, on its way; for one thread, the one that draws.
+    """Keeps what rays tell of light between parts, of the environment, then of the ground, on its way.
+
+    For one thread, the one that draws.
 
     Given up where they are not wanted any longer.
 
@@ -87,7 +89,8 @@ class RaysJob:
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
         between: tuple[RaySource, ...] = (HitsOf(mesh),) if settings.exchanges else ()
         around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
-        return between + around
+        below: tuple[RaySource, ...] = (GroundRaysOf(mesh, scene.ground.gap_mm),) if scene.ground.on else ()
+        return between + around + below
 
     def _bake(self, wanted: tuple[RaySource, ...], cancelled: threading.Event) -> None:
         """Run in the worker."""

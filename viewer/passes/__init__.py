@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from milkglass.viewer.passes.composite import CompositePass as CompositePass
     from milkglass.viewer.passes.detail import DetailPass as DetailPass
     from milkglass.viewer.passes.gbuffer import GBufferPass as GBufferPass
+    from milkglass.viewer.passes.ground import GroundPass as GroundPass
     from milkglass.viewer.passes.highlights import HighlightsPass as HighlightsPass
     from milkglass.viewer.passes.irradiance import (
         PixelIrradiancePass as PixelIrradiancePass,

@@ -68,6 +68,10 @@ class ShadowMap:
             "u_shadow_texel": self.texel,
         }
 
+    def receiver_uniforms(self) -> dict[str, object]:
+        """Return the values of `uniforms` that differ on what receives the shadow and casts none: none do."""
+        return {}
+
     def depth_uniforms(self) -> dict[str, object]:
         """Return the values for sheet.glsl."""
         views = self.world_to_clip[: self.views]

@@ -23,6 +23,7 @@ LIGHT_TAPS = 64  # of a filter over all sub-lights, about
 MIN_TAPS, MAX_TAPS = 4, 24
 SAMPLE_TAPS, MIN_SAMPLE_TAPS = 16, 2  # at a surface sample
 FILTER_RADIUS = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
+NO_WALL = 1e9  # mm
 MIN_WALL = 0.0095  # of the longest side: light leaks through thinner walls only
 
 
@@ -102,6 +103,13 @@ class SoftShadow:
         """Return the values for surface samples: steps from sub-light to sub-light are smoothed by transport anyway."""
         taps = max(MIN_SAMPLE_TAPS, SAMPLE_TAPS // len(self.lights))
         return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
+
+    def receiver_uniforms(self) -> dict[str, object]:
+        """Return the values of `uniforms` that differ on what receives the shadow and casts none: filters as wide.
+
+        They may reach as far as the shadow of their share of the light does, with no wall to leak through.
+        """
+        return {"u_piece": self.lights.cell, "u_widest": NO_WALL}
 
     def depth_uniforms(self) -> dict[str, object]:
         """Return the values for sheet.glsl."""

@@ -56,10 +56,12 @@ class TonemapPass:
         target: moderngl.Framebuffer,
         *,
         directions: bool = False,
+        ground: moderngl.Texture | None = None,
     ) -> None:
         """Draw the picture, sRGB; alpha is coverage where the background is transparent and 1 elsewhere.
 
-        `directions`: the object's pixels are unit vectors, drawn as (n + 1) / 2 and not tone-mapped.
+        `directions`: the object's pixels are unit vectors, drawn as (n + 1) / 2 and not tone-mapped. `ground`: radiance
+        of the ground times its share of each pixel, as without the object.
 
         Raises
         ------
@@ -77,6 +79,8 @@ class TonemapPass:
         self._tonemap.set(
             {
                 "t_radiance": radiance,
+                "t_ground": ground or radiance,
+                "u_grounded": ground is not None,
                 "t_probe": background.probe,
                 "t_display": table or self._no_table,
                 "u_photographic": table is None,

@@ -26,6 +26,7 @@ from milkglass.viewer.passes.reentry import Reentry
 from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
 from milkglass.viewer.render.detail import DetailStages
 from milkglass.viewer.render.exchange import ExchangeStages
+from milkglass.viewer.render.ground import Ground, GroundStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
@@ -53,6 +54,7 @@ class Lighting:
         self._occlusions = OcclusionStages(context, stages, assets)
         self._exchanges = ExchangeStages(stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
+        self._grounds = GroundStages(stages, assets)
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins.
@@ -180,6 +182,10 @@ class Lighting:
         if windows is None:
             return None
         return self._run(Stage.BODY_WINDOWS, [windows], lambda: self._layers.windows(windows))
+
+    def ground(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Ground | None:
+        """Return the plane that the object stands on, where a scene has one."""
+        return self._grounds.of(scene, lit, self._surround.rest, say) if scene.ground.on else None
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""

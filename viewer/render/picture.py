@@ -50,6 +50,11 @@ class PictureRequest:
         """Whether all of `viewer.passes.composite.OUTPUTS` are drawn, not radiance alone."""
         return self.parts or self.show != OUTPUTS[0]
 
+    @property
+    def shows_ground(self) -> bool:
+        """Whether the plane that the object stands on is drawn where a scene has one: in pictures of radiance."""
+        return self.develop and self.show == OUTPUTS[0]
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
@@ -62,6 +67,7 @@ class Picture:
     quality: Quality
     log_average: float  # luminance that the picture itself asks to be exposed for
     remarks: tuple[str, ...] = ()
+    ground: moderngl.Texture | None = None  # as without the object, times its share
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +87,14 @@ class Still:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame as arrays, top row first; 0 where the object is not.
+    """A frame as arrays, top row first; 0 where the object is not, nor in the first two the ground.
 
     Attributes
     ----------
     radiance : (H, W, 3) float32
         Linear RGB towards the eye, multiplied by coverage.
     alpha : (H, W) float32
-        Coverage of the pixel by the object, [0, 1].
+        Coverage of the pixel by the object and the ground, [0, 1].
     image : (H, W, 3) uint8, or (H, W, 4) where the background is transparent
         Tone-mapped sRGB; alpha is not multiplied in.
     position, normal : (H, W, 3) float32
@@ -96,7 +102,8 @@ class Frame:
     irradiance, exitance : (H, W, 3) float32
         E that enters and M that leaves, means over the covered part of the pixel.
     subsurface, specular : (H, W, 3) float32
-        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights; they sum to `radiance`.
+        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights; they sum to the object's
+        `radiance`.
     timings : dict
         Stage -> ms, of the stages that ran.
     warnings : tuple of str
@@ -165,6 +172,10 @@ def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Fra
     hit = alpha > 0.0
     normals = planes["normal"][hit]
     planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    if picture.ground is not None:
+        ground = np.maximum(1.0 - alpha, 0.0)[..., None] * read_rgba(picture.ground)
+        planes["radiance"] += ground[..., :3]
+        alpha += ground[..., 3]
     return Frame(
         **planes,
         alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1

@@ -23,6 +23,7 @@ from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render import memory
+from milkglass.viewer.render.ground import Ground
 from milkglass.viewer.render.lighting import Lighting, Progress
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Still, read_frame, read_image
@@ -145,11 +146,12 @@ class Renderer:
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
+        ground = self._ground(scene, lit, request, say)
         if last:
             lit = self._without_transport(lit)
             memory.give_back()
         say("drawing")
-        return self.shade(scene, lit, gather, request)
+        return self._shade(scene, lit, gather, request, ground)
 
     def _scattered(self, scene: Scene, say: Progress, *, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
@@ -191,14 +193,24 @@ class Renderer:
     @_in_turn
     def shade(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest = PictureRequest()) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light."""
+        return self._shade(scene, lit, gather, request, self._ground(scene, lit, request))
+
+    def _ground(
+        self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
+    ) -> Ground | None:
+        return self._lighting.ground(scene, lit, say) if request.shows_ground else None
+
+    def _shade(
+        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, ground: Ground | None
+    ) -> Picture:
         is_seen = scene.display.background == "environment"
         behind = self._lighting.probe(scene.environment) if is_seen else None
-        return self._shading.shade(scene, lit, gather, request, behind)
+        return self._shading.shade(scene, lit, gather, request, behind, ground)
 
     @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
-        return self._shading.advance(scene, lit, gather, request)
+        return self._shading.advance(scene, lit, gather, request, self._ground(scene, lit, request))
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Return the light probe of an environment that has one."""

@@ -14,12 +14,14 @@ from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer, GBufferPass
+from milkglass.viewer.passes.ground import GroundPass, GroundTargets
 from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
+from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.remarks import below_nodes, beyond_object
@@ -44,10 +46,20 @@ class Shading:
         self._detail = DrawnDetail(context, stages)
         self._reentry = ReentryPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
+        self._ground = GroundPass(context)
+        self._ground_lighting = GroundLighting(
+            context, stages, self._ground, self._irradiance, self._composite, self._no_probe
+        )
         self._seen: GBuffer | None = None
 
     def shade(
-        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, behind: Probe | None = None
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        request: PictureRequest,
+        behind: Probe | None = None,
+        ground: Ground | None = None,
     ) -> Picture:
         """Draw a scene through its camera and return the picture on the GPU.
 
@@ -60,6 +72,8 @@ class Shading:
             Where nothing is to be developed, the image is the composite's own framebuffer.
         behind : Probe, optional
             Where an environment is to be seen behind the object.
+        ground : Ground, optional
+            Where the object stands on one.
 
         Raises
         ------
@@ -74,15 +88,17 @@ class Shading:
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if request.exposure_for is None else request.exposure_for
         background = self._background(scene, behind)
+        drawn = None if ground is None else self._ground_pixels(scene, lit, gather, ground)
+        plane = None if drawn is None else drawn.radiance
         image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
         self._run(
             Stage.TONE_MAP,
-            [composite, show, exposed, display, scene.environment, scene.camera, image],
+            [composite, show, exposed, display, scene.environment, scene.camera, image, drawn],
             lambda: self._tonemap.render(
-                texture, exposed, display, background, lit.camera, image, directions=show == "normal"
+                texture, exposed, display, background, lit.camera, image, directions=show == "normal", ground=plane
             ),
         )
-        return self._picture(scene, lit, composite, image, average)
+        return replace(self._picture(scene, lit, composite, image, average), ground=plane)
 
     def _picture(
         self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
@@ -105,10 +121,14 @@ class Shading:
         values = np.frombuffer(self._seen.framebuffer.read(viewport=box, components=4, dtype="f4"), np.float32)
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
-    def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
+    def advance(
+        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, ground: Ground | None = None
+    ) -> bool:
         """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
             self._pixels(scene, lit, gather, request)
+            if ground is not None:
+                self._ground_pixels(scene, lit, gather, ground)
         except Unfinished:
             return False
         return True
@@ -143,6 +163,18 @@ class Shading:
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
         return self._stages.spread(Stage.COMPOSITE, (*key, sharing), shade)
+
+    def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
+        """Draw the ground at every pixel."""
+        size, settings = scene.display.image_size, scene.ground
+        targets = self._run(Stage.GROUND_TARGETS, [size], lambda: self._ground.targets(size))
+        light = self._ground_lighting.light(ground, lit, gather)
+
+        def draw() -> GroundTargets:
+            self._ground.render(light, settings, lit.camera, targets)
+            return replace(targets)  # a new object, as of the composite
+
+        return self._run(Stage.GROUND_PIXELS, [targets, light, settings, scene.camera, size], draw)
 
     def _pixel_work(
         self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest

@@ -32,6 +32,7 @@ from milkglass.viewer.scene.settings import (
     DisplaySettings,
     EnvironmentSettings,
     Gloss,
+    GroundSettings,
     MaterialSettings,
     ModelSettings,
     PhotoSettings,
@@ -40,8 +41,9 @@ from milkglass.viewer.scene.settings import (
 )
 
 __all__ = [
-    "CameraSettings", "Change", "DetailSettings", "DisplaySettings", "EnvironmentSettings", "MaterialSettings",
-    "ModelSettings", "PhotoSettings", "Scene", "SpecularSettings", "TransportSettings", "apply_set", "changed",
+    "CameraSettings", "Change", "DetailSettings", "DisplaySettings", "EnvironmentSettings", "GroundSettings",
+    "MaterialSettings", "ModelSettings", "PhotoSettings", "Scene", "SpecularSettings", "TransportSettings",
+    "apply_set", "changed",
 ]  # fmt: skip
 
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
@@ -67,6 +69,7 @@ class Scene:
     lights: tuple[Light, ...] | None = None
     environment: EnvironmentSettings = field(default_factory=EnvironmentSettings)
     transport: TransportSettings = field(default_factory=TransportSettings)
+    ground: GroundSettings = field(default_factory=GroundSettings)
     display: DisplaySettings = field(default_factory=DisplaySettings)
     photo: PhotoSettings = field(default_factory=PhotoSettings)
 

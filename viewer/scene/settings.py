@@ -395,10 +395,47 @@ class DisplaySettings:
         return float(self.key * 2.0**self.exposure)
 
 
+@dataclass(frozen=True)
+class GroundSettings:
+    """A plane that the object stands on, which catches its shadow and the light that leaves it."""
+
+    TABLE: ClassVar[str] = "ground"
+
+    on: bool = setting(
+        "boolean", False, moves=Part.GROUND,
+        why="whether the object stands on a plane, which catches its shadow and the light that leaves it"
+    )
+    gap_mm: float = setting(
+        "number", 0.0, unit="mm", low=0, high=1e6, moves=Part.GROUND,
+        why="from the plane up to the object's lowest point; the object floats above 0"
+    )
+    color: Vector = setting(
+        "number", (1.0, 1.0, 1.0), length=3, low=0, high=1, moves=Part.GROUND, why="R, G, B of its colour, linear"
+    )
+    reflectance: float = setting(
+        "number", 0.5, low=0, high=1, moves=Part.GROUND,
+        why="share of the light on it that it returns, of a white one; evenly all around"
+    )
+    shown: str = setting(
+        "text", "plane", choices=("plane", "shadow"), moves=Part.GROUND,
+        why="plane: it fades into the background far away; shadow: what the object does to its light alone, over a "
+            "background that stands for it"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.TABLE)
+
+    @property
+    def albedo(self) -> Vector:
+        """R, G, B of the share of light that the plane returns."""
+        red, green, blue = (self.reflectance * channel for channel in self.color)
+        return red, green, blue
+
+
 TABLES = {
     table.TABLE: table
     for table in (
         ModelSettings, CameraSettings, MaterialSettings, DetailSettings, SpecularSettings, EnvironmentSettings,
-        TransportSettings, DisplaySettings, PhotoSettings
+        TransportSettings, GroundSettings, DisplaySettings, PhotoSettings
     )
 }

@@ -162,6 +162,10 @@ COMMANDS: tuple[Command[Workspace], ...] = (
         "toggle_orthographic", "perspective or orthographic", lambda space: space.actions.toggle_orthographic(),
         "View", "5", _shows_model, CAMERA_FIXED,
     ),
+    Command(
+        "toggle_ground", "a ground to stand on, or none", lambda space: space.actions.toggle_ground(),
+        "View", "G", _shows_model, NO_MODEL,
+    ),
     Command("reset_view", "reset the view", _reset_view, "View", "Enter"),
     Command(
         "copy_view", "copy the view as text", lambda space: space.actions.copy_view(),

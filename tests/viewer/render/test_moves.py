@@ -36,7 +36,7 @@ LIGHT_SETTINGS = {
 }
 BASE = (
     "display.image_size=[24, 20]", "camera.azimuth_deg=20", "model.path={ball}", "model.size_mm=20",
-    "material.name=jade", "transport.method=ewald", "environment.path={probe}",
+    "material.name=jade", "transport.method=ewald", "environment.path={probe}", "ground.on=true",
     'lights=[{kind="directional", direction=[0.3, 0.4, 1.0]}]',
 )  # fmt: skip
 OWN = ("material.sigma_s_prime=[1, 2, 3]", "material.sigma_a=[0.01, 0.02, 0.03]")
@@ -58,6 +58,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "transport.method": ("model.path={pair}", *LAYERED),
     "transport.exchange": ("transport.exchange=off", "model.path={pair}", "environment.occluded=false"),
     "transport.assignment": ("transport.assignment=tent",),
+    "ground.on": ("ground.on=false",),  # what is taken away runs nothing
     "environment.occluded": ("environment.occluded=false",),
     "specular.shininess": ("environment.occluded=false",),  # else highlights are occluded, in the G-buffer
     "specular.model": ("environment.occluded=false", "specular.model=phong"),  # likewise: each has a shininess

@@ -5,6 +5,7 @@ from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.window.panel.camera import CameraSection
 from milkglass.viewer.window.panel.environment import EnvironmentSection
 from milkglass.viewer.window.panel.error import ErrorSection
+from milkglass.viewer.window.panel.ground import GroundSection
 from milkglass.viewer.window.panel.highlights import HighlightsSection
 from milkglass.viewer.window.panel.lights import LightsSection
 from milkglass.viewer.window.panel.material import MaterialSection
@@ -23,6 +24,7 @@ SECTIONS: tuple[type[Section], ...] = (
     MaterialSection,
     LightsSection,
     EnvironmentSection,
+    GroundSection,
     HighlightsSection,
     ToneMappingSection,
     TransportSection,

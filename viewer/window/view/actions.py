@@ -125,6 +125,10 @@ class Actions:
         camera = self._session.scene.camera
         self._session.look(replace(camera, orthographic=not camera.orthographic))
 
+    def toggle_ground(self) -> None:
+        """Put the object on a plane, or take the plane away."""
+        self._session.edit("ground", on=not self._session.scene.ground.on)
+
     def reset_view(self) -> None:
         """Put the camera back to where it stands at first."""
         self._session.look(CameraSettings())

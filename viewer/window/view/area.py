@@ -141,7 +141,8 @@ class ViewArea:
         scene = self._sized(self._session.scene)
         if scene is None:
             return None
-        scene = replace(scene, display=replace(scene.display, background="transparent"))
+        display, ground = replace(scene.display, background="transparent"), replace(scene.ground, on=False)
+        scene = replace(scene, display=display, ground=ground)
         return self.live.draw(scene, Detail(False, SAMPLES, True), exposure_for=self._session.view.exposure_lock)
 
     @property

@@ -17,7 +17,14 @@ from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS, PointLight
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, TABLES, MaterialSettings, PhotoSettings, TransportSettings
+from milkglass.viewer.scene.settings import (
+    DEFAULT_LIGHTS,
+    TABLES,
+    GroundSettings,
+    MaterialSettings,
+    PhotoSettings,
+    TransportSettings,
+)
 from milkglass.viewer.session.session import SHOWN
 from milkglass.viewer.window.curves.view import PER_RADIUS
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by
@@ -25,7 +32,7 @@ from tests.support.driving import small_scene, write_knot, write_pair
 from tests.support.skins import picture, write_ball
 from tests.support.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search
 
-SECTIONS = ("Environment", "Highlights", "Tone mapping", "Error", "Model", "Camera")
+SECTIONS = ("Environment", "Ground", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {
     "material.mix_sigma_s_prime": "comes with mix_eta",
     "material.mix_sigma_a": "comes with mix_eta",
@@ -67,6 +74,7 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "pair in probe": replace(scene, model=pair, environment=environment),
         "colour": replace(scene, material=MaterialSettings(**given_by(scene.material, COLOUR))),
         "diffuse colour": replace(scene, material=MaterialSettings(**given_by(scene.material, DIFFUSE))),
+        "ground": replace(scene, ground=GroundSettings(on=True)),
         "mixed": replace(scene, material=replace(scene.material, mix_with="ketchup")),
         "table": replace(
             scene, material=replace(scene.material, profile="table", profile_table=probe.with_name("table.csv"))

@@ -9,7 +9,7 @@ from milkglass.viewer.window.panel.section import Section, Seen
 from tests.support.driving import Driver, small_scene
 from tests.support.photographing import small_photo
 
-OF_MODEL = {"Tone mapping", "Error", "Model"}
+OF_MODEL = {"Ground", "Tone mapping", "Error", "Model"}
 
 
 class WeatherSection(Section):
