@@ -128,19 +128,18 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
     """
     parts = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
     points, normals = samples.points.astype(np.float64), samples.normals.astype(np.float64)
-    towards = np.empty((len(parts), *points.shape))
-    arriving = np.empty((len(parts), len(points)))  # of each sub-light, on a surface that faces it
+    chosen = np.random.default_rng(0).integers(len(parts), size=len(points))
+    entered, towards, arriving = np.zeros(len(points)), np.zeros_like(points), np.zeros(len(points))
     for i, vector in enumerate(parts.vectors):
         way = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
-        towards[i] = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-        arriving[i] = parts.emission(i, points)
-    cosines = np.maximum(np.einsum("kij,ij->ki", towards, normals), 0.0)
-    arriving *= cosines
-    entered = (arriving * transmittance(eta, cosines)).mean(axis=0)
-    chosen = np.random.default_rng(0).integers(len(parts), size=len(points)), np.arange(len(points))
-    scale = arriving[chosen] / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
-    flux = entering * (scale * samples.areas)[:, None]
-    return mirror.irradiance(points, normals, towards[chosen], flux, eta)
+        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        cosines = np.maximum(np.einsum("ij,ij->i", way, normals), 0.0)
+        on_surface = cosines * parts.emission(i, points)
+        entered += on_surface * transmittance(eta, cosines) / len(parts)
+        np.copyto(towards, way, where=(chosen == i)[:, None])
+        np.copyto(arriving, on_surface, where=chosen == i)
+    scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
+    return mirror.irradiance(points, normals, towards, entering * (scale * samples.areas)[:, None], eta)
 
 
 def coarse(latlong: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -16,13 +16,13 @@ from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer, render
 from milkglass.viewer.scene.scene import Scene, apply_set
 
-LIMIT = 600.0  # MB, of the default scene
+LIMIT = 850.0  # MB, of the default scene; 100 of them for light between parts, 180 for the shadow maps of soft lamps
 
 
 @pytest.mark.gl
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peaks are compared as Linux tells them")
-def test_all_channels_of_the_default_picture_fit_in_600_mb(tmp_path):
+def test_all_channels_of_the_default_picture_fit_in_memory(tmp_path):
     row = process_row(Scene(), "default", tmp_path, 1, "picture.exr")
     assert (tmp_path / "picture.exr").stat().st_size > 1e6
     assert 100.0 < row.megabytes < LIMIT

@@ -35,6 +35,8 @@ class TransportSection(Section):
             off = ASSIGNMENT_OFF if solves(live) else None
             controls.setting("transport.error_target", "Error target", quality.error_target or DEFAULT_ERROR_TARGET)
             controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
+        exchanges = quality.facts.exchanges
+        controls.setting("transport.exchange", "Light between parts", "on" if exchanges else "off")
         if quality.fallback is not None:
             controls.note(quality.fallback, warning=True)
         if expects:
