@@ -155,13 +155,16 @@ SIZED = {
     ],
     "spot": [TARGET[0], ("cone_deg", "cone_deg", at(0.1), True), ("softness", "softness", at(0.9), True)],
 }  # fmt: skip
+KEEPS_TO_MODEL = frozenset({"camera"})
 CONTROLS = [
     *sliders(
-        "plain", model__size_mm=0.3, material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
+        "plain", material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
         transport__layers=0.1, transport__resolution=0.02, display__key=0.9, display__white=0.05, display__exposure=0.7,
         camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
-        camera__zoom=0.7, camera__orthographic=0.05,
+        camera__orthographic=0.05,
     ),
+    Control("camera.zoom", "camera.zoom", slide("camera.zoom", 0.7), has_reset=False),  # frames anew
+    Control("model.size_mm", "model.size_mm", slide("model.size_mm", 0.3), also=KEEPS_TO_MODEL),
     Control("camera.target_mm", "view", move_view((40.0, -25.0)), has_reset=False),
     *sliders("pair in probe", environment__occluded=0.05),
     *sliders(
@@ -197,14 +200,18 @@ CONTROLS = [
         has_reset=False,
     ),
     Control("material.name", "material.name", search("material.name", "ketch", "Ketchup")),
-    Control("model.up", "model.up", choose("model.up", "z")),
+    Control("model.up", "model.up", choose("model.up", "z"), also=KEEPS_TO_MODEL),
     Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
     Control("detail.albedo", "detail.albedo", choose("detail.albedo", "after"), "skin"),
     Control("detail.normal_strength", "detail.normal_strength", slide("detail.normal_strength", 0.9), "skin"),
     Control("model.texture", "model.texture", open_file("model.texture", "texture.png"), "skin"),
     Control("model.normal_map", "model.normal_map", open_file("model.normal_map", "bumps.png"), "skin"),
-    Control("model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False),
-    Control("model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False),
+    Control(
+        "model.path", "model.path", open_file("model.path", "other.ply"), has_reset=False, also=KEEPS_TO_MODEL
+    ),
+    Control(
+        "model.builtin", "model.builtin", slide("model.builtin", 0.5), has_reset=False, also=KEEPS_TO_MODEL
+    ),
     Control("transport.method", "transport.method", choose("transport.method", "layered"), "ewald"),
     Control("display.transform", "display.transform", choose("display.transform", "agx")),
     Control("display.background", "display.background", choose("display.background", "transparent")),

@@ -33,7 +33,7 @@ from milkglass.viewer.files.images import Pixels8, check_output, write_exr, writ
 from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 
@@ -189,8 +189,8 @@ def trace(
 def subject_of(scene: Scene, mesh: Mesh, probe: Probe | None) -> Subject:
     """Return what is traced of a scene with distant lights and a perspective camera; `probe` is its environment's."""
     width, height = scene.display.image_size
-    camera, environment = place_camera(scene.camera, mesh.radius, (width, height)), scene.environment
-    half = float(np.tan(0.5 * np.radians(scene.camera.view_angle_deg))) / scene.camera.zoom
+    camera, environment = model_camera(scene.camera, mesh, (width, height)), scene.environment
+    half = 1.0 / float(camera.projection[1, 1])
     view = View(camera.eye[:3], camera.rotation, half, (width, height))  # its columns: right, up and back
     surrounding = None
     if probe is not None and environment.intensity > 0.0:

@@ -28,7 +28,7 @@ from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
 
@@ -343,7 +343,7 @@ def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> S
     size = (max(1, round(scale * width)), max(1, round(scale * height)))
     display = replace(scene.display, image_size=size)
     smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
-    camera = place_camera(scene.camera, finished.lit.model.mesh.radius, size)
+    camera = model_camera(scene.camera, finished.lit.model.mesh, size)
     try:
         return Shading(context, Stages()).surface(smaller, replace(finished.lit, camera=camera), finished.gather)
     finally:

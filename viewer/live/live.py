@@ -23,7 +23,7 @@ from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.camera import pixel_offsets, place_camera
+from milkglass.viewer.scene.camera import model_camera, pixel_offsets
 from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
 
@@ -152,7 +152,7 @@ class Live:
         placed = self._developer.placed(drawn, lit)
         if placed is None:
             return None
-        camera = place_camera(placed.camera, lit.model.mesh.radius, placed.display.image_size)
+        camera = model_camera(placed.camera, lit.model.mesh, placed.display.image_size)
         return placed, replace(lit, camera=camera), self.finished
 
     def is_settled(self, scene: Scene) -> bool:

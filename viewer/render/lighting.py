@@ -30,7 +30,7 @@ from milkglass.viewer.render.ground import Ground, GroundStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
 
@@ -73,7 +73,7 @@ class Lighting:
         if scene.model.bodies is None and bodies is not None:
             bodies = separate_by_default(bodies, settings.facts)
         count = 1 if bodies is None else bodies.count
-        camera = place_camera(scene.camera, model.mesh.radius, scene.display.image_size)
+        camera = model_camera(scene.camera, model.mesh, scene.display.image_size)
         profiles = scene.material.profiles(self._assets.profile_table)
         if settings.facts.needs_roughness:
             run(Stage.ROUGHNESS, [model], lambda: self._assets.roughness(model.mesh))

@@ -4,7 +4,8 @@ Matrices are pyrr's, for row vectors: (x, y, z, 1) @ M, translation in row 3. Th
 column by column, so that GLSL writes M * v. View space is right-handed, looks along -z, y up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,12 @@ from pyrr import matrix33, matrix44
 
 from milkglass.core.arrays import Array
 from milkglass.viewer.scene.settings import CameraSettings
+
+if TYPE_CHECKING:
+    from milkglass.core.geometry.mesh import Mesh
+
+FILL = 0.92  # share of the picture that the silhouette's box takes where no zoom is given
+CENTRE = (0.0, 0.0, 0.0)  # of the model's box, mm
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
@@ -49,14 +56,24 @@ class Camera:
         return self.view @ self.projection
 
 
-def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int, int]) -> Camera:
-    """Place the camera so that at zoom 1 the sphere of `radius` mm about the target fills the narrower image side."""
+def view_rotation(settings: CameraSettings) -> Array:
+    """Return the rotation from world to view, (3, 3), row vectors: its columns are right, up and back."""
     azimuth, elevation, roll = np.radians([settings.azimuth_deg, settings.elevation_deg, settings.roll_deg])
-    target = np.array(settings.target_mm, np.float64)
     back = np.array([np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)])
     # The derivative of `back` by elevation: never parallel to it, where a fixed up vector would be at the poles.
     upright = np.array([-np.sin(azimuth) * np.sin(elevation), np.cos(elevation), -np.cos(azimuth) * np.sin(elevation)])
-    up = np.cos(roll) * upright + np.sin(roll) * np.cross(upright, back)
+    across = np.cross(upright, back)
+    up, right = np.cos(roll) * upright + np.sin(roll) * across, np.cos(roll) * across - np.sin(roll) * upright
+    return np.stack([right, up, back], axis=1)
+
+
+def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int, int]) -> Camera:
+    """Return the camera that at zoom 1 fills the narrower image side with the sphere of `radius` mm about the target.
+
+    No zoom counts as 1, and no target as the model's centre; `framed` finds those of a silhouette.
+    """
+    rotation, target = view_rotation(settings), np.array(settings.target_mm or CENTRE, np.float64)
+    up, back, zoom = rotation[:, 1], rotation[:, 2], settings.zoom or 1.0
     aspect = image_size[0] / image_size[1]
     half_angle = 0.5 * np.radians(settings.view_angle_deg)
     narrow = np.arctan(np.tan(half_angle) * min(1.0, aspect))
@@ -67,7 +84,7 @@ def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int,
     near = max(centre_depth - 1.01 * radius, 1e-3 * distance)
     far = max(centre_depth + 1.01 * radius, 2.0 * near)
     if settings.orthographic:
-        height = radius / min(1.0, aspect) / settings.zoom
+        height = radius / min(1.0, aspect) / zoom
         projection = matrix44.create_orthogonal_projection(
             -height * aspect,
             height * aspect,
@@ -79,11 +96,57 @@ def place_camera(settings: CameraSettings, radius: float, image_size: tuple[int,
         )
         return Camera(view, projection, np.array([*back, 0.0]))
     # Zoom is a longer lens: the eye stays, so that perspective and layers do too.
-    height = near * np.tan(half_angle) / settings.zoom
+    height = near * np.tan(half_angle) / zoom
     projection = matrix44.create_perspective_projection_from_bounds(
         -height * aspect, height * aspect, -height, height, near, far, dtype=np.float64
     )
     return Camera(view, projection, np.array([*eye, 1.0]))
+
+
+def framed(settings: CameraSettings, mesh: "Mesh", image_size: tuple[int, int]) -> CameraSettings:
+    """Return the camera with a zoom and a target: those given, else those by which the silhouette fills the picture.
+
+    Without a zoom, the box of the projected vertices takes `FILL` of the side that it meets first; without a target
+    either, it stands in the middle. The eye keeps its distance, so that perspective is that of any zoom.
+    """
+    target = settings.target_mm or CENTRE
+    if settings.zoom is not None:
+        return replace(settings, target_mm=target)
+    camera = place_camera(replace(settings, target_mm=target), mesh.radius, image_size)
+    places = mesh.vertices.astype(np.float64) @ camera.rotation + camera.view[3, :3]
+    if settings.orthographic:
+        depth = np.ones(len(places))
+    else:
+        places = places[places[:, 2] < 0.0]  # before the eye, which a target of one's own may have moved into the model
+        depth = -places[:, 2]
+    if not len(places):
+        return replace(settings, zoom=1.0, target_mm=target)
+    across = places[:, :2]
+    if settings.target_mm is None:
+        shift = np.array([_middle(across[:, i], depth) for i in (0, 1)])
+        across = across - shift
+        x, y, z = (np.array(target) + camera.rotation[:, :2] @ shift).tolist()
+        target = (x, y, z)
+    reach = np.abs(across / depth[:, None]).max(axis=0) * camera.projection[(0, 1), (0, 1)]
+    return replace(settings, zoom=float(np.clip(FILL / max(reach.max(), 1e-9), 0.01, 100.0)), target_mm=target)
+
+
+def model_camera(settings: CameraSettings, mesh: "Mesh", image_size: tuple[int, int]) -> Camera:
+    """Return the camera of a scene in front of its model."""
+    return place_camera(framed(settings, mesh, image_size), mesh.radius, image_size)
+
+
+def _middle(across: Array, depth: Array) -> float:
+    """Return the shift t of the camera for which (across - t) / depth reach as far to one side as to the other."""
+    shift = 0.0
+    for _ in range(16):  # Newton's method, of a function of straight pieces
+        slopes = (across - shift) / depth
+        last, first = int(slopes.argmax()), int(slopes.argmin())
+        step = (slopes[last] + slopes[first]) / (1.0 / depth[last] + 1.0 / depth[first])
+        if abs(step) <= 1e-12 * (depth[last] + abs(shift)):
+            break
+        shift += float(step)
+    return shift
 
 
 def jittered(camera: Camera, offset: tuple[float, float], image_size: tuple[int, int]) -> Array:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.viewer.scene import own_materials, toml_files
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import view_rotation
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
 from milkglass.viewer.scene.keys import Key, values_moving
 from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
@@ -93,7 +93,7 @@ class Scene:
         shining = tuple(light for light in self.all_lights() if light.on and any(light.brightness))
         if all(light.fixed_to == "world" for light in shining):
             return shining
-        return tuple(light.in_world(place_camera(self.camera, 1.0, (1, 1)).rotation) for light in shining)
+        return tuple(light.in_world(view_rotation(self.camera)) for light in shining)
 
     def key(self, part: Part, *, without: Collection[str] = ()) -> Key:
         """Return what a part of the pipeline depends on, hashable: all settings that move it or what it reads.

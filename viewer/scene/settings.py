@@ -257,7 +257,7 @@ class ModelSettings:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Where the picture is taken from: orbit angles about a target; zoom 1 frames the bounding sphere."""
+    """Where the picture is taken from: orbit angles about a target, and a zoom, by default that of the silhouette."""
 
     TABLE: ClassVar[str] = "camera"
 
@@ -277,12 +277,14 @@ class CameraSettings:
         "number", 35.0, unit="deg", low=1, high=120,
         moves=Part.VIEW, why="full vertical view angle; a portrait lens, little distortion"
     )
-    zoom: float = setting(
-        "number", 1.0, low=0.01, high=100, moves=Part.VIEW, why="magnification; 1 frames the bounding sphere"
+    zoom: float | None = setting(
+        "number", None, optional=True, low=0.01, high=100, default_text="the silhouette's box fills the picture",
+        moves=Part.VIEW, why="magnification; 1 frames the bounding sphere from every side"
     )
     orthographic: bool = setting("boolean", False, moves=Part.VIEW, why="parallel projection instead of perspective")
-    target_mm: Vector = setting(
-        "number", (0.0, 0.0, 0.0), unit="mm", length=3, low=-1e6, high=1e6,
+    target_mm: Vector | None = setting(
+        "number", None, optional=True, unit="mm", length=3, low=-1e6, high=1e6,
+        default_text="0, the model's centre; without a zoom, behind the middle of the silhouette",
         moves=Part.VIEW, why="point the camera orbits and looks at; the model is centred at 0"
     )
 

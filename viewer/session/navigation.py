@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from milkglass.core.arrays import Array
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.core.stages import Part
+from milkglass.viewer.scene.camera import CENTRE, view_rotation
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import CameraSettings
 
@@ -23,9 +24,9 @@ def orbited(camera: CameraSettings, dx: float, dy: float, height: float) -> Came
 
 def panned(camera: CameraSettings, radius: float, dx: float, dy: float, size: tuple[int, int]) -> CameraSettings:
     """Return the camera panned so that the point under the pointer, at the target's depth, stays under it."""
-    rotation = place_camera(camera, radius, size).rotation
+    rotation = view_rotation(camera)
     step = pixel_size(camera, radius, size)
-    target = np.array(camera.target_mm) - step * (dx * rotation[:, 0] - dy * rotation[:, 1])
+    target = np.array(camera.target_mm or CENTRE) - step * (dx * rotation[:, 0] - dy * rotation[:, 1])
     x, y, z = np.clip(target, -TARGET_RANGE, TARGET_RANGE).tolist()
     return replace(camera, target_mm=(x, y, z))
 
@@ -38,17 +39,35 @@ def pixel_size(camera: CameraSettings, radius: float, size: tuple[int, int]) -> 
         half_height = radius / narrow
     else:  # the distance that `place_camera` chooses
         half_height = np.tan(half) * radius / np.sin(np.arctan(np.tan(half) * narrow))
-    return float(2.0 * half_height / camera.zoom / size[1])
+    return float(2.0 * half_height / (camera.zoom or 1.0) / size[1])
 
 
 def zoomed(camera: CameraSettings, notches: float) -> CameraSettings:
-    """Return the camera zoomed in by notches of the wheel."""
+    """Return the camera zoomed in by notches of the wheel; one that has no zoom yet stays."""
+    if camera.zoom is None:
+        return camera
     return replace(camera, zoom=min(100.0, max(0.01, camera.zoom * ZOOM_A_NOTCH**notches)))
 
 
 def seen_from(camera: CameraSettings, azimuth_deg: float, elevation_deg: float) -> CameraSettings:
     """Return the camera at an azimuth and an elevation, upright."""
     return replace(camera, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
+
+
+def following(before: Scene, after: Scene) -> Scene:
+    """Return a changed scene with the camera kept on its model, unless the change moved the camera itself.
+
+    A larger model is seen as the smaller one was; another one, or one that stands another way, is framed.
+    """
+    if after.camera != before.camera or after.moving(Part.SHAPE) == before.moving(Part.SHAPE):
+        return after
+    camera, zoom, target = before.camera, None, None
+    if replace(before.model, size_mm=after.model.size_mm) == after.model:
+        zoom = camera.zoom
+        if camera.target_mm is not None:
+            x, y, z = (np.array(camera.target_mm) * (after.model.size_mm / before.model.size_mm)).tolist()
+            target = (x, y, z)
+    return replace(after, camera=replace(camera, zoom=zoom, target_mm=target))
 
 
 def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
@@ -58,7 +77,7 @@ def lights_turned(scene: Scene, dx: float, dy: float, height: float) -> Scene:
     """
     step = DEGREES_A_PIXEL * 1000.0 / max(height, 1.0)
     about_up = turn_matrix(np.array([0.0, 1.0, 0.0]), step * dx)
-    rotation = place_camera(scene.camera, 1.0, (1, 1)).rotation
+    rotation = view_rotation(scene.camera)
     turn = about_up @ turn_matrix(rotation[:, 0], step * dy)
     lights = scene.all_lights()
     if lights:

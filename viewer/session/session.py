@@ -17,6 +17,7 @@ from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Change, Scene, changed
 from milkglass.viewer.scene.settings import CameraSettings
+from milkglass.viewer.session.navigation import following
 
 UNDO_STEPS = 200
 DEFAULT_ERROR_POINTS = 300  # as `milkglass render --report`
@@ -118,7 +119,7 @@ class Session:
         except InputError as error:
             self.fail(error)
             return False
-        self.put(scene)
+        self.put(following(self.scene, scene))
         return True
 
     def edit_lights(self, lights: Sequence[Light]) -> None:
@@ -136,6 +137,12 @@ class Session:
             del self._undo[:-UNDO_STEPS]
         self._redo.clear()
         self._set(scene)
+
+    def frame(self, camera: CameraSettings) -> None:
+        """Take the zoom and the target that frame the model, which is no change of the scene."""
+        if self._saved.camera == self.scene.camera:
+            self._saved = replace(self._saved, camera=camera)
+        self.look(camera)
 
     def look(self, camera: CameraSettings) -> None:
         """Move the camera, which is not an edit: undoing a colour must not turn the object back."""
@@ -266,7 +273,7 @@ class Session:
     def view_text(self) -> str:
         """Return the camera as text, the table of a scene file."""
         camera = self.scene.camera
-        values = {key: getattr(camera, key) for key in settings_of(camera)}
+        values = {key: value for key in settings_of(camera) if (value := getattr(camera, key)) is not None}
         return tomli_w.dumps({"camera": values})
 
     def paste_view(self, text: str) -> None:

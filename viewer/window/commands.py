@@ -166,6 +166,10 @@ COMMANDS: tuple[Command[Workspace], ...] = (
         "toggle_ground", "a ground to stand on, or none", lambda space: space.actions.toggle_ground(),
         "View", "G", _shows_model, NO_MODEL,
     ),
+    Command(
+        "frame_object", "frame the object", lambda space: space.actions.frame_object(),
+        "View", "F", _shows_model, CAMERA_FIXED,
+    ),
     Command("reset_view", "reset the view", _reset_view, "View", "Enter"),
     Command(
         "copy_view", "copy the view as text", lambda space: space.actions.copy_view(),

@@ -15,7 +15,7 @@ from milkglass.viewer.bench.shapes import bowl
 from milkglass.viewer.commands import cli
 from milkglass.viewer.error import mitsuba_paths, path_traced
 from milkglass.viewer.files import images
-from milkglass.viewer.scene.camera import place_camera, world_to_probe
+from milkglass.viewer.scene.camera import model_camera, world_to_probe
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.settings import EnvironmentSettings, MaterialSettings
 from tests.support.rendering import FRONT, MeshRenderer, scene_of
@@ -156,7 +156,7 @@ def test_paths_in_white_surroundings_see_white(vectorised, context):
     scene = replace(scene, environment=EnvironmentSettings(probe=white))
     traced = mitsuba_paths.trace(path_traced.subject_of(scene, mesh, white), 256, 0)
     frame = MeshRenderer(context, mesh).render(scene, samples=1)
-    camera = place_camera(scene.camera, mesh.radius, (48, 48))
+    camera = model_camera(scene.camera, mesh, (48, 48))
     seen = binary_erosion(frame.alpha == 1.0, iterations=2)
     towards = camera.eye[:3] - frame.position[seen]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from milkglass.viewer.scene.camera import jittered, pixel_offsets, place_camera
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.viewer.scene.camera import FILL, framed, jittered, model_camera, pixel_offsets, place_camera
 from milkglass.viewer.scene.settings import CameraSettings
 
 RADIUS = 50.0
@@ -143,6 +144,108 @@ def test_framing_scales_with_the_object(radius):
     np.testing.assert_allclose(
         window(placed(radius=radius), radius * points), window(placed(radius=1.0), points), atol=1e-9
     )
+
+
+# Framing
+
+
+def cloud(vertices):
+    """A mesh whose vertices are what matters."""
+    return Mesh.of(vertices, np.ones_like(vertices), [[0, 1, 2]])
+
+
+def box(width, height, depth):
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return cloud(signs * np.array([width, height, depth]) / 2.0)
+
+
+def ball():
+    return cloud(sphere())
+
+
+# Shape, and the half width and half height of its silhouette seen orthographically from the front.
+SHAPES = {
+    "lying rod": (box(100, 4, 4), 50.0, 2.0),
+    "standing rod": (box(4, 100, 4), 2.0, 50.0),
+    "plate": (box(80, 60, 2), 40.0, 30.0),
+    "ball": (ball(), 50.0, 50.0),
+}
+
+
+def reach(camera, mesh):
+    """Ends of the silhouette's box in the picture, -1 to 1: ((left, bottom), (right, top))."""
+    seen = window(camera, mesh.vertices)[:, :2]
+    return seen.min(axis=0), seen.max(axis=0)
+
+
+@pytest.mark.parametrize("size", [SQUARE, WIDE, TALL], ids=str)
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_known_silhouette_fills_the_picture(name, size):
+    mesh, half_width, half_height = SHAPES[name]
+    settings = replace(FRONT, orthographic=True)
+    low, high = reach(model_camera(settings, mesh, size), mesh)
+    np.testing.assert_allclose(high, -low, atol=1e-6)
+    aspect = size[0] / size[1]
+    expected = np.array([half_width / aspect, half_height]) / max(half_width / aspect, half_height)
+    np.testing.assert_allclose(high, FILL * expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("size", [SQUARE, WIDE, TALL], ids=str)
+@pytest.mark.parametrize(
+    "view", [(0.0, 0.0, 0.0), (30.0, 10.0, 0.0), (-70.0, 80.0, 0.0), (200.0, -35.0, 40.0)], ids=str
+)
+@pytest.mark.parametrize("view_angle", [5.0, 35.0, 100.0])
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_silhouette_stands_in_the_middle_and_meets_one_pair_of_edges(name, view, view_angle, size):
+    mesh, azimuth, elevation, roll = SHAPES[name][0], *view
+    camera = CameraSettings(azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=roll, view_angle_deg=view_angle)
+    low, high = reach(model_camera(camera, mesh, size), mesh)
+    np.testing.assert_allclose(high, -low, atol=1e-6)
+    assert high.max() == pytest.approx(FILL, abs=1e-6)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_a_lopsided_silhouette_is_moved_to_the_middle(orthographic):
+    """A vertex far to the right and up, of a cloud about the origin."""
+    mesh = cloud(np.array([[40, 30, 0], [-10, -10, 5], [-10, 0, -5], [0, -10, 20]]))
+    settings = replace(FRONT, orthographic=orthographic)
+    found = framed(settings, mesh, SQUARE)
+    assert found.target_mm[0] > 5.0
+    assert found.target_mm[1] > 5.0
+    assert found.target_mm[2] == pytest.approx(0.0, abs=1e-9)  # across the line of sight
+    low, high = reach(place_camera(found, mesh.radius, SQUARE), mesh)
+    np.testing.assert_allclose(high, -low, atol=1e-6)
+
+
+def test_what_is_given_stays():
+    mesh = SHAPES["plate"][0]
+    given = replace(FRONT, zoom=3.0, target_mm=(1.0, 2.0, 3.0))
+    assert framed(given, mesh, SQUARE) == given
+    assert framed(replace(FRONT, zoom=3.0), mesh, SQUARE) == replace(FRONT, zoom=3.0, target_mm=(0.0, 0.0, 0.0))
+    about = framed(replace(FRONT, target_mm=(30.0, 0.0, 0.0)), mesh, SQUARE)
+    assert about.target_mm == (30.0, 0.0, 0.0)
+    low, high = reach(place_camera(about, mesh.radius, SQUARE), mesh)
+    assert -low[0] == pytest.approx(FILL, abs=1e-6)
+    assert high[0] < 0.2
+
+
+def test_zoom_one_of_a_scene_is_the_bounding_sphere():
+    mesh = ball()
+    one = model_camera(replace(FRONT, zoom=1.0), mesh, SQUARE)
+    np.testing.assert_array_equal(one.world_to_clip, placed(radius=mesh.radius, zoom=1.0).world_to_clip)
+
+
+def test_the_eye_keeps_its_distance():
+    """Perspective is that of any zoom: a long lens, not a step forward."""
+    mesh = SHAPES["lying rod"][0]
+    near = place_camera(framed(FRONT, mesh, TALL), mesh.radius, TALL)
+    np.testing.assert_allclose(near.view, placed(TALL, mesh.radius).view, atol=1e-5)
+
+
+@pytest.mark.parametrize("target", [(0.0, 0.0, -1e4), (0.0, 0.0, -200.0), (1e6, 0.0, 0.0)])
+def test_a_model_out_of_sight_is_no_error(target):
+    found = framed(replace(FRONT, target_mm=target), ball(), SQUARE)
+    assert 0.01 <= found.zoom <= 100.0
 
 
 # Antialiasing

@@ -81,6 +81,7 @@ def test_example_of_the_design_loads(tmp_path):
     scene = load(tmp_path, EXAMPLE)
     expected = Scene(
         model=ModelSettings(path=tmp_path / "dragon.ply"),
+        camera=CameraSettings(zoom=1.0),
         specular=SpecularSettings(0.3, 80.0),
         lights=(DirectionalLight((0.4, 0.5, 0.77)),),
         environment=EnvironmentSettings(tmp_path / "uffizi.hdr"),

@@ -68,7 +68,10 @@ def test_table_of_keys_has_every_key_once():
     tables = [*TABLES.items(), *(("lights", light) for light in LIGHT_KINDS.values())]
     assert keys == [f"{name}.{key}" for name, table in tables for key in settings_of(table)]
     assert {line.count("|") for line in lines} == {6}
-    assert "| `camera.zoom` | 1.0 |  | a number from 0.01 to 100 |" in settings_markdown()
+    assert (
+        "| `camera.zoom` | the silhouette's box fills the picture |  | a number from 0.01 to 100 |"
+        in settings_markdown()
+    )
 
 
 def test_every_field_is_declared_and_its_default_is_valid():

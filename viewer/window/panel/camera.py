@@ -18,8 +18,7 @@ class CameraSection(Section):
         """Draw the rows in the current ImGui window."""
         is_fixed = self._work is not None
         for key, label in LABELS.items():
-            self._controls.setting(
-                f"camera.{key}", label, off=f"{CAMERA_FIXED[:1].upper()}{CAMERA_FIXED[1:]}." if is_fixed else None
-            )
+            off = f"{CAMERA_FIXED[:1].upper()}{CAMERA_FIXED[1:]}." if is_fixed else None
+            self._controls.setting(f"camera.{key}", label, automatic=1.0, off=off)
         if is_fixed:
             self._controls.note(CAMERA_FIXED)

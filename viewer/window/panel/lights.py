@@ -9,7 +9,7 @@ import numpy as np
 from milkglass.core.errors import InputError
 from milkglass.viewer.gui.controls import RESET_HINT, TYPE_HINT, Reach, Reset, explained
 from milkglass.viewer.gui.toolkit import ACCENT, icons, imgui
-from milkglass.viewer.scene.camera import place_camera
+from milkglass.viewer.scene.camera import view_rotation
 from milkglass.viewer.scene.declaration import Setting, plain, settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, Light, as_kind
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS
@@ -166,7 +166,7 @@ class LightsSection(Section):
                 chosen[key] = plain(new) if isinstance(new, float) else new
         fixed_to = chosen.pop("fixed_to", light.fixed_to)
         if fixed_to != light.fixed_to:
-            return light.refixed(fixed_to, place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation)
+            return light.refixed(fixed_to, view_rotation(self._session.scene.camera))
         return light.with_values(**chosen) if chosen else light
 
     def _sides(self, name: str, key: str, declared: Setting, value: Any, default: Any) -> dict[str, Any]:
@@ -279,7 +279,7 @@ class LightsSection(Section):
         side = SPHERE * imgui.get_frame_height()
         corner = imgui.get_cursor_screen_pos()
         imgui.invisible_button(f"##{name}", (side, side))
-        rotation = place_camera(self._session.scene.camera, 1.0, (1, 1)).rotation
+        rotation = view_rotation(self._session.scene.camera)
         if light.fixed_to == "camera":
             rotation = np.eye(3)
         direction = np.array(light.vector) / np.linalg.norm(light.vector)

@@ -54,6 +54,8 @@ class PhotographSubject:
         Those of each `Live` that was made.
     """
 
+    moves_camera = False
+
     def __init__(self, context: moderngl.Context, painter: ImguiRenderer, session: Session, work: PhotoWork) -> None:
         self.work, self.zoom = work, Zoom()
         self._context, self._painter, self._session = context, painter, session

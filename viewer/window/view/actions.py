@@ -129,6 +129,10 @@ class Actions:
         """Put the object on a plane, or take the plane away."""
         self._session.edit("ground", on=not self._session.scene.ground.on)
 
+    def frame_object(self) -> None:
+        """Have the object fill the view, seen from where it is seen now."""
+        self._session.look(replace(self._session.scene.camera, zoom=None, target_mm=None))
+
     def reset_view(self) -> None:
         """Put the camera back to where it stands at first."""
         self._session.look(CameraSettings())

@@ -17,6 +17,7 @@ from milkglass.viewer.live.draft import Detail
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.picture import Picture
+from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings
 from milkglass.viewer.session.session import SHOWN, Session
@@ -221,6 +222,7 @@ class ViewArea:
                 self._wake()
             return
         if self.live.current:
+            self._frame()
             session.works(session.scene)
         if picture is not None:
             self.picture = picture
@@ -229,6 +231,12 @@ class ViewArea:
             self._learn(scene)
         if session.view.split is not None and session.kept is not None and picture is not None:
             self._draw_kept(show)
+
+    def _frame(self) -> None:
+        """Have a model that has no zoom yet fill the view, once: an orbit then keeps its distance."""
+        camera, lit = self._session.scene.camera, self.live.lit
+        if self.subject.moves_camera and camera.zoom is None and lit is not None:
+            self._session.frame(framed(camera, lit.model.mesh, self.size))
 
     def _warn(self) -> None:
         """Say what is wrong with the model, and what it cannot have for that, once."""

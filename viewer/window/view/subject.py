@@ -25,6 +25,10 @@ class Subject(Protocol):
         """Whether a worker is at something that will change the picture, beside those of `Live`."""
 
     @property
+    def moves_camera(self) -> bool:
+        """Whether the session's camera is what sees the subject."""
+
+    @property
     def state(self) -> object:
         """What pictures depend on beside the session, compared by equality."""
 
@@ -62,7 +66,7 @@ class Subject(Protocol):
 class ModelSubject:
     """A session's model, seen by the camera that the mouse moves."""
 
-    busy, state = False, None
+    busy, moves_camera, state = False, True, None
 
     def __init__(self, session: Session) -> None:
         self._session, self._mouse = session, ViewMouse(session)

@@ -1,10 +1,13 @@
 """The view: mouse, keys, screenshots, comparison, sizes, recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from milkglass.viewer.files.images import read_image
 from milkglass.viewer.gui.events import Focused, Key, MouseButton, MouseMoved, Resized
+from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, CameraSettings
 from milkglass.viewer.session import navigation
@@ -33,6 +36,7 @@ def test_left_drag_orbits_by_the_distance_and_not_by_the_jump_of_the_press(drive
 
 
 def test_shift_drag_and_middle_drag_move_the_point_under_the_pointer_along(driver):
+    start = np.array(driver.session.scene.camera.target_mm)
     before = driver.view.live.renderer.pick((130, 180))
     driver.send(Key("left_shift", True))
     driver.drag(CENTRE, (15.0, -8.0))
@@ -40,14 +44,15 @@ def test_shift_drag_and_middle_drag_move_the_point_under_the_pointer_along(drive
     driver.settle()
     after = driver.view.live.renderer.pick((145, 172))
     assert np.linalg.norm(np.subtract(before, after)) < 6.0  # mm of an object of 100: it is not at the target's depth
-    target = driver.session.scene.camera.target_mm
+    once = np.array(driver.session.scene.camera.target_mm)
     driver.drag(CENTRE, (15.0, -8.0), button="middle")
-    assert driver.session.scene.camera.target_mm == pytest.approx(tuple(2.0 * x for x in target), rel=1e-6)
+    assert driver.session.scene.camera.target_mm == pytest.approx(2.0 * once - start, rel=1e-6)
 
 
 def test_wheel_zooms_and_stays_in_range(driver):
+    start = driver.session.scene.camera.zoom
     driver.scroll(CENTRE, 2.0)
-    assert driver.session.scene.camera.zoom == pytest.approx(navigation.ZOOM_A_NOTCH**2)
+    assert driver.session.scene.camera.zoom == pytest.approx(start * navigation.ZOOM_A_NOTCH**2)
     driver.scroll(CENTRE, -1000.0)
     assert driver.session.scene.camera.zoom == 0.01
 
@@ -77,6 +82,41 @@ def test_losing_the_focus_ends_a_drag(driver):
     assert driver.session.scene.camera == camera
 
 
+def framed_now(driver):
+    """The zoom and the target that frame the model as it is seen now."""
+    camera = replace(driver.session.scene.camera, zoom=None, target_mm=None)
+    return framed(camera, driver.view.live.lit.model.mesh, driver.view.size)
+
+
+def test_the_model_is_framed_when_it_comes_and_keeps_its_distance_in_an_orbit(driver):
+    start = driver.session.scene.camera
+    assert start == framed_now(driver)
+    assert not driver.session.modified
+    assert not driver.session.can_undo
+    driver.drag(CENTRE, (60.0, 10.0))
+    camera = driver.session.scene.camera
+    assert (camera.zoom, camera.target_mm) == (start.zoom, start.target_mm)
+    assert camera != framed_now(driver)
+    driver.key("f")
+    assert driver.session.scene.camera == framed_now(driver)
+    assert driver.session.scene.camera.azimuth_deg == camera.azimuth_deg
+
+
+def test_another_size_is_seen_as_before_and_another_model_is_framed(driver, tmp_path):
+    driver.scroll(CENTRE, 1.0)
+    before = driver.session.scene.camera
+    driver.session.edit("model", size_mm=10.0)
+    driver.settle()
+    camera = driver.session.scene.camera
+    assert camera.zoom == before.zoom
+    assert camera.target_mm == pytest.approx(np.array(before.target_mm) / 10.0)
+    driver.session.edit("model", path=write_knot(tmp_path / "another.ply"))
+    driver.settle()
+    assert driver.session.scene.camera == framed_now(driver)
+    driver.session.undo()
+    assert driver.session.scene.camera == camera
+
+
 def test_keys_look_from_the_sides_and_reset(driver):
     for keys, expected in (
         (("_1",), (0.0, 0.0)),
@@ -90,13 +130,14 @@ def test_keys_look_from_the_sides_and_reset(driver):
     driver.key("_5")
     assert driver.session.scene.camera.orthographic
     driver.key("enter")
-    assert driver.session.scene.camera == CameraSettings()
+    assert driver.session.scene.camera == framed(CameraSettings(), driver.view.live.lit.model.mesh, driver.view.size)
 
 
 def test_keys_typed_into_a_field_are_no_shortcuts(driver):
+    start = driver.session.scene.camera
     driver.click("material.name")
     driver.send(Key("_7", True), Key("_7", False))
-    assert driver.session.scene.camera == CameraSettings()
+    assert driver.session.scene.camera == start
 
 
 def test_keys_that_come_all_at_once_are_a_shortcut(driver):
