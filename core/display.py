@@ -23,8 +23,16 @@ def luminance(rgb: npt.ArrayLike) -> Array:
     return np.asarray(np.asarray(rgb, np.float64) @ LUMINANCE)
 
 
+def brightest(rgb: npt.ArrayLike) -> Array:
+    """Return the brightest channel of RGB (..., 3), by which pictures are exposed.
+
+    Exposed by luminance, which weighs red by 0.21 and blue by 0.07, saturated colours would leave the display's gamut.
+    """
+    return np.asarray(np.max(np.asarray(rgb, np.float64), axis=-1))
+
+
 def log_average(values: npt.ArrayLike, coverage: npt.ArrayLike) -> float:
-    """Return the log-average luminance of what is lit of the object; 0 where nothing is.
+    """Return the log-average brightness of what is lit of the object; 0 where nothing is.
 
     Equation (1) of Reinhard et al. 2002 with weights L / (L + mean L) in place of its floor: deep shadow, whose
     logarithms would drag the average down, does not count, and a highlight counts by its area.
@@ -32,7 +40,7 @@ def log_average(values: npt.ArrayLike, coverage: npt.ArrayLike) -> float:
     Parameters
     ----------
     values : (...) array
-        Luminance; what is negative or not finite does not count.
+        Brightness of each pixel, see `brightest`; what is negative or not finite does not count.
     coverage : (...) array
         Weight of each value, [0, 1].
     """

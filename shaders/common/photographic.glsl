@@ -2,7 +2,7 @@
 // Mirrors core/display.py.
 #include "luminance.glsl"
 
-// exposure: key / log-average luminance; white: scaled luminance that becomes white
+// exposure: key / log-average brightness; white: scaled luminance that becomes white
 vec3 tone_map(vec3 radiance, float exposure, float white) {
     float scaled = exposure * luminance(radiance);
     return exposure * radiance * (1.0 + scaled / (white * white)) / (1.0 + scaled);

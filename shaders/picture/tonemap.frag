@@ -10,7 +10,7 @@ uniform bool u_grounded;       // whether it is there
 uniform sampler2D t_probe;
 uniform sampler3D t_display;   // table of the display transform
 uniform bool u_photographic;   // the formula of photographic.glsl instead of the table
-uniform float u_exposure;      // key / log-average luminance
+uniform float u_exposure;      // key / log-average brightness
 uniform float u_white;         // scaled luminance that becomes white, of the formula
 // BACKGROUND_COLOUR: u_background, sRGB, not tone-mapped. BACKGROUND_TRANSPARENT. BACKGROUND_ENVIRONMENT: t_probe,
 // with the object's exposure and transform.

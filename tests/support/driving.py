@@ -45,7 +45,7 @@ def small_scene(model: Path) -> Scene:
         model=ModelSettings(path=model),
         material=MaterialSettings(name="jade"),
         transport=TransportSettings(method="layered", layers=4, resolution=32),
-        display=DisplaySettings(image_size=PICTURE),
+        display=DisplaySettings(image_size=PICTURE, transform="photographic"),
     )
 
 

@@ -44,7 +44,13 @@ def scene_of(
     lights: tuple[Light, ...] | None = (DirectionalLight(FRONT),),
 ) -> Scene:
     """A small scene; `assignments` as of ``--set``."""
-    small = ["display.image_size=[128, 128]", "camera.azimuth_deg=20", "camera.zoom=1", "display.key=0.18"]
+    small = [
+        "display.image_size=[128, 128]",
+        "camera.azimuth_deg=20",
+        "camera.zoom=1",
+        "display.key=0.18",
+        "display.transform=photographic",
+    ]
     return replace(apply_set(Scene(), [*small, *METHODS[method], *assignments]), lights=lights)
 
 

@@ -1,4 +1,4 @@
-"""Tone map: exposure from the log-average luminance of the object, display transform, background."""
+"""Tone map: exposure from the log-average brightness of the object, display transform, background."""
 
 from dataclasses import dataclass
 
@@ -31,15 +31,15 @@ class TonemapPass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._luminance = Program(context, "fullscreen.vert", "tonemap_luminance.frag")
+        self._average = Program(context, "fullscreen.vert", "tonemap_average.frag")
         self._tonemap = Program(context, "fullscreen.vert", "tonemap.frag")
-        self._reduce = context.vertex_array(self._luminance.program, [])
+        self._reduce = context.vertex_array(self._average.program, [])
         self._triangle = context.vertex_array(self._tonemap.program, [])
         self._no_table = context.texture3d((1, 1, 1), 3, dtype="f4")
         self._tables: dict[str, moderngl.Texture3D] = {}
 
     def log_average(self, radiance: moderngl.Texture) -> float:
-        """Return the log-average luminance over the object, as `core.display.log_average` does."""
+        """Return the log-average of the brightest channel over the object, as `core.display.log_average` does."""
         _, _, total, count = self._sums(radiance, 1.0)
         if total == 0.0:
             return 0.0
@@ -110,7 +110,7 @@ class TonemapPass:
         framebuffer = self._context.framebuffer([target])
         framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
-        self._luminance.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_mean": mean})
+        self._average.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_mean": mean})
         self._reduce.render(vertices=3)
         sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)
         leave_framebuffer(self._context)

@@ -65,7 +65,7 @@ class Picture:
     transparent: bool
     warnings: tuple[str, ...]
     quality: Quality
-    log_average: float  # luminance that the picture itself asks to be exposed for
+    log_average: float  # brightness that the picture itself asks to be exposed for
     remarks: tuple[str, ...] = ()
     ground: moderngl.Texture | None = None  # as without the object, times its share
 

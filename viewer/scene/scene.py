@@ -158,8 +158,8 @@ class Scene:
 
 
 def default_scene() -> Scene:
-    """Return what a newcomer sees: the sculpture in jade, exposed for the light that comes through it."""
-    return Scene(material=MaterialSettings(name="jade"), display=DisplaySettings(key=0.35))
+    """Return what a newcomer sees: the sculpture in jade."""
+    return Scene(material=MaterialSettings(name="jade"))
 
 
 class Change(NamedTuple):

@@ -363,15 +363,15 @@ class DisplaySettings:
         "integer", (1024, 1024), unit="px", length=2, low=16, high=16384, moves=Part.VIEW, why="width and height"
     )
     key: float = setting(
-        "number", 0.18, low=1e-4, high=100, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
-        why="exposure: where the average of what is lit lands; 0.18 is middle grey"
+        "number", 0.55, low=1e-4, high=100, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
+        why="exposure: where the average of what is lit lands; by this, white marble looks white"
     )
     exposure: float = setting(
         "number", 0.0, unit="stops", low=-20, high=20, moves=(Part.DISPLAY, Part.PHOTOGRAPH),
         why="exposure beside the key: each stop doubles the light"
     )
     transform: str = setting(
-        "text", "photographic", choices=tuple(TRANSFORMS), moves=Part.DISPLAY,
+        "text", "neutral", choices=tuple(TRANSFORMS), moves=Part.DISPLAY,
         why="what light looks like on a display; photographic: the paper's (Reinhard et al. 2002); neutral: Khronos "
             "PBR Neutral, colours of materials as they are; agx: highlights as on film; aces: ACES 2.0, as in cinema"
     )

@@ -49,7 +49,7 @@ class View:
     show: str = "beauty"
     layer: int = 0
     fixed_size: bool = False  # True: the scene's image size, fitted; False: the window's
-    exposure_lock: float | None = None  # log-average luminance that exposure is held at
+    exposure_lock: float | None = None  # log-average brightness that exposure is held at
     split: float | None = None  # share of the view's width that shows the current state, None for all
     measure: bool = False  # whether the error of what is shown is measured
     error_points: int = DEFAULT_ERROR_POINTS

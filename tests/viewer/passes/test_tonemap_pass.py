@@ -1,6 +1,7 @@
 """The display transform on the GPU against float64."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from milkglass.viewer.scene.scene import EnvironmentSettings
 from milkglass.viewer.scene.settings import CameraSettings, DisplaySettings
 from tests.support.rendering import scene_of
 
+PAPER = partial(DisplaySettings, key=0.18, transform="photographic")
 SIZES = [(64, 48), (17, 33), (16, 16)]
 
 
@@ -66,7 +68,7 @@ def test_the_log_average_is_the_references(context, tonemap_pass, size):
     """Also where the picture is no multiple of the tiles that are summed."""
     pixels = hdr(size)
     rgb, alpha = divided(pixels)
-    expected = tonemap.log_average(tonemap.luminance(rgb), alpha)
+    expected = tonemap.log_average(tonemap.brightest(rgb), alpha)
     assert tonemap_pass.log_average(uploaded(context, pixels)) == pytest.approx(expected, rel=1e-4)
 
 
@@ -89,9 +91,9 @@ def test_nothing_lit_has_no_average_and_is_black(context, tonemap_pass, coverage
 @pytest.mark.parametrize(("key", "white"), [(0.18, 3.0), (1.0, 0.5), (0.02, 100.0)])
 def test_the_transform_is_the_references(context, tonemap_pass, key, white):
     pixels = hdr((64, 48), coverage=False)
-    average = tonemap.log_average(tonemap.luminance(pixels[..., :3]), pixels[..., 3])
+    average = tonemap.log_average(tonemap.brightest(pixels[..., :3]), pixels[..., 3])
     expected = tonemap.srgb(tonemap.tone_map(pixels[..., :3], key / average, white))
-    actual = shown(context, tonemap_pass, pixels, average, DisplaySettings(key=key, white=white))
+    actual = shown(context, tonemap_pass, pixels, average, PAPER(key=key, white=white))
     assert np.abs(actual[..., :3] - as_bytes(expected)).max() <= 0.51
     assert np.all(actual[..., 3] == 255)
     assert len(np.unique(actual[..., :3])) > 100
@@ -149,7 +151,7 @@ def test_white_is_what_becomes_white(context, tonemap_pass):
     """A grey of scaled luminance `white` maps to 1, a little less does not."""
     pixels = np.ones((16, 16, 4), np.float32)
     pixels[:, 8:, :3] = 0.97
-    display = DisplaySettings(key=3.0, white=3.0)
+    display = PAPER(key=3.0, white=3.0)
     actual = shown(context, tonemap_pass, pixels, 1.0, display)
     assert np.all(actual[:, :8, :3] == 255)
     assert np.all(actual[:, 8:, :3] < 255)
@@ -158,7 +160,7 @@ def test_white_is_what_becomes_white(context, tonemap_pass):
 @pytest.mark.parametrize("name", ["black", "#000000", "#ffffff", "#336699", "#01f80A"])
 def test_a_colour_behind_the_object_keeps_its_bytes(context, tonemap_pass, name):
     pixels = np.zeros((16, 16, 4), np.float32)
-    actual = shown(context, tonemap_pass, pixels, 1.0, DisplaySettings(background=name))
+    actual = shown(context, tonemap_pass, pixels, 1.0, PAPER(background=name))
     expected = bytes.fromhex("000000" if name == "black" else name[1:])
     assert np.all(actual == np.frombuffer(expected + b"\xff", np.uint8))
 
@@ -167,9 +169,9 @@ def test_a_colour_behind_the_object_keeps_its_bytes(context, tonemap_pass, name)
 def test_a_partly_covered_pixel_mixes_in_linear_light(context, tonemap_pass, name):
     pixels = hdr((64, 48), seed=3)
     rgb, alpha = divided(pixels)
-    average = tonemap.log_average(tonemap.luminance(rgb), alpha)
+    average = tonemap.log_average(tonemap.brightest(rgb), alpha)
     object_ = np.clip(tonemap.tone_map(rgb, 0.18 / average, 3.0), 0.0, 1.0)
-    actual = shown(context, tonemap_pass, pixels, average, DisplaySettings(background=name))
+    actual = shown(context, tonemap_pass, pixels, average, PAPER(background=name))
     if name == "transparent":  # the object's own colour, and its coverage apart
         seen = alpha > 0.0
         assert np.abs(actual[seen, :3] - as_bytes(tonemap.srgb(object_[seen]))).max() <= 0.51
@@ -189,7 +191,7 @@ def test_the_probe_stands_behind_the_object(context, tonemap_pass, orthographic,
     probe = Probe.from_pixels(np.random.default_rng(1).random((16, 32, 3), np.float32))
     camera = place_camera(CameraSettings(30.0, 20.0, 10.0, 60.0, 1.0, orthographic), 50.0, size)
     background = Background(latlong_texture(context, probe.latlong), rotation, 2.0)
-    display = DisplaySettings(background="environment")
+    display = PAPER(background="environment")
     actual = shown(context, tonemap_pass, np.zeros((32, 48, 4), np.float32), 0.3, display, background, camera)
 
     x, y = np.meshgrid((np.arange(48) + 0.5) / 24 - 1.0, (np.arange(32) + 0.5) / 16 - 1.0)
@@ -229,7 +231,7 @@ def test_a_frame_is_exposed_for_the_object_alone(renderer_of):
         frame = renderer.render(scene_of(f"camera.zoom={zoom}"), samples=2)
         seen = frame.alpha > 0.0
         rgb = frame.radiance[seen].astype(np.float64) / frame.alpha[seen, None]
-        average = tonemap.log_average(tonemap.luminance(rgb), frame.alpha[seen])
+        average = tonemap.log_average(tonemap.brightest(rgb), frame.alpha[seen])
         expected = tonemap.srgb(tonemap.tone_map(rgb, 0.18 / average, 3.0))
         whole = frame.alpha[seen] == 1.0
         assert np.abs(frame.image[seen][whole] - as_bytes(expected[whole])).max() <= 0.6

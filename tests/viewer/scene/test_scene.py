@@ -86,6 +86,7 @@ def test_example_of_the_design_loads(tmp_path):
         lights=(DirectionalLight((0.4, 0.5, 0.77)),),
         environment=EnvironmentSettings(tmp_path / "uffizi.hdr"),
         transport=TransportSettings("ewald", resolution=60),
+        display=DisplaySettings(key=0.18),
     )
     assert scene == expected
     assert scene.effective_lights() == expected.lights

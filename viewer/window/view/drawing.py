@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from milkglass.core.display import LUMINANCE, log_average
+from milkglass.core.display import log_average
 from milkglass.viewer.display.registry import transform
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.toolkit import imgui
@@ -13,7 +13,7 @@ from milkglass.viewer.scene.settings import DisplaySettings
 
 def developed(image: Any, maps: Any, display: DisplaySettings) -> Any:
     """Return a layer (h, w, 3) exposed for the average of all lit texels of its maps: (h, w, 4) uint8."""
-    values = np.tensordot(LUMINANCE, maps, axes=(0, 0))
+    values = maps.max(axis=0)
     average = log_average(values, (values > 1e-4 * values.max()).astype(np.float64))
     exposure = display.exposed_key / average if average > 0.0 else 0.0
     pixels = np.full((*image.shape[:2], 4), 255, np.uint8)
