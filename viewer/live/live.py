@@ -217,10 +217,10 @@ class Live:
         asked = LitFor.of(scene, rays=self.rays.found(scene))
         if self._lit is not None and self._will_do(self._lit, asked, detail):
             return self._lit
-        if self._lit is not None and self._is_drafted(asked) and self._awaits_first(self._lit):
+        if self._lit is not None and self._is_begun(asked) and self._awaits_first(self._lit):
             if self.job is None:
                 self._go_on()
-            return self._lit  # better shadows would make the first picture later
+            return self._lit  # better shadows, or what rays have found by now, would make the first picture later
         scene, is_coarse = self._coarsened(scene, asked, detail)
         self.assets.accept_finer = detail.draft
         shadows = scene.key(Part.LIGHT)
@@ -266,6 +266,10 @@ class Live:
 
     def _is_drafted(self, asked: LitFor) -> bool:
         return self._lit_for is not None and asked.is_drafted(self._lit_for)
+
+    def _is_begun(self, asked: LitFor) -> bool:
+        """Tell whether the light that there is lacks no more than better shadows and what rays find."""
+        return self._lit_for is not None and asked.is_drafted(replace(self._lit_for, rays=asked.rays))
 
     def _awaits_first(self, lit: LitScene) -> bool:
         """Tell whether the first picture, or the first light in a new model, is on the way."""
