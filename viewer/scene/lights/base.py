@@ -141,7 +141,7 @@ class Light(ABC):
         across = float(np.degrees(2.0 * np.tan(0.5 * np.radians(min(angle, 170.0)))))
         count = min(MAX_SUB_LIGHTS, PARTS * int(np.ceil(across / DEGREES_A_SUB_LIGHT / PARTS)))
         if draft:
-            return 1 if count == PARTS else min(2 + count // 6, MAX_DRAFT_SUB_LIGHTS)
+            return 1 if count == PARTS else min(1 + count // 8, MAX_DRAFT_SUB_LIGHTS)
         return count
 
     @abstractmethod
