@@ -21,6 +21,7 @@ MAX_TILE, MIN_TILE = 2048, 448  # texels a side of a tile
 MAX_CUBES = 32  # sub-lights of a light amid the object, each of which takes six views
 LIGHT_TAPS = 64  # of a filter over all sub-lights, about
 MIN_TAPS, MAX_TAPS = 4, 24
+RECEIVER_TAPS = 256  # the same on what casts no shadow, where filters are wide
 SAMPLE_TAPS, MIN_SAMPLE_TAPS = 16, 2  # at a surface sample
 FILTER_RADIUS = 0.5  # of the radius of a sub-light's share: wider ones darken folds, narrower ones show steps
 NO_WALL = 1e9  # mm
@@ -105,11 +106,12 @@ class SoftShadow:
         return {**self.uniforms(), "u_piece": 0.0, "u_taps": taps}
 
     def receiver_uniforms(self) -> dict[str, object]:
-        """Return the values of `uniforms` that differ on what receives the shadow and casts none: filters as wide.
+        """Return the values of `uniforms` that differ on what receives the shadow and casts none: wider filters.
 
         They may reach as far as the shadow of their share of the light does, with no wall to leak through.
         """
-        return {"u_piece": self.lights.cell, "u_widest": NO_WALL}
+        taps = int(np.clip(RECEIVER_TAPS // len(self.lights), 2 * MIN_TAPS, MAX_TAPS))
+        return {"u_piece": self.lights.cell, "u_widest": NO_WALL, "u_taps": taps}
 
     def depth_uniforms(self) -> dict[str, object]:
         """Return the values for sheet.glsl."""

@@ -1,7 +1,7 @@
 """The plane that the object stands on: what it sees of the object, and the light on it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -225,10 +225,12 @@ class GroundLighting:
         gbuffer = GBuffer(position, normal, targets.framebuffer, visible, reentry=again)
         no_highlights = Highlights(Gloss(0.0, 1.0, "none", normalized=False), self._no_probe)
         exhausted(self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, PARTS))
-        composite = self._composite.targets(size, parts=True, depth=depth)
+        # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
+        bare = replace(gather, eta=1.0, exit_normalisation=1.0)
+        composite = self._composite.targets(size, parts=False, depth=depth)
         composite.framebuffer.clear()
-        self._composite.render(gbuffer, targets, gather, no_highlights, lit.camera, 1.0, composite)
-        exitance = read_rgba(composite.textures["exitance"])[::-1].reshape(-1, 4)[:n, :3]
+        self._composite.render(gbuffer, targets, bare, no_highlights, lit.camera, 1.0, composite)
+        exitance = read_rgba(composite.textures["radiance"])[::-1].reshape(-1, 4)[:n, :3]
         if lit.detail is not None and lit.detail.after > 0.0:
             detail = lit.detail.detail
             pieces = detail.pieces(points, samples.faces, samples.areas)
