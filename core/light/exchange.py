@@ -197,12 +197,12 @@ class _Caster:
         buried = np.bincount(cast[met], backs, minlength=len(vertices)) > 0.5 * cosines.shape[1]
         if buried.any():
             again = np.flatnonzero(buried[cast])
-            others = self._first(vertices[cast[again]], directions[cast[again], ray[again]], LIFTS[1])
+            retried = self._first(vertices[cast[again]], directions[cast[again], ray[again]], LIFTS[1])
             kept = ~buried[cast[met]]
-            met = np.concatenate([met[kept], again[others[0]]])
+            met = np.concatenate([met[kept], again[retried[0]]])
             order = np.argsort(met)
-            met, face = met[order], np.concatenate([face[kept], others[1]])[order]
-            places = np.concatenate([places[kept], others[2]])[order]
+            met, face = met[order], np.concatenate([face[kept], retried[1]])[order]
+            places = np.concatenate([places[kept], retried[2]])[order]
         arriving = directions[cast[met], ray[met]]
         facing = -np.einsum("ij,ij->i", arriving, self._face_normals[face])
         front = facing > 0.0
@@ -223,11 +223,11 @@ class _Caster:
         normals = self._normals[vertices]
         tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
         tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
-        others = np.cross(normals, tangents)
+        bitangents = np.cross(normals, tangents)
         cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), 2.0 * np.pi * v
         directions = cosines[..., None] * normals[:, None]
         directions += (across * np.cos(angles))[..., None] * tangents[:, None]
-        directions += (across * np.sin(angles))[..., None] * others[:, None]
+        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
         # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
         planes = self._planes[vertices]
         below = np.minimum(np.einsum("ijk,ik->ij", directions, planes), 0.0)

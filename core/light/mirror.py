@@ -55,18 +55,18 @@ class Mirror:
         used = np.flatnonzero((cosines > LEAST_COSINE) & flux.any(axis=1))
         normals, cosines = normals[used], cosines[used]
         places = points[used] + LIFTS[0] * self._mesh.radius * normals
-        way = 2.0 * cosines[:, None] * normals - directions[used]
+        heading = 2.0 * cosines[:, None] * normals - directions[used]
         carried = flux[used] * reflectance(eta, cosines)[:, None]
         for last in (False, True):
-            face, along = self._rays.first(places, way)
-            facing = -np.einsum("ij,ij->i", way, self._normals[face])
+            face, along = self._rays.first(places, heading)
+            facing = -np.einsum("ij,ij->i", heading, self._normals[face])
             met = np.flatnonzero((face >= 0) & (facing > 0.0))
-            face, facing, way = face[met], facing[met], way[met]
-            places, carried = places[met] + along[met, None] * way, carried[met]
+            face, facing, heading = face[met], facing[met], heading[met]
+            places, carried = places[met] + along[met, None] * heading, carried[met]
             mirrored = reflectance(eta, facing)
             self._receive(received, face, places, carried if last else carried * (1.0 - mirrored)[:, None])
             carried = carried * mirrored[:, None]
-            way = way + 2.0 * facing[:, None] * self._normals[face]
+            heading = heading + 2.0 * facing[:, None] * self._normals[face]
             places = places + MIRROR_LIFT * self._mesh.radius * self._normals[face]
         return self._averaged(received)
 

@@ -336,8 +336,8 @@ class OfBodies:
             assert total is not None
             before, arriving, parts = arriving, [], list(scattered.parts)
             for i, (light, part) in enumerate(zip(entering, scattered.parts, strict=True)):
-                others = total if part is None or part.reentering is None else total - part.reentering
-                arriving.append(self._entering(i, light, others))
+                external = total if part is None or part.reentering is None else total - part.reentering
+                arriving.append(self._entering(i, light, external))
             entered = sum(float(light.flux.sum(dtype=np.float64)) for light in entering)
             change = sum(
                 float(np.abs(new - old).sum(dtype=np.float64)) for new, old in zip(arriving, before, strict=True)

@@ -131,12 +131,12 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
     chosen = np.random.default_rng(0).integers(len(parts), size=len(points))
     entered, towards, arriving = np.zeros(len(points)), np.zeros_like(points), np.zeros(len(points))
     for i, vector in enumerate(parts.vectors):
-        way = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
-        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-        cosines = np.maximum(np.einsum("ij,ij->i", way, normals), 0.0)
+        direction = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
+        direction = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        cosines = np.maximum(np.einsum("ij,ij->i", direction, normals), 0.0)
         on_surface = cosines * parts.emission(i, points)
         entered += on_surface * transmittance(eta, cosines) / len(parts)
-        np.copyto(towards, way, where=(chosen == i)[:, None])
+        np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
     return mirror.irradiance(points, normals, towards, entering * (scale * samples.areas)[:, None], eta)
