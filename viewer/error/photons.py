@@ -6,6 +6,7 @@ Both come of one walk (`core.reference.photons`), in which light that has met th
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
 from milkglass.core.reference.photon_lights import Beam, PhotonLight, Surroundings
@@ -18,7 +19,7 @@ from milkglass.core.reference.transport_error import (
     transport_error,
 )
 from milkglass.core.transport.base import Scattered
-from milkglass.viewer.error.point_exitance import scene_exitance
+from milkglass.viewer.error.point_exitance import Evaluate, scene_exitance
 from milkglass.viewer.error.visible import Illumination
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.camera import world_to_probe
@@ -99,8 +100,8 @@ def photon_error(
     illumination : Illumination
         Without light between parts.
     """
-    whole = scene_exitance(*shown, illumination)
-    inside = whole if alone is shown else scene_exitance(*alone, illumination)
+    whole = _evaluated_once(scene_exitance(*shown, illumination))
+    inside = whole if alone is shown else _evaluated_once(scene_exitance(*alone, illumination))
     return PhotonError(
         transport_error(reference, inside),
         between_parts_error(reference, inside, whole),
@@ -108,6 +109,18 @@ def photon_error(
         len(reference.regions.areas),
         reference.lost,
     )
+
+
+def _evaluated_once(evaluate: Evaluate) -> Evaluate:
+    """Return exitance at points that are always the same, those of a reference, which takes seconds."""
+    kept: list[Array] = []
+
+    def at(points: Array, normals: Array) -> Array:
+        if not kept:
+            kept.append(evaluate(points, normals))
+        return kept[0]
+
+    return at
 
 
 def photon_lights(scene: Scene, probe: Probe | None) -> list[PhotonLight]:

@@ -21,6 +21,7 @@ from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.lights import Light
 
 MAX_DIRECTIONS = 24  # of a wide lamp: over regions of a surface steps of shadows are not seen
+MAX_FAR_DIRECTIONS = 6  # of it, towards the far sides of thin slabs: each takes five rays a point
 Evaluate = Callable[[Array, Array], Array]  # points and unit normals, (n, 3) each -> M (n, 3)
 
 
@@ -90,7 +91,8 @@ class RayLights:
         if reach <= 0.0:
             ones, zeros = np.ones(len(points)), np.zeros(len(points))
             return LightAtPoints(irradiance, cosine, np.zeros((len(points), 3)), ones, zeros)
-        sides = [self._rays.far_side(points, normals, towards, reach) for towards in lamp.towards]
+        few = lamp.towards[:: -(-len(lamp.towards) // MAX_FAR_DIRECTIONS)]
+        sides = [self._rays.far_side(points, normals, towards, reach) for towards in few]
         behind = np.stack([self._behind(side) for side in sides]) / len(sides)
         return LightAtPoints(
             irradiance,

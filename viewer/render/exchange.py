@@ -132,7 +132,7 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
     entered, towards, arriving = np.zeros(len(points)), np.zeros_like(points), np.zeros(len(points))
     for i, vector in enumerate(parts.vectors):
         direction = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
-        direction = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
         cosines = np.maximum(np.einsum("ij,ij->i", direction, normals), 0.0)
         on_surface = cosines * parts.emission(i, points)
         entered += on_surface * transmittance(eta, cosines) / len(parts)

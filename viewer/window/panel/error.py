@@ -199,9 +199,17 @@ def walked_rows(walked: Walked | None) -> list[tuple[str, list[str]]]:
     if walked is None:
         return [(label, ["-"] * 3) for label in labels]
     error = walked.error
-    columns = error.inside.rms, error.between_parts.rms, error.whole.rms, error.between_parts.share
-    texts = ([percent(value) if np.isfinite(value) else "black" for value in values] for values in columns)
+    parts = error.inside, error.between_parts, error.whole
+    texts = [[_judged(rms, noise) for rms, noise in zip(part.rms, part.noise, strict=True)] for part in parts]
+    texts.append([_judged(share, 0.0) for share in error.between_parts.share])
     return list(zip(labels, texts, strict=True))
+
+
+def _judged(value: float, noise: float) -> str:
+    """Return a share as text; one that the noise of the photons explains is below it."""
+    if not np.isfinite(value):
+        return "black"
+    return "< noise" if value == 0.0 < noise else percent(value)
 
 
 def walk_verdict(walked: Walked) -> str:
