@@ -17,7 +17,12 @@ def with_reentry(illumination: Illumination, lit: LitScene, scattered: Scattered
     surface = lit.surface
     if total is None or surface is None:
         return illumination
-    return replace(illumination, again=lambda points, normals: surface.at(total, points, normals))
+    behind = surface.behind(total)
+    return replace(
+        illumination,
+        again=lambda points, normals: surface.at(total, points, normals),
+        again_behind=lambda points, normals: surface.at(behind, points, normals),
+    )
 
 
 def lights_of(scene: Scene, parted: PartedProbe | None, lit: LitScene | None = None) -> Illumination:

@@ -59,8 +59,8 @@ class RayLights:
         if illumination.table is not None:
             behind = illumination.surrounding(-normals) if thin else nothing
             sides.append((illumination.surrounding(normals, points), behind))
-        if illumination.again is not None:
-            behind = illumination.again(points, -normals) if thin else nothing
+        if illumination.again is not None and illumination.again_behind is not None:
+            behind = illumination.again_behind(points, normals) if thin else nothing
             sides.append((illumination.again(points, normals), behind))
         return sides
 

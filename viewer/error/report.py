@@ -26,7 +26,7 @@ from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
-from milkglass.viewer.error.illumination import lights_of
+from milkglass.viewer.error.illumination import lights_of, with_reentry
 from milkglass.viewer.error.map import error_map
 from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
@@ -223,7 +223,7 @@ def error_report(
     error = measure(
         visible,
         lit.model.mesh,
-        illumination,
+        with_reentry(illumination, lit, renderer.scatter(lit)),
         scene.material.resolve(),
         progress,
         bodies=lit.bodies,

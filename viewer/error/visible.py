@@ -72,8 +72,9 @@ class Illumination:
         Returns the visible share (n, 3) of the environment from points and normals, (n, 3) each, as in the picture.
     detail : callable, optional
         Returns sources with the normals of a surface's relief, and factors (n, 3) on E by its colours and relief.
-    again : callable, optional
-        Returns E (n, 3) of light that left the object and enters it again, from points and normals, as in the picture.
+    again, again_behind : callable, optional
+        Return E (n, 3) of light that left the object and enters it again, from points and normals, as in the picture:
+        there, and on the other side of the object.
     """
 
     lights: tuple[Light, ...]
@@ -83,6 +84,7 @@ class Illumination:
     visible: Callable[[Array, Array], npt.NDArray[np.floating]] | None = None
     detail: Callable[[SourcePieces], tuple[SourcePieces, Array]] | None = None
     again: Callable[[Array, Array], Array] | None = None
+    again_behind: Callable[[Array, Array], Array] | None = None
 
     @classmethod
     def of(

@@ -26,7 +26,6 @@ from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.live.dependence import light_key
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
-from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.keys import Key
@@ -237,7 +236,7 @@ class LiveError:
             around = live.renderer.parted(scene.environment)
             if finished.lit.quality.facts.uses_profile:
                 surface = surface_of(self._context, scene, finished)
-                self._submit(asked, lambda job: self._measure(job, scene, surface, finished.lit, around))
+                self._submit(asked, lambda job: self._measure(job, scene, surface, finished, around))
             else:
                 walk = self._walk_of(scene, live, finished, around)
                 self._submit(asked, walk)
@@ -283,16 +282,17 @@ class LiveError:
         return walk
 
     def _measure(
-        self, job: _Job, scene: Scene, surface: Surface, lit: LitScene, around: PartedProbe | None
+        self, job: _Job, scene: Scene, surface: Surface, finished: Finished, around: PartedProbe | None
     ) -> Measured:
         """Run in the worker: nothing here touches OpenGL."""
-        from milkglass.viewer.error.illumination import lights_of
+        from milkglass.viewer.error.illumination import lights_of, with_reentry
         from milkglass.viewer.error.visible import measure, visible_points
 
         job.report(0.0)
         start, (alpha, position, exitance) = time.perf_counter(), surface
         seen = visible_points(alpha, position, exitance, job.of.points)
-        light, material = lights_of(scene, around, lit), scene.material.resolve()
+        lit, material = finished.lit, scene.material.resolve()
+        light = with_reentry(lights_of(scene, around, lit), lit, finished.scattered)
         mesh = lit.model.mesh
         occluder = self._occluder_of(mesh)
         error = measure(seen, mesh, light, material, job.report, THREADS, occluder, lit.bodies, lit.profiles)

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.refine import interpolated
 from milkglass.viewer.assets.visibility import BakedVisibility
 from milkglass.viewer.passes.refined import RefinedSurface
 
@@ -38,4 +37,4 @@ class Occlusion:
 
     def behind(self, context: moderngl.Context) -> moderngl.Buffer:
         """Return the shares seen against each vertex' normal, as a buffer of three floats a vertex."""
-        return context.buffer(interpolated(*self.surface.opposite, self.shares))
+        return context.buffer(self.surface.behind(self.shares))

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.refine import interpolated
 from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.context import checked, float_targets
 from milkglass.viewer.gl.program import Program
@@ -39,7 +38,7 @@ class Reentry:
     @computed_once
     def behind(self) -> Float32:
         """Return E on the other side of the object, seen against each vertex' normal: (n, 3)."""
-        return np.asarray(interpolated(*self.surface.opposite, self.irradiance))
+        return self.surface.behind(self.irradiance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from milkglass.core.arrays import Float32
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.geometry.refine import Refined, barycentric
+from milkglass.core.geometry.refine import Refined, barycentric, interpolated
 from milkglass.core.light.bake import opposite_points
 from milkglass.core.threads import computed_once
 from milkglass.viewer.assets.visibility import LONGEST_EDGE
@@ -67,6 +68,10 @@ class RefinedSurface:
             places = np.concatenate([points[far], self._turn * normals[far]], axis=1)
             found[far] = values[self._tree.query(places)[1]]
         return np.asarray(found)
+
+    def behind(self, values: Float32) -> Float32:
+        """Return values of the vertices, (n, k), on the other side of the object, seen against each normal: (n, k)."""
+        return np.asarray(interpolated(*self.opposite, values))
 
     def bodies(self, context: moderngl.Context, of_vertex: npt.NDArray[np.int32]) -> moderngl.Buffer:
         """Return the body of each vertex, as a buffer of one float a vertex."""

@@ -22,7 +22,10 @@ BEHIND = (DirectionalLight((0.0, 0.0, -1.0)),)
 
 
 def scene(*assignments: str, mode: str = "separate", lights=SIDE):
-    small = ["display.image_size=[128, 128]", "camera.azimuth_deg=20", "transport.resolution=48"]
+    # What goes through the matter alone: bodies light each other through the air, too.
+    small = [
+        "display.image_size=[128, 128]", "camera.azimuth_deg=20", "transport.resolution=48", "transport.exchange=off",
+    ]  # fmt: skip
     return replace(apply_set(Scene(), [*small, f"model.bodies={mode}", *assignments]), lights=lights)
 
 
@@ -134,7 +137,8 @@ def test_exitance_at_points_is_that_of_the_pixels(context, model):
     """
     mesh = tubes() if model == "tubes" else plates(0.3, 0.05)
     lights = (DirectionalLight((-0.3, 0.2, -1.0)),) if model == "tubes" else BEHIND
-    shown, renderer = scene("camera.azimuth_deg=200", lights=lights), MeshRenderer(context, mesh)
+    on = "camera.azimuth_deg=200", "transport.exchange=on"
+    shown, renderer = scene(*on, lights=lights), MeshRenderer(context, mesh)
     frame = renderer.render(shown, samples=1)
     lit = renderer.light(shown)
     evaluate = scene_exitance(lit, renderer.scatter(lit), illumination_of(renderer, shown))
