@@ -10,7 +10,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.app import read_pixels
 from tests.support.driving import Driver
 
-SIZE = (900, 3050)  # every section open and nothing scrolled
+SIZE = (900, 3200)  # every section open and nothing scrolled
 Use = Callable[["Walker"], None]
 
 

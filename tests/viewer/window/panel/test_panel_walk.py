@@ -30,7 +30,7 @@ from milkglass.viewer.window.curves.view import PER_RADIUS
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by
 from tests.support.driving import small_scene, write_knot, write_pair
 from tests.support.skins import picture, write_ball
-from tests.support.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search
+from tests.support.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search, slide
 
 SECTIONS = ("Environment", "Ground", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {
@@ -313,6 +313,16 @@ def try_profiles(walker: Walker) -> None:
     walker.session.put(start)
 
 
+def try_zoom(walker: Walker) -> None:
+    """The reset of the zoom is always there: it frames the object, whose zoom the window has at once."""
+    framed = walker.session.scene.camera.zoom
+    slide("camera.zoom", 0.7)(walker)
+    assert walker.session.scene.camera.zoom != framed
+    walker.click("camera.zoom.reset")
+    walker.frames(2)
+    assert walker.session.scene.camera.zoom == pytest.approx(framed)
+
+
 def kind_of(box: str) -> str:
     """Which kind of control a name is: one entry of a list stands for all, and one light for another."""
     return re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
@@ -330,7 +340,7 @@ def test_every_control_changes_what_it_says(walker):
         assert not differ(walker.picture(), picture), name
     walker.session.put(scene)
     walker.settle()
-    for walk in (try_what_is_shown, try_way, try_lights, try_toolbar, try_profiles, try_error, try_sections):
+    for walk in (try_zoom, try_what_is_shown, try_way, try_lights, try_toolbar, try_profiles, try_error, try_sections):
         walk(walker)
     seen, used = ({kind_of(box) for box in boxes if not INSIDE.match(box)} for boxes in (walker.seen, walker.used))
     assert seen - used == set()
