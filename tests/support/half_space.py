@@ -37,7 +37,8 @@ class HalfSpace:
             raise InputError("a half space is lit along its normal: the direction towards the light must be 0, 0, -1.")
         normals = np.zeros((3, n))
         normals[2] = -1.0
-        return Arrivals(np.zeros((3, n)), normals, normals.copy(), np.zeros(n, np.int64), np.ones(n, np.bool_), 1.0)
+        bins, all_visible = np.zeros(n, np.int64), np.ones(n, np.bool_)
+        return Arrivals(np.zeros((3, n)), normals, normals.copy(), bins, all_visible, np.ones(n), 1.0)
 
     def hits(self, position: Array, direction: Array, reach: Array) -> Hits:
         """See `core.reference.photon_shapes.Shape.hits`."""

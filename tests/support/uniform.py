@@ -30,6 +30,7 @@ class UniformlyScattered:
     convolutions = 0, 0, 0
     is_solved = True
     boundaries = ()
+    reentering = None
 
     @property
     def world_to_texture(self):
@@ -54,6 +55,7 @@ class UniformTransport:
 
     resolution: int
     kernels: Kernels
+    sweeps = 1
 
     smooth = False
 
