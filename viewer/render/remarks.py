@@ -5,8 +5,11 @@ import numpy.typing as npt
 
 from milkglass.core.material.library import CHANNELS, Material
 from milkglass.core.transport.methods import Method
+from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.scene import Scene
+
+RIM_SPACINGS = 1.2  # width of the frame along a thin part's rim, in distances of nodes
 
 
 def beyond_object(scene: Scene) -> str | None:
@@ -29,6 +32,20 @@ def below_nodes(scene: Scene, lit: LitScene) -> str | None:
     return (
         f"the mean free path is shorter than the {spacing:.3g} mm between {method.grid_points} in {named}: "
         f"{method.below_grid}"
+    )
+
+
+def thin_rims(scene: Scene, lit: LitScene, gather: Gather) -> str | None:
+    """Return a sentence if the object has parts thinner than the grid resolves, with what is wrong at their rims.
+
+    Path traced, a plate of 0.4 mm in marble, nodes of 1.64 mm: 41 to 47 % in the outermost 0.4 mm, 15 to 20 up to 2 mm.
+    """
+    if not gather.is_thin or below_nodes(scene, lit) is None:
+        return None
+    spacing = max(lit.grid.texel, lit.grid.layer_distance)
+    return (
+        f"parts thinner than the {spacing:.3g} mm between nodes, lit from behind, are 15 to 20 % too dark within "
+        f"{RIM_SPACINGS * spacing:.2g} mm of their rims, and by up to half in the outermost {0.25 * spacing:.2g} mm"
     )
 
 

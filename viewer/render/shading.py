@@ -24,7 +24,7 @@ from milkglass.viewer.render.detail import DrawnDetail
 from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import Picture, PictureRequest
-from milkglass.viewer.render.remarks import below_nodes, beyond_object
+from milkglass.viewer.render.remarks import below_nodes, beyond_object, thin_rims
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
@@ -83,7 +83,7 @@ class Shading:
         display, show = scene.display, request.show
         composite = self._pixels(scene, lit, gather, request)
         if not request.develop:
-            return self._picture(scene, lit, composite, composite.framebuffer, 0.0)
+            return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
         texture = composite.textures[show]
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if request.exposure_for is None else request.exposure_for
@@ -98,15 +98,21 @@ class Shading:
                 texture, exposed, display, background, lit.camera, image, directions=show == "normal", ground=plane
             ),
         )
-        return replace(self._picture(scene, lit, composite, image, average), ground=plane)
+        return replace(self._picture(scene, lit, gather, composite, image, average), ground=plane)
 
     def _picture(
-        self, scene: Scene, lit: LitScene, composite: Composite, image: moderngl.Framebuffer, average: float
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        composite: Composite,
+        image: moderngl.Framebuffer,
+        average: float,
     ) -> Picture:
-        too_large, too_small = beyond_object(scene), below_nodes(scene, lit)
+        too_large, missed = beyond_object(scene), (below_nodes(scene, lit), thin_rims(scene, lit, gather))
         warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         warnings += () if too_large is None else (too_large,)
-        remarks = () if too_small is None else (too_small,)
+        remarks = tuple(sentence for sentence in missed if sentence is not None)
         transparent = scene.display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
 

@@ -10,7 +10,8 @@ from milkglass.core.material import library as materials
 from milkglass.viewer.commands import cli
 from milkglass.viewer.render.remarks import below_nodes, beyond_object
 from milkglass.viewer.scene import library
-from tests.support.rendering import scene_of
+from tests.support.rendering import MeshRenderer, scene_of
+from tests.support.solids import block, mesh_of
 
 
 def names(only="all", search=""):
@@ -91,3 +92,16 @@ def test_what_a_grid_cannot_follow_is_a_remark_and_what_no_picture_has_a_warning
     assert picture.remarks == ()
     assert any("longer than the object" in warning for warning in picture.warnings)
     assert below_nodes(coarse, renderer.light(coarse)) is None
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+@pytest.mark.parametrize(("thickness", "told"), [(0.4, True), (6.0, False)])
+def test_what_is_wrong_at_the_rims_of_thin_parts_is_told(context, thickness, told):
+    renderer = MeshRenderer(context, mesh_of(block((20.0, 20.0, thickness))))
+    scene = scene_of(
+        "model.size_mm=20", "material.name=marble", "transport.method=diffusion", "transport.resolution=20",
+        "transport.layers=20", "display.image_size=[32,32]",
+    )  # fmt: skip
+    remarks = renderer.draw(scene).remarks
+    assert any("of their rims" in remark for remark in remarks) == told

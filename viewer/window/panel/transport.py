@@ -6,7 +6,7 @@ from milkglass.core.transport.diffusion.solver import SOURCES
 from milkglass.core.transport.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import solves
-from milkglass.viewer.render.remarks import below_nodes
+from milkglass.viewer.render.remarks import below_nodes, thin_rims
 from milkglass.viewer.window.panel.section import Section, Seen
 
 NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
@@ -44,8 +44,10 @@ class TransportSection(Section):
         if quality.facts.solves:
             controls.note(solved(live.finished.scattered, complete=live.finished.complete))
         controls.note(chosen(live.finished, live.stage_times))
-        if (missed := below_nodes(self._session.scene, lit)) is not None:
-            controls.note(missed)
+        scene = self._session.scene
+        for missed in (below_nodes(scene, lit), thin_rims(scene, lit, live.finished.gather)):
+            if missed is not None:
+                controls.note(missed)
 
 
 def solved(solution: Scattered, *, complete: bool) -> str:
