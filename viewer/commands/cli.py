@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 DEFAULT_PICTURE = "milkglass.png"
 RENDERED = " or ".join(f"{suffix} ({kind.rendered})" for suffix, kind in PICTURE_FORMATS.items())
 DEFAULT_SAMPLES = 4
+FIRST_SAMPLES = 16  # a pixel of the default scene: nobody waits for a slider there, and edges are smooth
 DEFAULT_REPORT_POINTS = 300
 DEFAULT_REPORT_PHOTONS = 100_000
 DEFAULT_PATHS = 256
@@ -66,7 +67,7 @@ def default(
         if has_display():
             _run_window(default_scene())
         else:
-            _save(_render(default_scene(), DEFAULT_SAMPLES, 0, [DEFAULT_PICTURE]), [DEFAULT_PICTURE])
+            _save(_render(default_scene(), FIRST_SAMPLES, 0, [DEFAULT_PICTURE]), [DEFAULT_PICTURE])
             typer.echo(f"There is no display for a window, so the default scene went to {DEFAULT_PICTURE}.")
 
 

@@ -22,7 +22,7 @@ from milkglass.viewer.scene import own_materials, toml_files
 from milkglass.viewer.scene.camera import view_rotation
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
 from milkglass.viewer.scene.keys import Key, values_moving
-from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
+from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import RIVALS
 from milkglass.viewer.scene.settings import (
     DEFAULT_LIGHTS,
@@ -158,8 +158,13 @@ class Scene:
 
 
 def default_scene() -> Scene:
-    """Return what a newcomer sees: the sculpture in jade."""
-    return Scene(material=MaterialSettings(name="jade"))
+    """Return what a newcomer sees: the sculpture in jade on a dark ground, a warm key behind it, a cool fill beside."""
+    return Scene(
+        material=MaterialSettings(name="jade"),
+        lights=(DEFAULT_LIGHTS[0], DirectionalLight((0.9, 0.5, 0.3), (1.6, 1.8, 2.0), angle_deg=20.0)),
+        ground=GroundSettings(on=True, color=(0.8, 0.9, 1.0), reflectance=0.15),
+        display=DisplaySettings(key=0.5, background="#2a2d30"),
+    )
 
 
 class Change(NamedTuple):

@@ -183,7 +183,7 @@ def test_reference_is_never_overwritten_and_must_match(rendered, capsys):
 
 def test_milkglass_alone_without_a_display_writes_a_picture(rendered, capsys):
     assert cli.main([]) == 0
-    assert rendered.calls[0][0] == default_scene()
+    assert rendered.calls == [(default_scene(), cli.FIRST_SAMPLES, 0)]
     assert os.listdir() == ["milkglass.png"]
     out = capsys.readouterr().out
     assert "no display" in out
