@@ -118,6 +118,7 @@ class Stage(StrEnum):
     MIRRORED_LIGHT = "light by mirrors", Part.IRRADIANCE
     TOTAL_FLUX = "flux with mirrored light", Part.IRRADIANCE
     SAMPLE_LEAVING = "leaving tints of samples", Part.SURFACE
+    EXCHANGE_SAMPLES = "interpolation at samples", Part.IRRADIANCE
     MIRRORED_FLUX = "flux of mirrored light", Part.IRRADIANCE
     OCCLUDED_SAMPLES = "occluded samples", Part.IRRADIANCE
     IRRADIANCE = "irradiance of light", Part.IRRADIANCE
@@ -143,6 +144,7 @@ class Stage(StrEnum):
     RAYS = "rays", Part.TRANSPORT
     BOUNDARY = "boundary", Part.TRANSPORT
     ENTRY = "entry of light", Part.TRANSPORT
+    EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT
     SOURCES_G = "sources of G", Part.TRANSPORT

@@ -85,34 +85,46 @@ class Hits:
         count : int
             Number of emitters.
         """
-        entering, mirrored = self._entering(eta)
-        arriving = (entering / np.float32(self.rays * hemispherical_transmittance(eta)))[:, None]
-        values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
-        columns = np.where(self.faces >= 0, emitters[self.faces], -1)
-        used = columns >= 0
-        entries = np.concatenate([[0], np.cumsum(used.sum(axis=1))])[self.first]  # rays are in the order of rows
-        shape = len(self.first) - 1, count
-        return csr_array((values[used], columns[used].astype(np.int32), entries.astype(np.int32)), shape=shape)
+        return Pattern(self, emitters, count).matrix(eta)
 
     def mirrored(self, eta: float, radiance: Callable[[Array], Array]) -> Float32:
         """Return the irradiance that enters at the vertices by way of a mirror, (n, 3).
 
         `radiance` gives that of the surroundings, (m, 3), in unit directions (m, 3).
         """
-        entering, mirrored = self._entering(eta)
+        entering, mirrored = self.factors(eta)
         n, left = len(self.first) - 1, np.flatnonzero(self.directions.any(axis=1))
         arriving = radiance(self.directions[left].astype(np.float64)) * (entering * mirrored)[left, None]
         vertices = self.vertices[left]
         sums = [np.bincount(vertices, column, minlength=n) for column in arriving.T]
         return (np.pi / self.rays * np.stack(sums, axis=1)).astype(np.float32)
 
-    def _entering(self, eta: float) -> tuple[Float32, Float32]:
+    def factors(self, eta: float) -> tuple[Float32, Float32]:
         """Return F_t at the vertex and F_r at the first hit, (k,) each."""
         # Of every number that float16 has in [0, 1]: their bits, as whole numbers, count them.
         one = int(np.float16(1.0).view(np.uint16))
         table = reflectance(eta, np.arange(one + 1, dtype=np.uint16).view(np.float16)).astype(np.float32)
         at_vertex, at_hit = table[np.minimum(self.cosines.view(np.uint16), one)].T
         return 1.0 - at_vertex, at_hit
+
+
+class Pattern:
+    """Which emitters each vertex sees: the matrix of `Hits.matrix` but for Fresnel's factors; parameters as there."""
+
+    def __init__(self, hits: Hits, emitters: Ints, count: int) -> None:
+        self._hits = hits
+        columns = np.where(hits.faces >= 0, emitters[hits.faces], -1)
+        self._used = columns >= 0
+        # Rays are in the order of rows.
+        self._rows = np.concatenate([[0], np.cumsum(self._used.sum(axis=1))])[hits.first].astype(np.int32)
+        self._columns, self._shape = columns[self._used].astype(np.int32), (len(hits.first) - 1, count)
+
+    def matrix(self, eta: float) -> csr_array:
+        """Return the matrix for an index of refraction."""
+        entering, mirrored = self._hits.factors(eta)
+        arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
+        values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
+        return csr_array((values[self._used], self._columns, self._rows), shape=self._shape)
 
 
 def cast_hits(

@@ -25,6 +25,7 @@ from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 from milkglass.viewer.scene.settings import EnvironmentSettings, TransportSettings
 
 SUB_LIGHTS = 16  # of a lamp with a size, from which mirrored rays come
+MOST_RAYS = 1 << 15  # of a lamp
 LEAST_ENTERING = 1e-3  # of the most that a lamp has enter, below which a point is at the rim of its light
 COARSE_ROWS = 32  # of a probe that mirrored rays meet
 
@@ -114,9 +115,11 @@ class ExchangeStages:
         """Return the flux that enters the surface samples, (n, 3), for irradiance at the exchange's vertices."""
         samples = surface.samples
 
+        at_samples = self._run(Stage.EXCHANGE_SAMPLES, [exchange, samples], lambda: exchange.at_samples(samples))
+
         def interpolated() -> Float32:
-            at_samples = exchange.tinted(exchange.at_samples(samples) @ mirrored)
-            return np.asarray(at_samples * samples.areas[:, None], np.float32)
+            entering = exchange.tinted(at_samples @ mirrored)
+            return np.asarray(entering * samples.areas[:, None], np.float32)
 
         return self._run(Stage.MIRRORED_FLUX, [exchange, samples, mirrored], interpolated)
 
@@ -127,7 +130,9 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
     `entering` is what of it enters the samples, (m, 3), in its shadows; a ray from each goes to one of its sub-lights.
     """
     parts = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
-    points, normals = samples.points.astype(np.float64), samples.normals.astype(np.float64)
+    step = 1 + len(samples) // MOST_RAYS  # of few samples each stands for several
+    points, normals = samples.points[::step].astype(np.float64), samples.normals[::step].astype(np.float64)
+    entering, areas = entering[::step], step * samples.areas[::step]
     chosen = np.random.default_rng(0).integers(len(parts), size=len(points))
     entered, towards, arriving = np.zeros(len(points)), np.zeros_like(points), np.zeros(len(points))
     for i, vector in enumerate(parts.vectors):
@@ -139,7 +144,7 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
         np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
-    return mirror.irradiance(points, normals, towards, entering * (scale * samples.areas)[:, None], eta)
+    return mirror.irradiance(points, normals, towards, entering * (scale * areas)[:, None], eta)
 
 
 def coarse(latlong: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -19,7 +19,7 @@ from scipy.sparse import csc_array, csr_array, hstack
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import tsc_matrix
-from milkglass.core.light.exchange import Exchange
+from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
@@ -33,8 +33,8 @@ KEPT_MEDIA = 6  # two materials
 NEGLIGIBLE_SHARE = 0.005
 
 
-class SurfaceExchange:
-    """Exchange of light between the n patches of a surface that lies on a grid.
+class ExchangeGeometry:
+    """What the exchange of light between the n patches of a surface on a grid owes to their places alone.
 
     Parameters
     ----------
@@ -43,29 +43,43 @@ class SurfaceExchange:
     boundary : Boundary
     samples : SurfaceSamples
         That the patches were made of.
+    """
+
+    def __init__(self, exchange: Exchange, boundary: Boundary, samples: SurfaceSamples) -> None:
+        patches = boundary.patches
+        self.boundary, self.samples = boundary, samples
+        emitters = exchange.emitters(patches.on_surface, patches.face_normals, boundary.grid.texel)
+        self.pattern = Pattern(exchange.hits, emitters, len(patches))
+        self.leaving: Float32 | None = None
+        if exchange.leaving is not None:
+            sums = patches.sums @ (samples.areas[:, None] * exchange.leaving)
+            self.leaving = (sums / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]).astype(np.float32)
+        tints = [None] if exchange.entering is None else list(exchange.entering.T)
+        at_samples = exchange.at_samples(samples)
+        self.to_patches = [_flux_matrix(patches, samples.areas, at_samples, tint) for tint in tints]
+
+
+class SurfaceExchange:
+    """Exchange of light between the n patches of a surface that lies on a grid.
+
+    Parameters
+    ----------
+    geometry : ExchangeGeometry
     depths : Depths
     eta : float
         Relative index of refraction, >= 1.
     """
 
-    def __init__(
-        self, exchange: Exchange, boundary: Boundary, samples: SurfaceSamples, depths: Depths, eta: float
-    ) -> None:
-        patches = boundary.patches
-        self.boundary, n = boundary, len(patches)
-        emitters = exchange.emitters(patches.on_surface, patches.face_normals, boundary.grid.texel)
-        self._to_vertices = exchange.hits.matrix(eta, emitters, n)
-        self._leaving = None
-        if exchange.leaving is not None:
-            sums = patches.sums @ (samples.areas[:, None] * exchange.leaving)
-            self._leaving = (sums / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]).astype(np.float32)
-        tints = [None] if exchange.entering is None else list(exchange.entering.T)
-        at_samples = exchange.at_samples(samples)
-        self._to_patches = [_flux_matrix(patches, samples.areas, at_samples, tint) for tint in tints]
-        self._entry = enter(EnteringLight(np.ones((len(samples), 3), np.float32)), boundary, depths, eta)
+    def __init__(self, geometry: ExchangeGeometry, depths: Depths, eta: float) -> None:
+        self.boundary, samples = geometry.boundary, geometry.samples
+        self._to_vertices = geometry.pattern.matrix(eta)
+        self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
+        everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
+        self._entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
         self._sources: dict[Medium, DiffuseSources] = {}
-        self.share = float(self.flux(0, np.ones(n)).sum() / patches.areas.sum())
+        areas = self.boundary.patches.areas
+        self.share = float(self.flux(0, np.ones(len(areas))).sum() / areas.sum())
 
     def irradiance(self, exitance: Array) -> Float32:
         """Return what enters again at the vertices, (m, 3), for exitance of the patches, (n, 3)."""

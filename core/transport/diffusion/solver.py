@@ -39,7 +39,7 @@ from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.pixels import pixel_tables
-from milkglass.core.transport.diffusion.reentry import SurfaceExchange
+from milkglass.core.transport.diffusion.reentry import ExchangeGeometry, SurfaceExchange
 from milkglass.core.transport.diffusion.solution import Solution as Solution, reached, same_flux
 from milkglass.core.transport.pixels import PixelTables
 
@@ -244,10 +244,13 @@ class DiffusionTransport:
         ]
         exchange, between = problem.exchange, None
         if exchange is not None:
+            geometry = stages.run(
+                Stage.EXCHANGE_GEOMETRY,
+                (boundary, exchange),
+                lambda: ExchangeGeometry(exchange, boundary, problem.samples),
+            )
             between = stages.run(
-                Stage.SURFACE_EXCHANGE,
-                (boundary, exchange, eta),
-                lambda: SurfaceExchange(exchange, boundary, problem.samples, depths, eta),
+                Stage.SURFACE_EXCHANGE, (geometry, eta), lambda: SurfaceExchange(geometry, depths, eta)
             )
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))
