@@ -195,8 +195,8 @@ class _Caster:
         self._face_normals = (cross / length).astype(np.float32)
         self._rays = RayMesh(mesh.vertices, mesh.faces)
         steps = np.arange(rays)
-        self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0])
-        self._shifts = np.random.default_rng(0).random((2, len(mesh.vertices)))
+        self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0]).astype(np.float32)
+        self._shifts = np.random.default_rng(0).random((2, len(mesh.vertices)), np.float32)
 
     def hits(self, vertices: Ints) -> tuple[Ints, Float16, Int32, Float16]:
         """Return how many rays of each vertex met the mesh, (m,), and of these the rays of `Hits`, vertex by vertex."""
@@ -231,20 +231,21 @@ class _Caster:
 
     def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
         """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""
-        u, v = ((self._lattice[i] + self._shifts[i, vertices, None]) % 1.0 for i in range(2))
+        u, v = ((self._lattice[i] + self._shifts[i, vertices, None]) % np.float32(1.0) for i in range(2))
         normals = self._normals[vertices]
-        tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+        axes = np.eye(3, dtype=np.float32)[:2]
+        tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, axes[:1], axes[1:]))
         tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
         bitangents = np.cross(normals, tangents)
-        cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), 2.0 * np.pi * v
-        directions = cosines[..., None] * normals[:, None]
-        directions += (across * np.cos(angles))[..., None] * tangents[:, None]
-        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
+        cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), np.float32(2.0 * np.pi) * v
+        local = np.stack([across * np.cos(angles), across * np.sin(angles), cosines], axis=-1)
+        directions = np.matmul(local, np.stack([tangents, bitangents, normals], axis=1))
         # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
         planes = self._planes[vertices]
-        below = np.minimum(np.einsum("ijk,ik->ij", directions, planes), 0.0)
-        directions -= 2.0 * below[..., None] * planes[:, None]
-        return cosines.astype(np.float32), directions.astype(np.float32)
+        if len(flat := np.flatnonzero(planes.any(axis=1))):
+            below = np.minimum(np.einsum("ijk,ik->ij", directions[flat], planes[flat]), 0.0)
+            directions[flat] -= 2.0 * below[..., None] * planes[flat, None]
+        return cosines, directions
 
     def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32]:
         """Return the indices of rays that meet a face, these faces and the points where, mm."""
