@@ -238,8 +238,10 @@ class _Caster:
         tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
         bitangents = np.cross(normals, tangents)
         cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), np.float32(2.0 * np.pi) * v
-        local = np.stack([across * np.cos(angles), across * np.sin(angles), cosines], axis=-1)
-        directions = np.matmul(local, np.stack([tangents, bitangents, normals], axis=1))
+        # Written out: a matrix product would start threads of BLAS inside each of these.
+        directions = cosines[..., None] * normals[:, None]
+        directions += (across * np.cos(angles))[..., None] * tangents[:, None]
+        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
         # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
         planes = self._planes[vertices]
         if len(flat := np.flatnonzero(planes.any(axis=1))):

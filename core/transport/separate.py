@@ -333,7 +333,8 @@ class OfBodies:
         arriving = [np.zeros_like(part.flux) for part in entering]
         for _ in range(self.whole.sweeps):
             total = scattered.reentering
-            assert total is not None
+            if total is None:
+                return scattered  # all is dark
             before, arriving, parts = arriving, [], list(scattered.parts)
             for i, (light, part) in enumerate(zip(entering, scattered.parts, strict=True)):
                 external = total if part is None or part.reentering is None else total - part.reentering

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         SampleIrradiancePass as SampleIrradiancePass,
     )
     from milkglass.viewer.passes.layers import LayersPass as LayersPass
+    from milkglass.viewer.passes.reentry import ReentryPass as ReentryPass
     from milkglass.viewer.passes.shadows import ShadowsPass as ShadowsPass
     from milkglass.viewer.passes.soft_shadows import SoftShadowsPass as SoftShadowsPass
     from milkglass.viewer.passes.tonemap import TonemapPass as TonemapPass

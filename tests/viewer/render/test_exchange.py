@@ -67,6 +67,13 @@ def test_separate_bodies_light_each_other(renderer):
     assert on.irradiance[floor].mean() == pytest.approx(joined.irradiance[floor].mean(), rel=0.05)
 
 
+@pytest.mark.parametrize("bodies", ["joined", "separate"])
+def test_without_light_all_is_black(renderer, bodies):
+    dark = replace(scene(f"model.bodies={bodies}"), lights=())
+    frame = renderer.render(dark, samples=1)
+    assert not frame.radiance.any()
+
+
 def test_methods_choose_and_a_setting_decides():
     assert [scene(f"transport.method={name}").transport.exchanges for name in ("diffusion", "ewald", "layered")] == [
         True, False, False,
