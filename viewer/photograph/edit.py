@@ -135,13 +135,11 @@ def edit(
     renderer = Renderer(context)
     # Light by hand is as bright as the irradiance that it makes says, which is one of the parts.
     is_lit_by_photo = placed.environment.probe is light and placed.environment.intensity > 0.0
-    # A height field casts short shadows: a window of the surround needs few sub-lights.
     picture = renderer.draw(
         placed,
         PictureRequest(pixel_offsets(samples), parts=parts or not is_lit_by_photo, develop=parts),
         progress=progress,
         last=True,
-        draft=True,
     )
     timings |= renderer.timings
     rendered = read_rgba(picture.composite.textures["radiance"])

@@ -76,7 +76,6 @@ def test_the_window_shows_what_edit_writes(window, context) -> None:
     assert close_to(picture, Compositor(written).picture())
     still, _ = shown.view.subject.still(shown.view.live)
     assert close_to(picture, still)
-    # A lamp has more sub-lights at rest than in `edit`.
     assert close_to(still, Compositor(written).picture())
     shown.session.edit("photo", behind="transparent")
     alone = shown.picture()

@@ -32,7 +32,7 @@ def scene_of(path, albedos, radius_mfp, eta, azimuth):
     extinction = radius_mfp / RADIUS
     return Scene(
         model=ModelSettings(path=path, size_mm=2.0 * RADIUS),
-        camera=CameraSettings(azimuth_deg=azimuth, elevation_deg=0.0, orthographic=True),
+        camera=CameraSettings(azimuth_deg=azimuth, elevation_deg=0.0, orthographic=True, zoom=1.0),
         material=MaterialSettings(
             sigma_s_prime=tuple(a * extinction for a in albedos),
             sigma_a=tuple((1.0 - a) * extinction for a in albedos),

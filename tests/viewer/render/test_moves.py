@@ -103,6 +103,8 @@ def named(tmp_path_factory) -> Callable[[str], str]:
 
 def another(declared: Setting, value: Any) -> Any:
     """Another value that a setting may have."""
+    if value is None and declared.length is not None:
+        return (8.0,) * declared.length
     if isinstance(value, tuple):
         return (another(declared, value[0]), *value[1:])
     if declared.kind == "boolean":

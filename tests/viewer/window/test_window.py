@@ -397,8 +397,8 @@ def test_every_key_of_the_cheat_sheet_runs_its_command(display, tmp_path, scene_
         for command in commands:
             names = [name.lower() if len(name) == 1 else NAMES.get(name, name) for name in command.keys.split("+")]
             window.press("+".join(names), "Escape")
-            nothing_to_do, opens_dialog = command.id in ("undo", "redo"), command.id in ("open_file", "save_as")
-            expected += [] if nothing_to_do else [command.id]
+            opens_dialog = command.id in ("open_file", "save_as")
+            expected.append(command.id)  # undo and redo too: the ground's switch came before them
             expected += [] if opens_dialog else ["dismiss"]
             assert ran() == expected
         assert window.quit() == 0
