@@ -109,7 +109,7 @@ def test_no_highlight_no_prefiltering(renderer_of, tmp_path):
 
 
 def highlight_expected(frame, seen, latlong, specular, eta):
-    """Float64: strength int L max(0, r.w)^n dw over what is above the horizon, or F_r times its mean, at some pixels."""
+    """Float64: strength int L max(0, r.w)^n dw above the horizon, or F_r times its mean, at some pixels."""
     picked = np.flatnonzero(seen.ravel())[:: max(1, np.count_nonzero(seen) // 250)]
     normals = frame.normal.reshape(-1, 3)[picked].astype(np.float64)
     points = frame.position.reshape(-1, 3)[picked]
