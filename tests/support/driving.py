@@ -13,7 +13,13 @@ from milkglass.viewer.gui.events import Dropped, Event, Key, MouseButton, MouseM
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import DisplaySettings, MaterialSettings, ModelSettings, TransportSettings
+from milkglass.viewer.scene.settings import (
+    DEFAULT_LIGHTS,
+    DisplaySettings,
+    MaterialSettings,
+    ModelSettings,
+    TransportSettings,
+)
 from milkglass.viewer.window.replay import Headless
 
 STEP = 0.02  # seconds between frames
@@ -46,6 +52,7 @@ def small_scene(model: Path) -> Scene:
         material=MaterialSettings(name="jade"),
         transport=TransportSettings(method="layered", layers=4, resolution=32),
         display=DisplaySettings(image_size=PICTURE, transform="photographic"),
+        lights=tuple(replace(light, angle_deg=0.0) for light in DEFAULT_LIGHTS),  # sharp: one shadow map each
     )
 
 
