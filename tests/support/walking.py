@@ -177,7 +177,7 @@ CONTROLS = [
     Control("ground.color", "ground.color", pick_colour("ground.color"), "ground"),
     *sliders("ewald", transport__error_target=0.9),
     Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
-    Control("transport.exchange", "transport.exchange", choose("transport.exchange", "on"), "ewald"),
+    Control("transport.exchange", "transport.exchange", choose("transport.exchange", "on"), "pair in probe"),
     *(
         Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", share))
         for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))

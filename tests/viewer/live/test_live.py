@@ -77,8 +77,8 @@ def test_the_environment_runs_its_own_stages_and_what_follows(driver, tmp_path):
 
 
 def test_one_light_leaves_the_others_alone(driver):
-    lights = (replace(DEFAULT_LIGHTS[0], irradiance=(1.0, 2.0, 3.0)), DEFAULT_LIGHTS[1])
-    driver.session.edit_lights(lights)
+    first, second = driver.session.scene.lights
+    driver.session.edit_lights((replace(first, irradiance=(1.0, 2.0, 3.0)), second))
     assert driver.stages() == LIGHT_1 | {"light 1"}  # a shadow knows no brightness
 
 

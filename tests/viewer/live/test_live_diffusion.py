@@ -16,7 +16,7 @@ from milkglass.viewer.live.job import PRESENTABLE
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import apply_set
-from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, TransportSettings
+from milkglass.viewer.scene.settings import TransportSettings
 from milkglass.viewer.window.panel.transport import chosen, solved
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
 from tests.support.waiting import DEADLINE, wait_until
@@ -46,7 +46,8 @@ def put(driver, *assignments):
 
 
 def turn_light(driver, *direction):
-    lights = (replace(DEFAULT_LIGHTS[0], direction=direction, angle_deg=0.0), DEFAULT_LIGHTS[1])  # sharp: no draft
+    first, second = driver.session.scene.lights
+    lights = (replace(first, direction=direction), second)
     driver.session.edit_lights(lights)
 
 

@@ -205,7 +205,9 @@ def try_way(walker: Walker) -> None:
 
 def try_lights(walker: Walker) -> None:
     """The list of lights."""
-    session, pictures = walker.session, [walker.picture()]
+    session = walker.session
+    session.put(replace(session.scene, lights=None))
+    pictures = [walker.picture()]
     for box, count in (("lights.add", 3), ("lights.0.duplicate", 4), ("lights.2.remove", 3)):
         walker.click(box)
         assert len(session.scene.lights) == count, box
