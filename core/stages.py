@@ -167,6 +167,7 @@ class Stage(StrEnum):
     DETAIL_TARGETS = "detail targets", Part.VIEW
 
     REENTRY_TARGETS = "targets of reentry", Part.LOOK
+    REENTRY_BUFFERS = "buffers of reentry", Part.LOOK
     REENTRY_PIXELS = "reentry at pixels", Part.LOOK
     OCCLUSION_BEHIND = "occlusion behind", Part.LOOK
     BLOCKED_HIGHLIGHTS = "blocked highlights", Part.LOOK

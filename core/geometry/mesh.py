@@ -171,6 +171,12 @@ def face_cross(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer
     return np.cross(v[faces[:, 1]] - origin, v[faces[:, 2]] - origin)
 
 
+def face_normals(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> Array:
+    """Return the unit normal of each face, (m, 3) float64; 0 of a face without area."""
+    cross = face_cross(vertices, faces)
+    return np.asarray(cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny))
+
+
 def signed_volume(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> float:
     """Return the volume enclosed by a closed mesh, negative if its faces look inwards, in the cube of the unit."""
     v = vertices.astype(np.float64, copy=False)

@@ -170,6 +170,12 @@ def _split(six: Int32, long: npt.NDArray[np.bool_]) -> tuple[Int32, npt.NDArray[
     return pieces, first
 
 
+def weights_within(vertices: npt.NDArray[np.float32], corners: Int32, points: npt.NDArray[np.floating]) -> Array:
+    """Return weights (n, 3) >= 0 of sum 1 that interpolate at points between the corners (n, 3) of their faces."""
+    weights = np.maximum(barycentric(vertices, corners, points), 0.0)
+    return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny))
+
+
 def barycentric(vertices: npt.NDArray[np.float32], corners: Int32, points: npt.NDArray[np.floating]) -> Array:
     """Return barycentric coordinates (n, 3) of points in the planes of faces, given by their corners (n, 3)."""
     a, b, c = (vertices[corners[:, i]].astype(np.float64) for i in range(3))

@@ -1,9 +1,7 @@
 """Visibility bake: rays from the vertices of a mesh, and the directions in which they leave it."""
 
-import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +10,8 @@ import numpy.typing as npt
 from milkglass.core.arrays import Bytes, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.geometry.refine import barycentric
+from milkglass.core.geometry.refine import weights_within
+from milkglass.core.light.casting import Casting
 from milkglass.core.light.visibility import Sight, blocks, direction_set, pattern_directions
 
 # Directions over the sphere, half of them above a horizon: DIRECTIONS, more while all rays are at most MIN_RAYS, fewer
@@ -28,11 +27,6 @@ INWARD = 1e-4  # radii below the surface at which rays into the object start
 BURIED_SHARE = 0.5  # of the directions: points with fewer open ones are tested for folds above them
 TEST_DIRECTIONS = 64  # over the sphere, for these tests
 COPLANAR = 1e-4  # 1 - cosine between the faces of a vertex up to which they are one plane
-THREADS = 8
-
-
-class BakeCancelled(Exception):  # noqa: N818  (not an error)
-    """Raised where a bake was cancelled."""
 
 
 def directions_for(n: int) -> int:
@@ -68,30 +62,19 @@ def bake(
         If `cancelled` was set.
     """
     n, caster = len(mesh.vertices), _Caster(mesh)
-    bits = np.zeros((n, caster.count // 8), np.uint8)
-    n_finished, lock, stopped = 0, threading.Lock(), cancelled or threading.Event()
+    bits, casting = np.zeros((n, caster.count // 8), np.uint8), Casting(n, progress, cancelled)
 
     def cast(block: tuple[int, npt.NDArray[np.intp]]) -> None:
-        nonlocal n_finished
         pattern, points = block
         directions = pattern_directions(caster.count, pattern).astype(np.float32)
         step = max(1, 2 * RAYS_AT_A_TIME // caster.count)
         for start in range(0, len(points), step):
-            if stopped.is_set():
-                raise BakeCancelled
+            casting.check()
             vertices = points[start : start + step]
             bits[vertices] = caster.visible_bits(vertices, directions)
-            with lock:
-                n_finished += len(vertices)
-                progress(n_finished / n)
+            casting.finished(len(vertices))
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, THREADS)) as pool:
-        try:
-            for future in [pool.submit(cast, block) for block in blocks(n)]:
-                future.result()
-        except BaseException:
-            stopped.set()  # else leaving the pool would wait for all remaining blocks
-            raise
+    casting.run(cast, blocks(n))
     return Sight(caster.normals, bits)
 
 
@@ -157,8 +140,7 @@ def opposite_points(mesh: Mesh) -> tuple[npt.NDArray[np.int32], Float32]:
     hit = np.flatnonzero((face >= 0) & (normals != 0.0).any(axis=1))
     corners[hit] = mesh.faces[face[hit]]
     points = origins[hit] - along[hit, None] * normals[hit]
-    inside = np.maximum(barycentric(mesh.vertices, corners[hit], points), 0.0)
-    weights[hit] = inside / inside.sum(axis=1, keepdims=True)
+    weights[hit] = weights_within(mesh.vertices, corners[hit], points)
     return corners, weights
 
 

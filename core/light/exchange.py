@@ -14,10 +14,8 @@ refraction is given.
 The matrix is that of radiosity (Goral et al. 1984), of a transmitting and mirroring surface in place of a diffuse one.
 """
 
-import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,11 +24,12 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Bools, Float32, Floats, Int32, Ints
-from milkglass.core.geometry.mesh import Mesh, face_cross
+from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.light.bake import LIFTS, THREADS, BakeCancelled, plane_normals, unit_normals
+from milkglass.core.light.bake import LIFTS, plane_normals, unit_normals
+from milkglass.core.light.casting import Casting
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
 Float16 = npt.NDArray[np.float16]
@@ -152,25 +151,16 @@ def cast_hits(
         If `cancelled` was set.
     """
     n, caster = len(mesh.vertices), _Caster(mesh, rays)
-    stopped, lock, finished = cancelled or threading.Event(), threading.Lock(), 0
+    casting = Casting(n, progress, cancelled)
 
     def cast(start: int) -> tuple[Ints, Float16, Int32, Float16]:
-        nonlocal finished
-        if stopped.is_set():
-            raise BakeCancelled
-        found = caster.hits(np.arange(start, min(start + VERTICES_AT_A_TIME, n)))
-        with lock:
-            finished += 1
-            progress(min(1.0, finished * VERTICES_AT_A_TIME / n))
+        casting.check()
+        vertices = np.arange(start, min(start + VERTICES_AT_A_TIME, n))
+        found = caster.hits(vertices)
+        casting.finished(len(vertices))
         return found
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, THREADS)) as pool:
-        futures = [pool.submit(cast, start) for start in range(0, n, VERTICES_AT_A_TIME)]
-        try:
-            parts = [future.result() for future in futures]
-        except BaseException:
-            stopped.set()  # else leaving the pool would wait for all remaining blocks
-            raise
+    parts = casting.run(cast, range(0, n, VERTICES_AT_A_TIME))
     counts, cosines, faces, directions = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Hits(rays, np.concatenate([[0], np.cumsum(counts)]), cosines, faces, directions)
 
@@ -190,9 +180,7 @@ class _Caster:
     def __init__(self, mesh: Mesh, rays: int) -> None:
         self._normals, self._planes = unit_normals(mesh), plane_normals(mesh)
         self._vertices, self._radius = mesh.vertices, mesh.radius
-        cross = face_cross(mesh.vertices, mesh.faces)
-        length = np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-        self._face_normals = (cross / length).astype(np.float32)
+        self._face_normals = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
         self._rays = RayMesh(mesh.vertices, mesh.faces)
         steps = np.arange(rays)
         self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0]).astype(np.float32)
@@ -275,11 +263,9 @@ def nearest_emitters(mesh: Mesh, points: Floats, normals: Floats, spacing: float
     spacing : float
         Between them, mm: the distance that a turn of the normal by a radian counts.
     """
-    cross = face_cross(mesh.vertices, mesh.faces)
-    cross = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
+    facing, centres = face_normals(mesh.vertices, mesh.faces), mesh.vertices[mesh.faces].mean(axis=1)
     tree = cKDTree(np.hstack([points, spacing * normals]))
-    return np.asarray(tree.query(np.hstack([centres, spacing * cross]), workers=-1)[1])
+    return np.asarray(tree.query(np.hstack([centres, spacing * facing]), workers=-1)[1])
 
 
 @dataclass(frozen=True, eq=False)

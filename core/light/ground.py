@@ -8,10 +8,8 @@ places reach far. With N cosine-distributed rays from each, the same at all, so 
 and the share of the surroundings' light that arrives is that of the rays that meet nothing.
 """
 
-import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +17,9 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Bytes, Float32, Int32, Ints
-from milkglass.core.geometry.mesh import Mesh, face_cross
+from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.light.bake import THREADS, BakeCancelled
+from milkglass.core.light.casting import Casting
 from milkglass.core.light.exchange import nearest_emitters
 from milkglass.core.material.fresnel import reflectance
 
@@ -168,15 +166,11 @@ def cast_from_ground(
         If `cancelled` was set.
     """
     places, directions = plane.places() - np.array([0.0, SUNK * mesh.radius, 0.0], np.float32), upward_directions()
-    rays, stopped = RayMesh(mesh.vertices, mesh.faces), cancelled or threading.Event()
-    cross = face_cross(mesh.vertices, mesh.faces)
-    normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
-    n, lock, finished = len(places), threading.Lock(), 0
+    rays, normals = RayMesh(mesh.vertices, mesh.faces), face_normals(mesh.vertices, mesh.faces)
+    casting = Casting(len(places), progress, cancelled)
 
     def cast(start: int) -> tuple[Bytes, Ints, Int32, npt.NDArray[np.float16]]:
-        nonlocal finished
-        if stopped.is_set():
-            raise BakeCancelled
+        casting.check()
         block = places[start : start + PLACES_AT_A_TIME]
         origins, towards = np.repeat(block, RAYS, axis=0), np.tile(directions, (len(block), 1))
         met = rays.occluded(origins, towards)
@@ -186,18 +180,10 @@ def cast_from_ground(
         front = (face >= 0) & (facing > 0.0)
         counts = np.bincount(hits[front] // RAYS, minlength=len(block))
         free = np.packbits(~met.reshape(len(block), RAYS), axis=1)
-        with lock:
-            finished += len(block)
-            progress(finished / n)
+        casting.finished(len(block))
         return free, counts, face[front].astype(np.int32), facing[front].astype(np.float16)
 
-    with ThreadPoolExecutor(min(os.cpu_count() or 1, THREADS)) as pool:
-        futures = [pool.submit(cast, start) for start in range(0, n, PLACES_AT_A_TIME)]
-        try:
-            parts = [future.result() for future in futures]
-        except BaseException:
-            stopped.set()  # else leaving the pool would wait for all remaining blocks
-            raise
+    parts = casting.run(cast, range(0, len(places), PLACES_AT_A_TIME))
     free, counts, faces, cosines = (np.concatenate(column) for column in zip(*parts, strict=True))
     return GroundRays(free, np.concatenate([[0], np.cumsum(counts)]), faces, cosines)
 

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, diags_array
 from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.geometry.refine import barycentric
+from milkglass.core.geometry.refine import weights_within
 from milkglass.core.light.bake import LIFTS
 from milkglass.core.light.exchange import MIRROR_LIFT
 from milkglass.core.material.fresnel import reflectance
@@ -73,8 +73,7 @@ class Mirror:
     def _receive(self, received: Array, faces: Ints, points: Array, flux: Array) -> None:
         """Add flux (k, 3) at points of faces to the corners of these."""
         corners = self._mesh.faces[faces]
-        weights = np.clip(barycentric(self._mesh.vertices, corners, points), 0.0, None)
-        weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        weights = weights_within(self._mesh.vertices, corners, points)
         for channel in range(3):
             shares = weights * flux[:, channel, None]
             received[:, channel] += np.bincount(corners.ravel(), shares.ravel(), minlength=len(received))

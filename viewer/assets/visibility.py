@@ -8,7 +8,8 @@ import numpy as np
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined, refined
-from milkglass.core.light.bake import BakeCancelled, bake, directions_for, unit_normals
+from milkglass.core.light.bake import bake, directions_for, unit_normals
+from milkglass.core.light.casting import BakeCancelled
 from milkglass.core.light.visibility import Sight, Visibility, transfer
 from milkglass.viewer.assets.ray_cache import RayCache
 from milkglass.viewer.scene.settings import EnvironmentSettings

@@ -4,8 +4,6 @@ The picture is drawn again with one sample a pixel, whose positions are exactly 
 """
 
 import json
-import os
-import secrets
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -36,6 +34,7 @@ from milkglass.viewer.render.picture import PictureRequest, read_frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.whole_file import replacement
 
 
 def photon_content(
@@ -154,16 +153,12 @@ class ErrorReport:
             For another suffix than .json, or for a path that cannot be written.
         """
         check_report_path(path)
-        target = Path(os.path.realpath(path))
-        temporary = target.with_name(f".{secrets.token_hex(8)}{SUFFIX}")
         try:
-            temporary.write_text(json.dumps(self.content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-            write_png(map_path(path), self.map)
-            os.replace(temporary, target)
+            with replacement(path) as temporary:
+                temporary.write_text(json.dumps(self.content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+                write_png(map_path(path), self.map)
         except OSError as error:
             raise InputError(f"{path} could not be written: {error.strerror}.") from error
-        finally:
-            temporary.unlink(missing_ok=True)
 
 
 def map_path(path: str | Path) -> Path:

@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.light.bake import BakeCancelled
+from milkglass.core.light.casting import BakeCancelled
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import GroundRaysOf, HitsOf, VisibilityOf, model_source
 from milkglass.viewer.assets.visibility import needs_visibility

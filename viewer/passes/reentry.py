@@ -63,22 +63,24 @@ class ReentryPass:
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         return ReentryTargets(irradiance, behind, self._context.framebuffer([irradiance, behind], depth))
 
+    def upload(self, reentry: Reentry, *, thin: bool) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Return E of the vertices and E on their other side, which is asked for where parts are `thin`."""
+        values = self._context.buffer(reentry.irradiance)
+        return values, self._context.buffer(reentry.behind) if thin else values
+
     def render(
         self,
-        reentry: Reentry,
+        surface: RefinedSurface,
+        values: tuple[moderngl.Buffer, moderngl.Buffer],
         world_to_clip: npt.NDArray[np.float64],
         target: ReentryTargets,
-        *,
-        thin: bool,
     ) -> None:
-        """Draw the mesh through a world-to-clip matrix (4, 4), row vectors; the other side where parts are `thin`."""
+        """Draw what `upload` returned over its mesh, through a world-to-clip matrix (4, 4), row vectors."""
         target.framebuffer.use()
         target.framebuffer.clear(depth=1.0)
         self._context.enable_only(moderngl.DEPTH_TEST)
-        values = self._context.buffer(reentry.irradiance)
-        behind = self._context.buffer(reentry.behind) if thin else values
-        content = {"a_irradiance": (values, "3f"), "a_behind": (behind, "3f")}
-        vertices = reentry.surface.buffers.with_values(self._program, content)
+        content = {name: (buffer, "3f") for name, buffer in zip(("a_irradiance", "a_behind"), values, strict=True)}
+        vertices = surface.buffers.with_values(self._program, content)
         self._program.set({"u_world_to_clip": world_to_clip})
         vertices.render()
         vertices.release()

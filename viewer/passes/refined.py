@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Float32
 from milkglass.core.geometry.rays import RayMesh
-from milkglass.core.geometry.refine import Refined, barycentric, interpolated
+from milkglass.core.geometry.refine import Refined, interpolated, weights_within
 from milkglass.core.light.bake import opposite_points
 from milkglass.core.threads import computed_once
 from milkglass.viewer.assets.visibility import LONGEST_EDGE
@@ -60,8 +60,7 @@ class RefinedSurface:
         mesh, lift = self.refined.mesh, LIFT * self.refined.mesh.radius
         face, along = self._rays.first(points + lift * normals, -normals)
         corners = mesh.faces[face]
-        weights = np.maximum(barycentric(mesh.vertices, corners, points), 0.0)
-        weights /= np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        weights = weights_within(mesh.vertices, corners, points)
         found = np.einsum("nk,nkc->nc", weights, values[corners])
         far = np.flatnonzero((face < 0) | (np.abs(along - lift) > lift))
         if len(far):  # not quite on the surface: the nearest vertex that faces that way

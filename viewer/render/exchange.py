@@ -88,14 +88,16 @@ class ExchangeStages:
         eta : float
         """
         parts = []
-        mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
         for i, (light, entering) in enumerate(lamps, start=1):
+            mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
             key = [mirror, samples, light, entering, eta]
             parts.append(
                 self._run(
                     Stage.MIRRORED_LAMP.of(i),
                     key,
-                    lambda light=light, entering=entering: lamp_mirrored(mirror, light, entering, samples, eta),  # type: ignore[misc]
+                    lambda mirror=mirror, light=light, entering=entering: lamp_mirrored(  # type: ignore[misc]
+                        mirror, light, entering, samples, eta
+                    ),
                 )
             )
         if around is not None:

@@ -246,10 +246,11 @@ class Shading:
         """Draw light that enters the object again at every pixel."""
         thin = gather.is_thin
         targets = self._run(Stage.REENTRY_TARGETS, [size], lambda: self._reentry.targets(size))
+        values = self._run(Stage.REENTRY_BUFFERS, [reentry, thin], lambda: self._reentry.upload(reentry, thin=thin))
         self._run(
             Stage.REENTRY_PIXELS,
-            [reentry, clip.tobytes(), targets, thin],
-            lambda: self._reentry.render(reentry, clip, targets, thin=thin),
+            [values, clip.tobytes(), targets],
+            lambda: self._reentry.render(reentry.surface, values, clip, targets),
         )
         return targets
 

@@ -18,7 +18,7 @@ from scipy.sparse import csc_array
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32
-from milkglass.core.geometry.mesh import Mesh, face_cross
+from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.grid.layers import LayerGrid, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
@@ -183,8 +183,7 @@ class Depths:
 
     def __init__(self, mesh: Mesh) -> None:
         self._rays = RayMesh(mesh.vertices, mesh.faces)
-        cross = face_cross(mesh.vertices, mesh.faces)
-        self._normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        self._normals = face_normals(mesh.vertices, mesh.faces)
 
     def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
         """Return the chords from m patches along unit directions (m, 3): (m,) mm, 0 where a ray leaves at once.

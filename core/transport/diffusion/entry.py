@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csc_array, csr_array, hstack
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.grid.layers import tsc_matrix
@@ -106,38 +107,73 @@ def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) 
     return Entry(lit, rays, stretch, cosines, chords, flux[lit], second)
 
 
+@dataclass(frozen=True, eq=False)
+class Scattering:
+    """First scattering of a light in a medium, as linear functions of the flux that enters each of n patches.
+
+    Attributes
+    ----------
+    deposited : (nodes, k) sparse float32
+        Q at the nodes, of the flux of `patches`.
+    patches : (k,) int
+        Patch of each column.
+    local : (n, n) sparse float64
+        a' E sum w rho(depth) at every patch, for what the nodes are too coarse for.
+    """
+
+    deposited: csc_array
+    patches: npt.NDArray[np.intp]
+    local: csr_array
+
+    def at_nodes(self, flux: Array) -> Float32:
+        """Return Q at the nodes, (nodes,), for the flux of the patches, (n,); its integral is what is not absorbed."""
+        return np.asarray(self.deposited @ flux[self.patches].astype(np.float32))
+
+    def at_patches(self, flux: Array) -> Array:
+        """Return the local part at the patches, (n,), for their flux, (n,)."""
+        return np.asarray(self.local @ flux)
+
+
+def scattering(entry: Entry, boundary: Boundary, medium: Medium, s: float) -> Scattering:
+    """Return the first scattering of a light, once reflected inside too, whose local part is too small to count."""
+    n, patches, sheet = len(boundary.patches), entry.patches, boundary.sheet
+    depths, shares = first_scattering(entry.chords_in(medium))
+    depths, shares = medium.mean_free_path * depths, medium.albedo * shares
+    start = boundary.patches.points[patches]
+    density = shares / np.maximum(boundary.patches.areas[patches], np.finfo(np.float64).tiny)[:, None]
+    second, (rays, second_depths, second_shares) = entry.second, second_scattering(entry, medium)
+    lengths = entry.stretch * medium.mean_free_path * second_depths
+    index = np.full(n, -1)  # of each patch in the entry
+    index[patches] = np.arange(len(patches))
+    lit = np.flatnonzero(index[sheet.opposite] >= 0)  # thin slabs that light enters on the other side
+    across = index[sheet.opposite[lit]]
+    columns, diagonal, coupling = [], np.zeros(len(patches)), np.zeros(len(lit))
+    for node in range(2):
+        points = start + entry.stretch * depths[:, node, None] * entry.rays
+        reflected = second.starts[rays] + lengths[:, node, None] * second.directions[rays]
+        columns.append(_assigned(boundary, points, shares[:, node]))
+        columns.append(_assigned(boundary, reflected, medium.albedo * second_shares[:, node]))
+        below = depths[:, node] * entry.cosines
+        diagonal += density[:, node] * local_green(medium, s, below)
+        left = np.abs(sheet.thickness[lit] - below[across])
+        coupling += sheet.share[lit] * density[across, node] * local_green(medium, s, left)
+    rows = np.concatenate([patches, sheet.patches[lit]])
+    sides = np.concatenate([patches, sheet.opposite[lit]])
+    local = csr_array((np.concatenate([diagonal, coupling]), (rows, sides)), shape=(n, n))
+    owners = np.tile(np.append(patches, patches[second.rays[rays]]), 2)
+    return Scattering(csc_array(hstack(columns, format="csc")), owners, local)
+
+
 def sources(
     entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, retained: Array
 ) -> tuple[Float32, Array]:
-    """Return the first scattering of one channel: assigned to the nodes, and its local part at the patches.
+    """Return the first scattering of one channel: assigned to the nodes (nodes,), and its local part (n,).
 
     `retained` is the share of each patch's light that diffuses, (n,).
-
-    Returns
-    -------
-    deposited : (nodes,) float32
-        Q; its integral is the flux that scatters and is not absorbed.
-    local : (n,) float64
-        a' E sum w rho(depth) at every patch, for what the nodes are too coarse for.
     """
-    depths, strength = first_sources(entry, medium, channel, retained)
-    start = boundary.patches.points[entry.patches]
-    share = strength / np.maximum(boundary.patches.areas[entry.patches], np.finfo(np.float64).tiny)[:, None]
-    deposited = _reflected_sources(entry, boundary, medium, retained[entry.patches] * entry.flux[:, channel])
-    local = np.zeros(len(boundary.patches))
-    index = np.full(len(local), -1)  # of each patch in the entry
-    index[entry.patches] = np.arange(len(entry.patches))
-    sheet = boundary.sheet
-    lit = np.flatnonzero(index[sheet.opposite] >= 0)  # thin slabs that light enters on the other side
-    across = index[sheet.opposite[lit]]
-    for node in range(2):
-        points = start + entry.stretch * depths[:, node, None] * entry.rays
-        deposited += _at_nodes(boundary, points, strength[:, node])
-        below = depths[:, node] * entry.cosines
-        local[entry.patches] += share[:, node] * local_green(medium, s, below)
-        left = np.abs(sheet.thickness[lit] - below[across])
-        local[sheet.patches[lit]] += sheet.share[lit] * share[across, node] * local_green(medium, s, left)
-    return deposited, local
+    flux, of_light = np.zeros(len(boundary.patches)), scattering(entry, boundary, medium, s)
+    flux[entry.patches] = retained[entry.patches] * entry.flux[:, channel]
+    return of_light.at_nodes(flux), of_light.at_patches(flux)
 
 
 def first_sources(entry: Entry, medium: Medium, channel: int, retained: Array) -> tuple[Array, Array]:
@@ -166,19 +202,8 @@ def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp
     return worth, depths, left[worth, None] * shares
 
 
-def _reflected_sources(entry: Entry, boundary: Boundary, medium: Medium, flux: Array) -> Float32:
-    """Return Q of `second_scattering`, (nodes,); its local part is too small to count."""
-    second, (worth, depths, shares) = entry.second, second_scattering(entry, medium)
-    strength = medium.albedo * flux[second.rays[worth], None] * shares
-    lengths = entry.stretch * medium.mean_free_path * depths
-    deposited = np.zeros(int(np.prod(boundary.grid.shape)), np.float32)
-    for node in range(2) if len(worth) else ():
-        points = second.starts[worth] + lengths[:, node, None] * second.directions[worth]
-        deposited += _at_nodes(boundary, points, strength[:, node])
-    return deposited
-
-
-def _at_nodes(boundary: Boundary, points: Array, flux: Array) -> Float32:
-    """Return the particle-mesh assignment of flux (k,) at points (k, 3), mm: (nodes,)."""
+def _assigned(boundary: Boundary, points: Array, strength: Array) -> csc_array:
+    """Return the particle-mesh assignment of points (k, 3), mm, times their strength (k,): (nodes, k)."""
     weights = tsc_matrix(boundary.grid, boundary.grid.coordinates(points))
-    return np.asarray(weights @ flux.astype(np.float32))
+    data = weights.data * np.repeat(strength.astype(np.float32), np.diff(weights.indptr))
+    return csc_array((data, weights.indices, weights.indptr), shape=weights.shape)

@@ -10,21 +10,17 @@ the layers' before it.
 """
 
 import threading
-from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import csc_array, csr_array, hstack
+from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.grid.layers import tsc_matrix
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
-from milkglass.core.transport.diffusion.entry import Entry, enter, first_sources, second_scattering
-from milkglass.core.transport.diffusion.green import local_green
+from milkglass.core.transport.diffusion.entry import Scattering, enter, scattering
 from milkglass.core.transport.diffusion.patches import Patches
 
 KEPT_MEDIA = 6  # two materials
@@ -77,7 +73,7 @@ class SurfaceExchange:
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
         self._entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
-        self._sources: dict[Medium, DiffuseSources] = {}
+        self._sources: dict[Medium, Scattering] = {}
         areas = self.boundary.patches.areas
         self.share = float(self.flux(0, np.ones(len(areas))).sum() / areas.sum())
 
@@ -94,11 +90,11 @@ class SurfaceExchange:
         to_patches = self._to_patches[channel % len(self._to_patches)]
         return np.asarray(to_patches @ (self._to_vertices @ leaving), np.float64)
 
-    def sources(self, medium: Medium, s: float) -> "DiffuseSources":
+    def sources(self, medium: Medium, s: float) -> Scattering:
         """Return the sources of light from all around in a medium, for a window of width s, mm; kept for the next."""
         with self._lock:
             found = self._sources.pop(medium, None)
-        found = found or diffuse_sources(self._entry, self.boundary, medium, s)
+        found = found or scattering(self._entry, self.boundary, medium, s)
         with self._lock:
             self._sources = {**dict(list(self._sources.items())[1 - KEPT_MEDIA :]), medium: found}
         return found
@@ -122,74 +118,6 @@ def diffuse_reflectance(medium: Medium) -> float:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class DiffuseSources:
-    """First scattering of light from all around as linear functions of the flux that enters n patches.
-
-    Attributes
-    ----------
-    deposited : (nodes, k) sparse float32
-        Q at the nodes, of the flux of `patches`.
-    patches : (k,) int
-        Patch of each column.
-    local : (n, n) sparse float64
-        Local part of the right-hand side at the patches.
-    """
-
-    deposited: csc_array
-    patches: npt.NDArray[np.intp]
-    local: csr_array
-
-    def at_nodes(self, flux: Array) -> Float32:
-        """Return Q at the nodes, (nodes,), for the flux that enters the patches, (n,)."""
-        return np.asarray(self.deposited @ flux[self.patches].astype(np.float32))
-
-
-def diffuse_sources(entry: Entry, boundary: Boundary, medium: Medium, s: float) -> DiffuseSources:
-    """Return what `core.transport.diffusion.entry.sources` makes of light from all around, for any flux.
-
-    `entry` is that of light from all around with a flux of 1 in every patch.
-    """
-    n, retained = len(boundary.patches), np.ones(len(boundary.patches))
-    patches = entry.patches
-    depths, strength = first_sources(entry, medium, 0, retained)
-    start = boundary.patches.points[patches]
-    unit = strength / np.maximum(entry.flux[:, :1], np.finfo(np.float64).tiny)
-    share = unit / np.maximum(boundary.patches.areas[patches], np.finfo(np.float64).tiny)[:, None]
-    second, (rays, second_depths, second_shares) = entry.second, second_scattering(entry, medium)
-    lengths = entry.stretch * medium.mean_free_path * second_depths
-    columns, owners = [], []
-    index = np.full(n, -1)
-    index[patches] = np.arange(len(patches))
-    sheet = boundary.sheet
-    lit = np.flatnonzero(index[sheet.opposite] >= 0)
-    across = index[sheet.opposite[lit]]
-    diagonal, coupling = np.zeros(len(patches)), np.zeros(len(lit))
-    for node in range(2):
-        points = start + entry.stretch * depths[:, node, None] * entry.rays
-        columns.append(_assigned(boundary, points, unit[:, node]))
-        owners.append(patches)
-        if len(rays):
-            points = second.starts[rays] + lengths[:, node, None] * second.directions[rays]
-            columns.append(_assigned(boundary, points, medium.albedo * second_shares[:, node]))
-            owners.append(patches[second.rays[rays]])
-        below = depths[:, node] * entry.cosines
-        diagonal += share[:, node] * local_green(medium, s, below)
-        left = np.abs(sheet.thickness[lit] - below[across])
-        coupling += sheet.share[lit] * share[across, node] * local_green(medium, s, left)
-    rows = np.concatenate([patches, sheet.patches[lit]])
-    of = np.concatenate([patches, sheet.opposite[lit]])
-    local = csr_array((np.concatenate([diagonal, coupling]), (rows, of)), shape=(n, n))
-    return DiffuseSources(csc_array(hstack(columns, format="csc")), np.concatenate(owners), local)
-
-
-def _assigned(boundary: Boundary, points: Array, strength: Array) -> csc_array:
-    """Return the particle-mesh assignment of points (k, 3), mm, times their strength (k,): (nodes, k)."""
-    weights = tsc_matrix(boundary.grid, boundary.grid.coordinates(points))
-    data = weights.data * np.repeat(strength.astype(np.float32), np.diff(weights.indptr))
-    return csc_array((data, weights.indices, weights.indptr), shape=weights.shape)
-
-
 class Reentry:
     """Light of one channel that leaves the patches and enters them again."""
 
@@ -205,7 +133,7 @@ class Reentry:
 
     def at_patches(self, two_A_M: Array) -> Array:
         """Return its local part at the patches, (n,)."""
-        return np.asarray(self._sources.local @ self._flux(two_A_M))
+        return self._sources.at_patches(self._flux(two_A_M))
 
     def _flux(self, two_A_M: Array) -> Array:
         """Return the flux that enters again; the last one's is kept, since both of its parts are asked for in turn."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.refine import refined
-from milkglass.core.light.bake import BakeCancelled
+from milkglass.core.light.casting import BakeCancelled
 from milkglass.core.light.exchange import NEGLIGIBLE, Exchange, cast_hits, nearest_emitters, self_visible_share
 from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance

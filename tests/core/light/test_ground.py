@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.light.bake import BakeCancelled
+from milkglass.core.light.casting import BakeCancelled
 from milkglass.core.light.ground import RAYS, SIDE, GroundPlane, cast_from_ground, upward_directions
 from milkglass.core.material.fresnel import hemispherical_transmittance
 from tests.support.shapes import ball, cube

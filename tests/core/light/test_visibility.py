@@ -7,7 +7,8 @@ import pytest
 
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import refined
-from milkglass.core.light.bake import LIFTS, RAYS_AT_A_TIME, THREADS, BakeCancelled, bake, directions_for, plane_normals
+from milkglass.core.light.bake import LIFTS, RAYS_AT_A_TIME, bake, directions_for, plane_normals
+from milkglass.core.light.casting import THREADS, BakeCancelled
 from milkglass.core.light.harmonics import basis, rotated
 from milkglass.core.light.probe import Probe, irradiance_table, irradiance_zonal, lookup, to_probe_frame
 from milkglass.core.light.visibility import BLOCK_POINTS, MIN_UNOCCLUDED, Sight, blocks, phong_zonal, transfer

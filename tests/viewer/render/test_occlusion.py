@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from milkglass.core.light.bake import BakeCancelled, bake
+from milkglass.core.light.bake import bake
+from milkglass.core.light.casting import BakeCancelled
 from milkglass.core.light.probe import Probe, irradiance_zonal
 from milkglass.viewer.assets import visibility
 from milkglass.viewer.bench.lights import sky_pixels
