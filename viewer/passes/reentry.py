@@ -31,10 +31,6 @@ class Reentry:
     irradiance: Float32
     source: LightSource
 
-    def at(self, points: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-        """Return E (m, 3) at points of the surface with normals, (m, 3) each: of the nearest vertices that face so."""
-        return self.surface.at(self.irradiance, points, normals)
-
     @computed_once
     def behind(self) -> Float32:
         """Return E on the other side of the object, seen against each vertex' normal: (n, 3)."""

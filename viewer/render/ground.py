@@ -212,16 +212,20 @@ class GroundLighting:
         points, normals, occlusion = samples.points, samples.normals, lit.occlusion
         position, normal, visible, again = pixels(points, 1.0), pixels(normals, bodies), None, None
         if occlusion is not None:
-            behind = np.rint(255.0 * occlusion.at(points, -normals)) @ (1.0, 256.0, 65536.0)  # visible.glsl
+            far_side = occlusion.surface.at(occlusion.surface.behind(occlusion.shares), points, normals)
+            behind = np.rint(255.0 * far_side) @ (1.0, 256.0, 65536.0)  # visible.glsl
             visible = pixels(occlusion.at(points, normals), behind)
         # With depth, as of a picture: the driver would compile shaders anew for targets without.
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         self._context.framebuffer([], depth).clear(depth=0.0)
         targets = self._irradiance.targets(size, depth)
         sources = lit.sources
-        if gather.reentry is not None:
-            sides = [pixels(gather.reentry.at(points, side), 0.0) for side in (normals, -normals)]
-            again, sources = ReentryTargets(sides[0], sides[1], targets.framebuffer), (*sources, gather.reentry.source)
+        if (reentry := gather.reentry) is not None:
+            near, far = (
+                pixels(reentry.surface.at(values, points, normals), 0.0)
+                for values in (reentry.irradiance, reentry.behind)
+            )
+            again, sources = ReentryTargets(near, far, targets.framebuffer), (*sources, reentry.source)
         gbuffer = GBuffer(position, normal, targets.framebuffer, visible, reentry=again)
         no_highlights = Highlights(Gloss(0.0, 1.0, "none", normalized=False), self._no_probe)
         exhausted(self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, PARTS))
