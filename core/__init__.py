@@ -6,6 +6,7 @@ The pipeline by rooms, from a model to exitance; `core/README.md` has its equati
     material      coefficients, Fresnel terms and constants of diffusion; profiles: R_d of each channel
     light         irradiance of a light probe, its strong sources, and the visibility of the rest
     grid          flux deposited on layers of nodes, (3) (4); kernels between layers, (5); convolution by FFT, (6)
+    paths         rays through the object, mirrored and refracted at its surface
     transport     exitance by `layered`, `ewald` or `diffusion`, of all bodies together or of each
     photograph    or, instead of a model, height, surface and surround of a photographed object
     reference     the judges: equation (1) summed in float64, visibility by rays, photons

@@ -5,7 +5,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from milkglass.core.arrays import Array, Bools, Floats, Ints
+from milkglass.core.arrays import Array, Bools, Float32, Floats, Int32, Ints
 
 MAX_HITS = 1024  # of one ray
 
@@ -34,6 +34,14 @@ class RayMesh:
             output=True,
         )
         return hits["primID"].astype(np.int64), hits["tfar"].astype(np.float64)
+
+    def places(self, origins: Float32, directions: Float32) -> tuple[Int32, Float32, Float32, Float32]:
+        """Return the first face of each ray, -1 for none, its distance as `first`, and the place there; (n,) each.
+
+        The place is the weights of the face's second and third corner.
+        """
+        hits = self._scene.run(origins, directions, output=True)
+        return hits["primID"], hits["tfar"], hits["u"], hits["v"]
 
     def occluded(self, origins: Floats, directions: Floats) -> Bools:
         """Return whether each ray hits a face, (n,): a third faster than `first`, and other threads run meanwhile."""

@@ -1,0 +1,11 @@
+"""Paths of light through clear and murky matter: refracted and mirrored at its surface, straight in between."""
+
+from typing import TYPE_CHECKING
+
+from milkglass.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from milkglass.core.paths.events import Chords as Chords, Rays as Rays, follow as follow
+    from milkglass.core.paths.surface import Surface as Surface
+else:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,0 +1,338 @@
+"""Rays that meet the surface of clear or murky matter: mirrored and refracted there, absorbed in between.
+
+At every meeting a ray parts in two, by Fresnel's equations for unpolarised light: F_r of its weight is mirrored and
+1 - F_r refracted. A branch whose largest weight falls below `LEAST_WEIGHT` is dropped and its weight given to the other
+one, so that no energy is lost; what is mirrored where a path begins is kept whatever its weight. What has met the
+surface `EVENTS` times leaves along the refracted branch, or straight on where all is reflected. Rays that leave are
+cast again: in a concave object they enter again.
+
+Directions are those of rays, of light or of sight: weights are the same for both. Radiance inside is eta^2 times that
+outside; who adds radiance of the inside to a path divides by it.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from milkglass.core.arrays import Bools, Float32, Int32
+from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.surface import Faces, Surface
+
+EVENTS = 8
+LEAST_WEIGHT = 0.02
+NEGLIGIBLE_WEIGHT = 1e-4  # of the largest channel: what absorption leaves of both branches, below which both end
+SMALLEST_NORMAL = 1e-6  # of interpolated normals: below, opposite ones have cancelled
+NONE, ALL = np.float32(0.0), np.float32(1.0)  # of a weight
+
+
+class Rays(NamedTuple):
+    """Rays of n channels of light, k of them.
+
+    Attributes
+    ----------
+    origins, directions : (k, 3) float32
+        mm; unit.
+    weights : (k, n) float32
+        Of each channel: 1 where the path begins, then what mirrors, refraction and absorption leave of it.
+    sources : (k,) int32
+        Number of whatever the path began with: a pixel, a beam.
+    parents : (k,) int32
+        Number of the last chord on its path; -1 for none.
+    """
+
+    origins: Float32
+    directions: Float32
+    weights: Float32
+    sources: Int32
+    parents: Int32
+
+
+class Chords(NamedTuple):
+    """Straight ways through the inside of a body, k of them.
+
+    Attributes
+    ----------
+    starts, ends : (k, 3) float32
+        mm.
+    lengths : (k,) float32
+        mm.
+    weights : (k, n) float32
+        Of each channel at the start, before this chord absorbs.
+    bodies, sources, parents : (k,) int32
+        Body that it crosses; as of the ray. Chords of one path are numbered from 0 by `follow`, in its order.
+    """
+
+    starts: Float32
+    ends: Float32
+    lengths: Float32
+    weights: Float32
+    bodies: Int32
+    sources: Int32
+    parents: Int32
+
+
+class Meetings(NamedTuple):
+    """Rays where they meet the surface, k of them.
+
+    Attributes
+    ----------
+    points, directions : (k, 3) float32
+        mm; unit, of the arriving ray.
+    normals, planes : (k, 3) float32
+        Unit, of the smooth surface and of the face, turned to the side that the ray arrives from.
+    weights : (k, n) float32
+        As they arrive.
+    inside : (k,) bool
+        Whether the ray arrives from inside a body.
+    faces : (k,) int32
+        Of the surface; -1 where it is not known.
+    places : (k, 2) float32
+        Weights of the face's second and third corner.
+    bodies, sources, parents : (k,) int32
+        Body whose surface it is; as of the ray.
+    """
+
+    points: Float32
+    directions: Float32
+    normals: Float32
+    planes: Float32
+    weights: Float32
+    inside: Bools
+    faces: Int32
+    places: Float32
+    bodies: Int32
+    sources: Int32
+    parents: Int32
+
+
+class Event(NamedTuple):
+    """What became of rays up to their next meeting with the surface.
+
+    Attributes
+    ----------
+    chords : Chords
+        Those that they crossed.
+    meetings : Meetings
+        Where they met the surface.
+    mirrored : (k,) float32
+        Fresnel's reflectance F_r at each meeting.
+    escaped : Rays
+        Rays that met nothing any more, or that the last event let go.
+    """
+
+    chords: Chords
+    meetings: Meetings
+    mirrored: Float32
+    escaped: Rays
+
+
+def follow(surface: Surface, rays: Rays, extinction: Float32, met: int = 0, events: int = EVENTS) -> Iterator[Event]:
+    """Yield the events of rays until all have escaped.
+
+    Parameters
+    ----------
+    surface : Surface
+    rays : Rays
+    extinction : (b, n) float32
+        Of each channel in each body, 1/mm.
+    met : int
+        How often the rays have met the surface before.
+    events : int
+        After how many meetings paths end.
+    """
+    chord = 0
+    for number in range(met + 1, events + 1):
+        if len(rays.origins) == 0:
+            return
+        chords, meetings, escaped = meet(surface, rays, extinction, chord)
+        chord += len(chords.lengths)
+        mirrored, refracted, share = part(surface, meetings, number, events)
+        if number == events:
+            escaped, rays = joined(escaped, refracted), mirrored
+        else:
+            rays = joined(mirrored, refracted)
+        yield Event(chords, meetings, share, escaped)
+
+
+def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> tuple[Chords, Meetings, Rays]:
+    """Return the chords that rays cross, where they meet the surface next, and those that meet nothing.
+
+    `chord` is the number of the first chord; other arguments as of `follow`.
+    """
+    return _meet(rays, surface.rays.places(rays.origins, rays.directions), surface.faces, extinction, chord)
+
+
+def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS) -> tuple[Rays, Rays, Float32]:
+    """Return the mirrored and the refracted rays, and the share F_r that is mirrored.
+
+    Parameters
+    ----------
+    surface : Surface
+    meetings : Meetings
+    number : int
+        Of the event on each path: at 1 the mirrored branch is kept, at `events` all goes on along the refracted one.
+    events : int
+        After how many meetings paths end.
+    """
+    return _part(meetings, surface.faces.etas, surface.offset, number, events)
+
+
+def joined(a: Rays, b: Rays) -> Rays:
+    """Return two sets of rays as one."""
+    return Rays(*(np.concatenate(pair) for pair in zip(a, b, strict=True)))
+
+
+@compiled
+def _meet(
+    rays: Rays, hits: tuple[Int32, Float32, Float32, Float32], surface: Faces, extinction: Float32, chord: int
+) -> tuple[Chords, Meetings, Rays]:
+    hit, distance, second, third = hits
+    k, channels = rays.weights.shape
+    met = 0
+    for i in range(k):
+        met += hit[i] >= 0
+    points, directions = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
+    normals, planes = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
+    weights, inside = np.empty((met, channels), np.float32), np.empty(met, np.bool_)
+    places, faces, bodies = np.empty((met, 2), np.float32), np.empty(met, np.int32), np.empty(met, np.int32)
+    sources, parents = np.empty(met, np.int32), np.empty(met, np.int32)
+    starts, ends = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
+    lengths, before = np.empty(met, np.float32), np.empty((met, channels), np.float32)
+    crossed, chord_sources, chord_parents = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
+    free = np.empty(k - met, np.int64)
+    j = n = left = 0
+    for i in range(k):
+        face = hit[i]
+        if face < 0:
+            free[left] = i
+            left += 1
+            continue
+        u, v = second[i], third[i]
+        a, b, c = surface.corners[face]
+        body = surface.bodies[face]
+        facing = length = np.float32(0.0)
+        for axis in range(3):
+            facing += rays.directions[i, axis] * surface.planes[face, axis]
+        within = facing > 0.0
+        turn = np.float32(-1.0) if within else np.float32(1.0)
+        for axis in range(3):
+            points[j, axis] = rays.origins[i, axis] + distance[i] * rays.directions[i, axis]
+            directions[j, axis] = rays.directions[i, axis]
+            planes[j, axis] = turn * surface.planes[face, axis]
+            smooth = (
+                (1 - u - v) * surface.normals[a, axis] + u * surface.normals[b, axis] + v * surface.normals[c, axis]
+            )
+            normals[j, axis] = smooth
+            length += smooth * smooth
+        length = np.sqrt(length)
+        facing = np.float32(0.0)
+        for axis in range(3):
+            normals[j, axis] = normals[j, axis] / length if length > SMALLEST_NORMAL else planes[j, axis]
+            facing += normals[j, axis] * directions[j, axis]
+        if facing > 0.0:
+            for axis in range(3):
+                normals[j, axis] = -normals[j, axis]
+        for channel in range(channels):
+            weights[j, channel] = rays.weights[i, channel]
+        parents[j] = rays.parents[i]
+        if within:
+            for axis in range(3):
+                starts[n, axis], ends[n, axis] = rays.origins[i, axis], points[j, axis]
+            for channel in range(channels):
+                before[n, channel] = rays.weights[i, channel]
+                weights[j, channel] *= np.exp(-extinction[body, channel] * distance[i])
+            lengths[n], crossed[n] = distance[i], body
+            chord_sources[n], chord_parents[n] = rays.sources[i], rays.parents[i]
+            parents[j] = chord + n
+            n += 1
+        inside[j], faces[j], bodies[j], sources[j] = within, face, body, rays.sources[i]
+        places[j, 0], places[j, 1] = u, v
+        j += 1
+    chords = Chords(starts[:n], ends[:n], lengths[:n], before[:n], crossed[:n], chord_sources[:n], chord_parents[:n])
+    meetings = Meetings(points, directions, normals, planes, weights, inside, faces, places, bodies, sources, parents)
+    escaped = Rays(
+        rays.origins[free], rays.directions[free], rays.weights[free], rays.sources[free], rays.parents[free]
+    )
+    return chords, meetings, escaped
+
+
+@compiled
+def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events: int) -> tuple[Rays, Rays, Float32]:
+    k, channels = meetings.weights.shape
+    origins, directions = np.empty((2, k, 3), np.float32), np.empty((2, k, 3), np.float32)
+    weights = np.empty((2, k, channels), np.float32)
+    sources, parents = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
+    reflectance = np.empty(k, np.float32)
+    mirrored, refracted = np.empty(3, np.float32), np.empty(3, np.float32)
+    counts = np.zeros(2, np.int64)
+    for i in range(k):
+        d, normal, plane = meetings.directions[i], meetings.normals[i], meetings.planes[i]
+        eta = etas[meetings.bodies[i]]  # of the side beyond over the side that the ray arrives from
+        if meetings.inside[i]:
+            eta = np.float32(1.0) / eta
+        cosine = min(np.float32(1.0), -(d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]))
+        sine2 = (np.float32(1.0) - cosine * cosine) / (eta * eta)
+        beyond = np.sqrt(max(np.float32(0.0), np.float32(1.0) - sine2))
+        share = np.float32(1.0)
+        if sine2 < 1.0:
+            across = (cosine - eta * beyond) / max(cosine + eta * beyond, np.float32(1e-20))
+            along = (eta * cosine - beyond) / max(eta * cosine + beyond, np.float32(1e-20))
+            share = np.float32(0.5) * (across * across + along * along)
+        reflectance[i] = share
+        for axis in range(3):
+            mirrored[axis] = d[axis] + np.float32(2.0) * cosine * normal[axis]
+            refracted[axis] = (d[axis] + cosine * normal[axis]) / eta - beyond * normal[axis]
+            if share == 1.0 and sine2 >= 1.0:
+                refracted[axis] = d[axis]
+        largest = np.float32(0.0)
+        for channel in range(channels):
+            largest = max(largest, meetings.weights[i, channel])
+        shares = _kept(share, largest, number, events)
+        for branch in range(2):
+            if shares[branch] <= 0.0:
+                continue
+            out = mirrored if branch == 0 else refracted
+            side = np.float32(1.0) if branch == 0 else np.float32(-1.0)
+            # A smooth normal may send a ray to the wrong side of the face: it is turned back across the face.
+            rising = side * (out[0] * plane[0] + out[1] * plane[1] + out[2] * plane[2])
+            turn = np.float32(2.0) * min(rising, np.float32(0.0))
+            n = counts[branch]
+            size = np.float32(0.0)
+            for axis in range(3):
+                value = out[axis] - turn * side * plane[axis]
+                directions[branch, n, axis] = value
+                size += value * value
+            size = np.sqrt(size)
+            for axis in range(3):
+                directions[branch, n, axis] /= size
+                origins[branch, n, axis] = meetings.points[i, axis] + side * offset * plane[axis]
+            for channel in range(channels):
+                weights[branch, n, channel] = shares[branch] * meetings.weights[i, channel]
+            sources[branch, n], parents[branch, n] = meetings.sources[i], meetings.parents[i]
+            counts[branch] = n + 1
+    m, r = counts[0], counts[1]
+    return (
+        Rays(origins[0, :m], directions[0, :m], weights[0, :m], sources[0, :m], parents[0, :m]),
+        Rays(origins[1, :r], directions[1, :r], weights[1, :r], sources[1, :r], parents[1, :r]),
+        reflectance,
+    )
+
+
+@compiled
+def _kept(share: np.float32, largest: np.float32, number: int, events: int) -> tuple[np.float32, np.float32]:
+    """Return the shares of a ray's weight that its mirrored and its refracted branch go on with."""
+    if largest < NEGLIGIBLE_WEIGHT:
+        return NONE, NONE
+    if number == events:
+        return NONE, ALL
+    if share == ALL:
+        return ALL, NONE
+    mirrored, refracted = share, ALL - share
+    mirror_ends = number > 1 and mirrored * largest < LEAST_WEIGHT
+    refraction_ends = refracted * largest < LEAST_WEIGHT
+    if mirror_ends and (mirrored < refracted or not refraction_ends):
+        return NONE, ALL
+    if refraction_ends:
+        return ALL, NONE
+    return mirrored, refracted
