@@ -10,5 +10,8 @@ T = TypeVar("T")
 
 
 def compiled(loop: Callable[P, T]) -> Callable[P, T]:
-    """Return a function of arrays compiled by Numba; other threads run meanwhile, and 0 / 0 is NaN as in NumPy."""
+    """Return a function of arrays compiled by Numba; other threads run meanwhile, and 0 / 0 is NaN as in NumPy.
+
+    What is kept on disk is compiled again when the loop's own file changes, and not when a constant of another does.
+    """
     return cast(Callable[P, T], numba.njit(loop, cache=True, nogil=True, error_model="numpy"))

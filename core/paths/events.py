@@ -116,7 +116,7 @@ class Event(NamedTuple):
     meetings : Meetings
         Where they met the surface.
     mirrored : (k,) float32
-        Fresnel's reflectance F_r at each meeting.
+        Share of the weight that goes on mirrored at each meeting: F_r, or 0 or 1 where a branch was dropped.
     escaped : Rays
         Rays that met nothing any more, or that the last event let go.
     """
@@ -127,7 +127,9 @@ class Event(NamedTuple):
     escaped: Rays
 
 
-def follow(surface: Surface, rays: Rays, extinction: Float32, met: int = 0, events: int = EVENTS) -> Iterator[Event]:
+def follow(
+    surface: Surface, rays: Rays, extinction: Float32, met: int = 0, events: int = EVENTS, *, clear: bool = True
+) -> Iterator[Event]:
     """Yield the events of rays until all have escaped.
 
     Parameters
@@ -140,6 +142,8 @@ def follow(surface: Surface, rays: Rays, extinction: Float32, met: int = 0, even
         How often the rays have met the surface before.
     events : int
         After how many meetings paths end.
+    clear : bool
+        Whether rays go on inside; else refracted ones are absorbed at once.
     """
     chord = 0
     for number in range(met + 1, events + 1):
@@ -148,6 +152,8 @@ def follow(surface: Surface, rays: Rays, extinction: Float32, met: int = 0, even
         chords, meetings, escaped = meet(surface, rays, extinction, chord)
         chord += len(chords.lengths)
         mirrored, refracted, share = part(surface, meetings, number, events)
+        if not clear:
+            refracted = none(refracted)
         if number == events:
             escaped, rays = joined(escaped, refracted), mirrored
         else:
@@ -164,7 +170,7 @@ def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> t
 
 
 def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS) -> tuple[Rays, Rays, Float32]:
-    """Return the mirrored and the refracted rays, and the share F_r that is mirrored.
+    """Return the mirrored and the refracted rays, and the share that is mirrored, see `Event.mirrored`.
 
     Parameters
     ----------
@@ -181,6 +187,11 @@ def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS
 def joined(a: Rays, b: Rays) -> Rays:
     """Return two sets of rays as one."""
     return Rays(*(np.concatenate(pair) for pair in zip(a, b, strict=True)))
+
+
+def none(rays: Rays) -> Rays:
+    """Return no rays, of the channels of others."""
+    return Rays(rays.origins[:0], rays.directions[:0], rays.weights[:0], rays.sources[:0], rays.parents[:0])
 
 
 @compiled
@@ -263,7 +274,7 @@ def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events:
     origins, directions = np.empty((2, k, 3), np.float32), np.empty((2, k, 3), np.float32)
     weights = np.empty((2, k, channels), np.float32)
     sources, parents = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
-    reflectance = np.empty(k, np.float32)
+    went_on = np.empty(k, np.float32)
     mirrored, refracted = np.empty(3, np.float32), np.empty(3, np.float32)
     counts = np.zeros(2, np.int64)
     for i in range(k):
@@ -279,7 +290,6 @@ def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events:
             across = (cosine - eta * beyond) / max(cosine + eta * beyond, np.float32(1e-20))
             along = (eta * cosine - beyond) / max(eta * cosine + beyond, np.float32(1e-20))
             share = np.float32(0.5) * (across * across + along * along)
-        reflectance[i] = share
         for axis in range(3):
             mirrored[axis] = d[axis] + np.float32(2.0) * cosine * normal[axis]
             refracted[axis] = (d[axis] + cosine * normal[axis]) / eta - beyond * normal[axis]
@@ -289,6 +299,7 @@ def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events:
         for channel in range(channels):
             largest = max(largest, meetings.weights[i, channel])
         shares = _kept(share, largest, number, events)
+        went_on[i] = shares[0]
         for branch in range(2):
             if shares[branch] <= 0.0:
                 continue
@@ -315,7 +326,7 @@ def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events:
     return (
         Rays(origins[0, :m], directions[0, :m], weights[0, :m], sources[0, :m], parents[0, :m]),
         Rays(origins[1, :r], directions[1, :r], weights[1, :r], sources[1, :r], parents[1, :r]),
-        reflectance,
+        went_on,
     )
 
 

@@ -1,0 +1,99 @@
+"""Light scattered inside the object, gathered along the chords of rays of sight."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.events import NEGLIGIBLE_WEIGHT, Chords
+
+THIN = np.float32(1e-3)  # optical thickness of a step up to which 1 - e^-x is x
+
+
+class Glow(NamedTuple):
+    """Radiance that a unit of length inside the object scatters towards any direction, at nodes.
+
+    Attributes
+    ----------
+    nodes : (nz, ny, nx, 3) float32
+        Radiance a mm.
+    origin : (3,) float32
+        Place of the first node, mm: x, y, z.
+    spacing : float
+        Of the nodes, mm.
+    """
+
+    nodes: Float32
+    origin: Float32
+    spacing: float
+
+    @classmethod
+    def of(cls, volume: npt.ArrayLike, origin: npt.ArrayLike, spacing: float) -> "Glow":
+        """Return the glow of a volume of channels, (3, nz, ny, nx)."""
+        nodes = np.ascontiguousarray(np.moveaxis(np.asarray(volume, np.float32), 0, -1))
+        return cls(nodes, np.array(origin, np.float32), float(spacing))
+
+    def add(self, chords: Chords, extinction: Float32, etas: Float32, radiance: Float32) -> None:
+        """Add what chords gather, absorbed on the way, to the rows of `radiance`, (n, 3), of half their sources.
+
+        Parameters
+        ----------
+        chords : Chords
+            Radiance outside is that inside over eta^2.
+        extinction : (b, 3) float32
+            Of each body, 1/mm.
+        etas : (b,) float32
+            Index of refraction of each body.
+        radiance : (n, 3) float32
+        """
+        _march(chords, self, extinction, etas, radiance)
+
+
+@compiled
+def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radiance: Float32) -> None:
+    per_step, kept, weight = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    value = np.empty(3, np.float32)
+    for i in range(len(chords.lengths)):
+        body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i] // 2
+        steps = int(np.ceil(length / glow.spacing))
+        if steps == 0:
+            continue
+        step = length / np.float32(steps)
+        for channel in range(3):
+            thickness = extinction[body, channel] * step
+            kept[channel] = np.exp(-thickness)
+            per_step[channel] = step
+            if thickness > THIN:
+                per_step[channel] = (np.float32(1.0) - kept[channel]) / extinction[body, channel]
+            weight[channel] = chords.weights[i, channel] / (etas[body] * etas[body])
+        for number in range(steps):
+            along = (np.float32(number) + np.float32(0.5)) / np.float32(steps)
+            _read(glow, chords.starts[i], chords.ends[i], along, value)
+            largest = np.float32(0.0)
+            for channel in range(3):
+                radiance[pixel, channel] += weight[channel] * per_step[channel] * value[channel]
+                weight[channel] *= kept[channel]
+                largest = max(largest, weight[channel])
+            if largest < NEGLIGIBLE_WEIGHT:
+                break
+
+
+@compiled
+def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, value: Float32) -> None:
+    """Interpolate the three channels at a share of the way from start to end; nothing is outside the nodes."""
+    nodes = glow.nodes
+    x = (start[0] + along * (end[0] - start[0]) - glow.origin[0]) / glow.spacing
+    y = (start[1] + along * (end[1] - start[1]) - glow.origin[1]) / glow.spacing
+    z = (start[2] + along * (end[2] - start[2]) - glow.origin[2]) / glow.spacing
+    i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
+    value[:] = 0.0
+    for corner in range(8):
+        right, up, front = corner & 1, corner >> 1 & 1, corner >> 2
+        a, b, c = i + right, j + up, k + front
+        if a < 0 or b < 0 or c < 0 or a >= nodes.shape[2] or b >= nodes.shape[1] or c >= nodes.shape[0]:
+            continue
+        weight = np.float32(abs(1 - right - x + i) * abs(1 - up - y + j) * abs(1 - front - z + k))
+        for channel in range(3):
+            value[channel] += weight * nodes[c, b, a, channel]

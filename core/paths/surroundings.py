@@ -1,0 +1,194 @@
+"""What rays see that leave the object: an environment, and lamps with a size."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32
+from milkglass.core.light.maps import Radiance
+from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.events import ALL, NONE, Rays
+
+LEAST_ANGLE_DEG = 0.25  # angular diameter of a lamp as rays see it: they would never meet a point
+DISC, BALL, PANEL = range(3)
+EVERYWHERE = (-2.0, -1.0)  # cosines of a cone outside which, and inside which, all directions are
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp of even radiance, as rays see it.
+
+    Attributes
+    ----------
+    shape : int
+        `DISC` far away, `BALL`, or `PANEL` that shines from its front.
+    place : (3,)
+        Unit direction towards a disc; centre of the others, mm.
+    radiance : (3,)
+    size : float
+        Cosine of the angular radius of a disc, radius of a ball in mm; of a panel nothing.
+    width, height : (3,)
+        Half sides of a panel, mm.
+    forward : (3,)
+        Unit: from the front of a panel, along the cone of a ball.
+    cone : (2,)
+        Cosines to `forward` at which the radiance of a ball has faded to nothing, and from which on it is whole.
+    """
+
+    shape: int
+    place: Vector
+    radiance: Vector
+    size: float = 0.0
+    width: Vector = (0.0, 0.0, 0.0)
+    height: Vector = (0.0, 0.0, 0.0)
+    forward: Vector = (0.0, 0.0, 0.0)
+    cone: tuple[float, float] = EVERYWHERE
+
+
+class Lamps(NamedTuple):
+    """Lamps as arrays of n rows; see `Lamp`."""
+
+    shapes: npt.NDArray[np.int32]
+    places: Float32
+    radiance: Float32
+    sizes: Float32
+    widths: Float32
+    heights: Float32
+    forwards: Float32
+    cones: Float32
+
+
+class Surroundings(NamedTuple):
+    """Radiance that arrives from all around.
+
+    Attributes
+    ----------
+    whole, even : (h, 2h, 3) float32
+        Lat-long maps of the environment, with and without what shines as lamps of a scene.
+    turn : (2,) float32
+        Cosine and sine of the environment's rotation about +y.
+    intensity : float
+        Factor on both maps.
+    lamps : Lamps
+    """
+
+    whole: Float32
+    even: Float32
+    turn: Float32
+    intensity: float
+    lamps: Lamps
+
+    @classmethod
+    def of(
+        cls,
+        whole: Radiance | None = None,
+        even: Radiance | None = None,
+        rotation_deg: float = 0.0,
+        intensity: float = 1.0,
+        lamps: Sequence[Lamp] = (),
+    ) -> "Surroundings":
+        """Return the surroundings of an environment, if there is one, and of lamps.
+
+        Parameters
+        ----------
+        whole : (h, 2h, 3), optional
+            Lat-long map of radiance.
+        even : (h, 2h, 3), optional
+            The same without strong sources that the scene has as lamps; without, `whole`.
+        rotation_deg, intensity : float
+            Of the environment, as of `core.light.maps.to_probe_frame`.
+        lamps : sequence of Lamp
+        """
+        whole = np.zeros((1, 2, 3), np.float32) if whole is None else whole
+        even = whole if even is None else even
+        angle, n = np.radians(rotation_deg), len(lamps)
+        arrays = Lamps(
+            np.array([lamp.shape for lamp in lamps], np.int32),
+            np.array([lamp.place for lamp in lamps], np.float32).reshape(n, 3),
+            np.array([lamp.radiance for lamp in lamps], np.float32).reshape(n, 3),
+            np.array([lamp.size for lamp in lamps], np.float32),
+            np.array([lamp.width for lamp in lamps], np.float32).reshape(n, 3),
+            np.array([lamp.height for lamp in lamps], np.float32).reshape(n, 3),
+            np.array([lamp.forward for lamp in lamps], np.float32).reshape(n, 3),
+            np.array([lamp.cone for lamp in lamps], np.float32).reshape(n, 2),
+        )
+        return cls(
+            np.array(whole, np.float32, order="C"),
+            np.array(even, np.float32, order="C"),
+            np.array([np.cos(angle), np.sin(angle)], np.float32),
+            float(intensity),
+            arrays,
+        )
+
+    def add(self, rays: Rays, radiance: Float32, first: int) -> None:
+        """Add weights times what rays see to the rows of `radiance`, (n, 3), that their sources number.
+
+        `first` is 1 where rays have met the surface once: of those with an even source, which were mirrored there,
+        lamps are left out, whose highlights are drawn by themselves; else 0.
+        """
+        _add(rays, self, radiance, first)
+
+
+@compiled
+def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) -> None:
+    cosine, sine = surroundings.turn
+    for i in range(len(rays.sources)):
+        x, y, z = rays.directions[i]
+        without_lamps = first == 1 and rays.sources[i] % 2 == 0
+        latlong = surroundings.even if without_lamps else surroundings.whole
+        rows, columns = latlong.shape[:2]
+        across, back = cosine * x - sine * z, sine * x + cosine * z
+        azimuth = np.arctan2(across, -back) / (2.0 * np.pi) + 0.5
+        column = azimuth * columns - 0.5
+        row = np.arctan2(np.sqrt(across * across + back * back), y) / np.pi * rows - 0.5
+        row = min(max(row, 0.0), rows - 1.0)
+        left, top = int(np.floor(column)), int(row)
+        along, down = np.float32(column - left), np.float32(row - top)
+        right, bottom = (left + 1) % columns, min(top + 1, rows - 1)
+        left = left % columns
+        pixel = rays.sources[i]
+        for channel in range(3):
+            upper = (1 - along) * latlong[top, left, channel] + along * latlong[top, right, channel]
+            lower = (1 - along) * latlong[bottom, left, channel] + along * latlong[bottom, right, channel]
+            value = ((1 - down) * upper + down * lower) * surroundings.intensity
+            radiance[pixel, channel] += rays.weights[i, channel] * value
+        if not without_lamps:
+            for lamp in range(len(surroundings.lamps.shapes)):
+                share = _seen(rays.origins[i], rays.directions[i], surroundings.lamps, lamp)
+                for channel in range(3):
+                    light = share * surroundings.lamps.radiance[lamp, channel]
+                    radiance[pixel, channel] += rays.weights[i, channel] * light
+
+
+@compiled
+def _seen(origin: Float32, direction: Float32, lamps: Lamps, i: int) -> np.float32:
+    """Return the share of a lamp's radiance that a ray sees, 0 where it does not meet it."""
+    place = lamps.places[i]
+    if lamps.shapes[i] == DISC:
+        return ALL if _dot(direction, place) >= lamps.sizes[i] else NONE
+    to_centre = place - origin
+    if lamps.shapes[i] == BALL:
+        along = _dot(to_centre, direction)
+        if along <= 0.0 or _dot(to_centre, to_centre) - along * along > lamps.sizes[i] ** 2:
+            return NONE
+        none, whole = lamps.cones[i]
+        fading = min(max((-_dot(direction, lamps.forwards[i]) - none) / (whole - none), NONE), ALL)
+        return np.float32(fading * fading * (3.0 - 2.0 * fading))
+    facing, distance = _dot(direction, lamps.forwards[i]), _dot(to_centre, lamps.forwards[i])
+    if facing >= 0.0 or distance >= 0.0:
+        return NONE
+    off = distance / facing * direction - to_centre
+    inside_width = abs(_dot(off, lamps.widths[i])) <= _dot(lamps.widths[i], lamps.widths[i])
+    inside_height = abs(_dot(off, lamps.heights[i])) <= _dot(lamps.heights[i], lamps.heights[i])
+    return ALL if inside_width and inside_height else NONE
+
+
+@compiled
+def _dot(a: Float32, b: Float32) -> np.float32:
+    dot: np.float32 = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return dot

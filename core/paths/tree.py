@@ -1,0 +1,169 @@
+"""Trees of rays from the eye: what the surface mirrors, what is seen through the object, and what glows inside it.
+
+The first meeting with the surface is known, from the picture's G-buffer. From there on rays part and are cast again
+(`core.paths.events`), and the radiance of a pixel is the sum over all branches of
+
+    what leaves the object:            w L_surround(d)
+    every chord inside:                w (1 / eta^2) int S(x) e^(-s_t' s) ds
+    every meeting from outside:        w F_t M / (pi T)
+
+with w the branch's weight, S the radiance that a mm scatters (`core.paths.glow`), M the exitance of the surface, in the
+channels that have no S, and T its mean transmittance: an object is seen in its own mirror and through its clear parts.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from milkglass.core.arrays import Float32, Int32
+from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.events import EVENTS, Meetings, Rays, follow, joined, none, part
+from milkglass.core.paths.glow import Glow
+from milkglass.core.paths.surface import Surface
+from milkglass.core.paths.surroundings import Surroundings
+from milkglass.core.threads import pool_map
+
+BATCH = 16384  # rays of sight at a time: a tenth of a second
+
+
+class PathsSuperseded(Exception):  # noqa: N818  (not an error)
+    """Raised where paths are not wanted any longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Where k rays of sight meet the object first.
+
+    Attributes
+    ----------
+    points, normals : (k, 3) float32
+        mm; unit, outward, of the smooth surface.
+    directions : (k, 3) float32
+        Unit, from the eye.
+    bodies : (k,) int32
+    """
+
+    points: Float32
+    normals: Float32
+    directions: Float32
+    bodies: Int32
+
+
+class Seen(NamedTuple):
+    """Radiance of k rays of sight, (k, 3) float32 each.
+
+    Attributes
+    ----------
+    mirror, unscattered : (k, 3)
+        Surroundings by way of the first mirror, but for lamps that it shows itself; and by way of the inside.
+    scattered : (k, 3)
+        The glow inside, and the surface's exitance where the path meets it again.
+    """
+
+    mirror: Float32
+    unscattered: Float32
+    scattered: Float32
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """What trees of rays are traced in; compared by identity.
+
+    Attributes
+    ----------
+    surface : Surface
+    extinction : (b, 3) float32
+        s_t' of each body, 1/mm.
+    surroundings : Surroundings
+    glow : Glow, optional
+    leaving : (n, 3) float32, optional
+        M / (pi T) at the surface's vertices.
+    clear : bool
+        Whether rays go on inside; else all is absorbed there, and the object is mirrors alone.
+    events : int
+        After how many meetings with the surface a path ends.
+    """
+
+    surface: Surface
+    extinction: Float32
+    surroundings: Surroundings
+    glow: Glow | None = None
+    leaving: Float32 | None = None
+    clear: bool = True
+    events: int = EVENTS
+
+    def trace(self, sight: Sight, go_on: Callable[[], bool] = lambda: True) -> Seen:
+        """Return the radiance of rays of sight, in the threads of the pool.
+
+        Raises
+        ------
+        PathsSuperseded
+            If `go_on`, which is asked before every batch, says no.
+        """
+        k = len(sight.points)
+        seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
+
+        def trace(start: int) -> None:
+            if not go_on():
+                raise PathsSuperseded
+            batch = slice(start, start + BATCH)
+            for values, of_batch in zip(seen, self._trace(sight, batch), strict=True):
+                values[batch] = of_batch
+
+        pool_map(trace, range(0, k, BATCH))
+        return seen
+
+    def _trace(self, sight: Sight, batch: slice) -> tuple[Float32, Float32, Float32]:
+        surface, faces = self.surface, self.surface.faces
+        first = _first(sight, batch)
+        k = len(first.points)
+        mirrored, refracted, _ = part(surface, first, 1, self.events)
+        rays = _two(mirrored, refracted if self.clear else none(refracted))
+        unscattered, scattered = np.zeros((2 * k, 3), np.float32), np.zeros((k, 3), np.float32)
+        for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
+            self.surroundings.add(event.escaped, unscattered, int(number == 0))
+            if self.glow is not None:
+                self.glow.add(event.chords, self.extinction, faces.etas, scattered)
+            if self.leaving is not None:
+                _add_leaving(event.meetings, event.mirrored, faces.corners, self.leaving, scattered)
+        return unscattered[0::2], unscattered[1::2], scattered
+
+
+def _first(sight: Sight, batch: slice) -> Meetings:
+    """Return the first meetings of a part of the rays of sight, numbered from 0."""
+    points, directions = (np.array(values[batch], np.float32) for values in (sight.points, sight.directions))
+    k = len(points)
+    facing = np.einsum("ij,ij->i", sight.normals[batch], directions)
+    normals = np.where(facing > 0.0, -1.0, 1.0)[:, None].astype(np.float32) * sight.normals[batch]
+    return Meetings(
+        points=points,
+        directions=directions,
+        normals=normals,
+        planes=normals,
+        weights=np.ones((k, 3), np.float32),
+        inside=np.zeros(k, bool),
+        faces=np.full(k, -1, np.int32),
+        places=np.zeros((k, 2), np.float32),
+        bodies=np.array(sight.bodies[batch], np.int32),
+        sources=np.arange(k, dtype=np.int32),
+        parents=np.full(k, -1, np.int32),
+    )
+
+
+def _two(mirrored: Rays, refracted: Rays) -> Rays:
+    """Return both branches with sources 2 n of mirrored and 2 n + 1 of refracted rays, n those before."""
+    sources = np.concatenate([2 * mirrored.sources, 2 * refracted.sources + 1])
+    return joined(mirrored, refracted)._replace(sources=sources)
+
+
+@compiled
+def _add_leaving(meetings: Meetings, mirrored: Float32, corners: Int32, leaving: Float32, radiance: Float32) -> None:
+    for i in range(len(mirrored)):
+        if meetings.inside[i]:
+            continue
+        pixel, (a, b, c), (u, v) = meetings.sources[i] // 2, corners[meetings.faces[i]], meetings.places[i]
+        for channel in range(3):
+            value = (1 - u - v) * leaving[a, channel] + u * leaving[b, channel] + v * leaving[c, channel]
+            radiance[pixel, channel] += meetings.weights[i, channel] * (1 - mirrored[i]) * value
