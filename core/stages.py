@@ -105,6 +105,7 @@ class Stage(StrEnum):
 
     VISIBILITY = "visibility", Part.OCCLUSION
     EXCHANGE_RAYS = "rays between parts", Part.OCCLUSION
+    CROSSING_RAYS = "rays through thin parts", Part.OCCLUSION
     REFINED_MESH = "refined mesh", Part.OCCLUSION
     OCCLUSION = "occlusion", Part.OCCLUSION
 
@@ -112,14 +113,16 @@ class Stage(StrEnum):
     ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
     EXCHANGE = "exchange between parts", Part.IRRADIANCE
     MIRROR = "mirror", Part.OCCLUSION
-    MIRRORED = "mirrored surroundings", Part.IRRADIANCE
-    MIRRORED_LAMP = "mirrored light", Part.IRRADIANCE
-    MIRRORED_TOTAL = "all mirrored light", Part.IRRADIANCE
-    MIRRORED_LIGHT = "light by mirrors", Part.IRRADIANCE
-    TOTAL_FLUX = "flux with mirrored light", Part.IRRADIANCE
+    EXCHANGE_THROUGH = "exchange through thin parts", Part.IRRADIANCE
+    RECEIVED_LAMP = "rays of lamp", Part.IRRADIANCE
+    UNSCATTERED_LAMP = "unscattered light of lamp", Part.IRRADIANCE
+    UNSCATTERED_ENVIRONMENT = "unscattered light of environment", Part.IRRADIANCE
+    UNSCATTERED = "all unscattered light", Part.IRRADIANCE
+    UNSCATTERED_LIGHT = "unscattered light", Part.IRRADIANCE
+    TOTAL_FLUX = "flux with unscattered light", Part.IRRADIANCE
     SAMPLE_LEAVING = "leaving tints of samples", Part.SURFACE
     EXCHANGE_SAMPLES = "interpolation at samples", Part.IRRADIANCE
-    MIRRORED_FLUX = "flux of mirrored light", Part.IRRADIANCE
+    UNSCATTERED_FLUX = "flux of unscattered light", Part.IRRADIANCE
     OCCLUDED_SAMPLES = "occluded samples", Part.IRRADIANCE
     IRRADIANCE = "irradiance of light", Part.IRRADIANCE
     FLUX = "flux", Part.IRRADIANCE

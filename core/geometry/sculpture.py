@@ -50,8 +50,8 @@ RINGS = (
 )
 
 
-def sculpture() -> tuple[Array, Ints, Array]:
-    """Return the mesh of the sculpture, closed and 2-manifold, about 1 high.
+def sculpture(spacing: float = SPACING) -> tuple[Array, Ints, Array]:
+    """Return the mesh of the sculpture, closed and 2-manifold, about 1 high, polygonised on cells of a spacing.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def sculpture() -> tuple[Array, Ints, Array]:
     faces : (m, 3) int64, counter-clockwise seen from outside
     normals : (n, 3) float64, unit, outward
     """
-    return polygonise(_primitives(), (-0.63, -0.55, -0.6), (0.63, 0.55, 0.6), SPACING)
+    return polygonise(_primitives(), (-0.63, -0.55, -0.6), (0.63, 0.55, 0.6), spacing)
 
 
 def _primitives() -> list[Primitive]:

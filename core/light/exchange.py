@@ -24,22 +24,21 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Bools, Float32, Floats, Int32, Ints
-from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
-from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.light.bake import LIFTS, plane_normals, unit_normals
 from milkglass.core.light.casting import Casting
+from milkglass.core.light.crossing import Crossings
+from milkglass.core.light.vertex_rays import (
+    RAYS,
+    TEST_RAYS,
+    VERTICES_AT_A_TIME,
+    Caster,
+    Float16,
+    representative_vertices,
+)
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
-Float16 = npt.NDArray[np.float16]
-
-# Rays of a vertex. On the dragon, jade: E has 9.8 % rms at 32, 5.8 at 64, 3.5 at 128, and what enters a fifth of it.
-RAYS = 64
-GOLDEN = 0.618034  # steps of a lattice; those of a plastic number, .7549, double the error
-VERTICES_AT_A_TIME = 1024
-MIRROR_LIFT = 1e-4  # radii above the surface at which mirrored rays start
-TEST_VERTICES, TEST_RAYS = 2000, 16  # which tell the share within 0.005
 NEGLIGIBLE = 0.002  # share of what leaves a surface that meets it again, below which nothing is worth computing
 
 
@@ -150,13 +149,13 @@ def cast_hits(
     BakeCancelled
         If `cancelled` was set.
     """
-    n, caster = len(mesh.vertices), _Caster(mesh, rays)
+    n, caster = len(mesh.vertices), Caster(mesh, rays)
     casting = Casting(n, progress, cancelled)
 
     def cast(start: int) -> tuple[Ints, Float16, Int32, Float16]:
         casting.check()
         vertices = np.arange(start, min(start + VERTICES_AT_A_TIME, n))
-        found = caster.hits(vertices)
+        found = _hits(caster, vertices)
         casting.finished(len(vertices))
         return found
 
@@ -165,91 +164,25 @@ def cast_hits(
     return Hits(rays, np.concatenate([[0], np.cumsum(counts)]), cosines, faces, directions)
 
 
+def _hits(caster: Caster, vertices: Ints) -> tuple[Ints, Float16, Int32, Float16]:
+    """Return how many rays of each vertex met the mesh, (m,), and of these the rays of `Hits`, vertex by vertex."""
+    met = caster.met(vertices)
+    normals = caster.face_normals[met.faces]
+    mirrored = met.arriving + 2.0 * met.facing[:, None] * normals
+    second, _ = caster.rays.first(met.places + caster.lift * normals, mirrored)
+    front = np.einsum("ij,ij->i", mirrored, caster.face_normals[second]) < 0.0
+    return (
+        met.counts,
+        np.stack([met.at_vertex, met.facing], axis=1).astype(np.float16),
+        np.stack([met.faces, np.where((second >= 0) & front, second, -1)], axis=1).astype(np.int32),
+        np.where((second < 0)[:, None], mirrored, 0.0).astype(np.float16),
+    )
+
+
 def self_visible_share(mesh: Mesh) -> float:
     """Return the share of the hemisphere above a mesh's surface that the mesh covers itself, by a few rays: [0, 1]."""
-    areas = np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1)
-    of_vertices = np.bincount(mesh.faces.ravel(), np.repeat(areas, 3), minlength=len(mesh.vertices))
-    chosen = np.random.default_rng(0).choice(len(of_vertices), TEST_VERTICES, p=of_vertices / of_vertices.sum())
-    counts, *_ = _Caster(mesh, TEST_RAYS).hits(np.sort(chosen))
+    counts = Caster(mesh, TEST_RAYS).met(representative_vertices(mesh)).counts
     return float(np.mean(counts)) / TEST_RAYS
-
-
-class _Caster:
-    """Casts rays from the vertices of a mesh, mirrored once at the face that they meet."""
-
-    def __init__(self, mesh: Mesh, rays: int) -> None:
-        self._normals, self._planes = unit_normals(mesh), plane_normals(mesh)
-        self._vertices, self._radius = mesh.vertices, mesh.radius
-        self._face_normals = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
-        self._rays = RayMesh(mesh.vertices, mesh.faces)
-        steps = np.arange(rays)
-        self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0]).astype(np.float32)
-        self._shifts = np.random.default_rng(0).random((2, len(mesh.vertices)), np.float32)
-
-    def hits(self, vertices: Ints) -> tuple[Ints, Float16, Int32, Float16]:
-        """Return how many rays of each vertex met the mesh, (m,), and of these the rays of `Hits`, vertex by vertex."""
-        cosines, directions = self._directions(vertices)
-        cast = np.repeat(np.flatnonzero(self._normals[vertices].any(axis=1)), cosines.shape[1])
-        ray = np.arange(len(cast)) % cosines.shape[1]
-        met, face, places = self._first(vertices[cast], directions[cast, ray], LIFTS[0])
-        backs = np.einsum("ij,ij->i", directions[cast[met], ray[met]], self._face_normals[face]) >= 0.0
-        # Most hits of back faces: the vertex lies below a fold of the surface, and its rays start above it.
-        buried = np.bincount(cast[met], backs, minlength=len(vertices)) > 0.5 * cosines.shape[1]
-        if buried.any():
-            again = np.flatnonzero(buried[cast])
-            retried = self._first(vertices[cast[again]], directions[cast[again], ray[again]], LIFTS[1])
-            kept = ~buried[cast[met]]
-            met = np.concatenate([met[kept], again[retried[0]]])
-            order = np.argsort(met)
-            met, face = met[order], np.concatenate([face[kept], retried[1]])[order]
-            places = np.concatenate([places[kept], retried[2]])[order]
-        arriving = directions[cast[met], ray[met]]
-        facing = -np.einsum("ij,ij->i", arriving, self._face_normals[face])
-        front = facing > 0.0
-        met, face, facing, arriving, places = met[front], face[front], facing[front], arriving[front], places[front]
-        normals = self._face_normals[face]
-        mirrored = arriving + 2.0 * facing[:, None] * normals
-        second, left = self._mirrored(places + np.float32(MIRROR_LIFT * self._radius) * normals, mirrored)
-        return (
-            np.bincount(cast[met], minlength=len(vertices)),
-            np.stack([cosines[cast[met], ray[met]], facing], axis=1).astype(np.float16),
-            np.stack([face, second], axis=1).astype(np.int32),
-            np.where(left[:, None], mirrored, 0.0).astype(np.float16),
-        )
-
-    def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
-        """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""
-        u, v = ((self._lattice[i] + self._shifts[i, vertices, None]) % np.float32(1.0) for i in range(2))
-        normals = self._normals[vertices]
-        axes = np.eye(3, dtype=np.float32)[:2]
-        tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, axes[:1], axes[1:]))
-        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
-        bitangents = np.cross(normals, tangents)
-        cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), np.float32(2.0 * np.pi) * v
-        # Written out: a matrix product would start threads of BLAS inside each of these.
-        directions = cosines[..., None] * normals[:, None]
-        directions += (across * np.cos(angles))[..., None] * tangents[:, None]
-        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
-        # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
-        planes = self._planes[vertices]
-        if len(flat := np.flatnonzero(planes.any(axis=1))):
-            below = np.minimum(np.einsum("ijk,ik->ij", directions[flat], planes[flat]), 0.0)
-            directions[flat] -= 2.0 * below[..., None] * planes[flat, None]
-        return cosines, directions
-
-    def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32]:
-        """Return the indices of rays that meet a face, these faces and the points where, mm."""
-        origins = self._vertices[vertices] + np.float32(lift * self._radius) * self._normals[vertices]
-        met = np.flatnonzero(self._rays.occluded(origins, directions))  # cheaper, and beside other threads
-        face, along = self._rays.first(origins[met], directions[met])
-        places = origins[met] + along.astype(np.float32)[:, None] * directions[met]
-        return met[face >= 0], face[face >= 0], places[face >= 0]
-
-    def _mirrored(self, starts: Float32, directions: Float32) -> tuple[Ints, Bools]:
-        """Return the face that each ray meets from in front, -1 for none, and whether it leaves the object."""
-        face, _ = self._rays.first(starts, directions)
-        front = np.einsum("ij,ij->i", directions, self._face_normals[face]) < 0.0
-        return np.where((face >= 0) & front, face, -1), face < 0
 
 
 def nearest_emitters(mesh: Mesh, points: Floats, normals: Floats, spacing: float) -> Ints:
@@ -284,6 +217,8 @@ class Exchange:
         Of a body alone: faces of the whole surface that it has, as its samples number them.
     emitting : (faces of the refined mesh,) bool, optional
         Of a body alone: those that it has.
+    crossings : Crossings, optional
+        Paths from these vertices through the object's matter, where much light takes them.
     """
 
     refined: Refined
@@ -292,11 +227,17 @@ class Exchange:
     leaving: Float32 | None = None
     faces: Ints | None = None
     emitting: Bools | None = None
+    crossings: Crossings | None = None
+
+    @property
+    def surface(self) -> tuple[object, ...]:
+        """Return what it depends on but paths through matter, as a key of stages."""
+        return self.refined, self.hits, self.entering, self.leaving, self.faces, self.emitting
 
     def of_body(self, faces: Ints, emitting: Bools, chosen: Ints) -> "Exchange":
         """Return the exchange between what a body lets out and the whole surface; `chosen` are the body's samples."""
         entering, leaving = (None if tint is None else tint[chosen] for tint in (self.entering, self.leaving))
-        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting)
+        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting, self.crossings)
 
     def tinted(self, irradiance: Float32) -> Float32:
         """Return irradiance at the samples, (samples, 3), times what the surface's colours let in."""

@@ -1,19 +1,25 @@
-"""Light of lamps that a smooth surface mirrors onto other parts of it, by rays from the surface.
+"""Light of lamps that a smooth surface mirrors, or lets through, onto other parts of it, by rays from the surface.
 
 A ray from each surface sample, mirrored there, brings F_r of the light that arrives to what it meets; F_t of that
-enters, and what is mirrored once more is followed to where it meets the surface next, and enters there. Few rays bring
-much of it, as caustics: irradiance is averaged over the neighbourhood of each vertex, a few edges wide.
+enters, and what is mirrored once more is followed to where it meets the surface next, and enters there. F_t of what
+arrives is refracted into the object, and where matter is thin some of it comes out elsewhere (`core.light.crossing`)
+and enters again. Few rays bring much of it, as caustics: irradiance is averaged over the neighbourhood of each vertex,
+a few edges wide.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from milkglass.core.arrays import Array, Float32, Ints
+from milkglass.core.arrays import Array, Float32, Floats, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import weights_within
 from milkglass.core.light.bake import LIFTS
-from milkglass.core.light.exchange import MIRROR_LIFT
+from milkglass.core.light.crossing import Follower
+from milkglass.core.light.vertex_rays import LIFT
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.threads import computed_once
 
@@ -36,8 +42,10 @@ class Mirror:
         self._normals = cross / np.maximum(size, np.finfo(np.float64).tiny)[:, None]
         self._areas = np.bincount(mesh.faces.ravel(), np.repeat(size / 6.0, 3), minlength=len(mesh.vertices))
 
-    def irradiance(self, points: Array, normals: Array, directions: Array, flux: Array, eta: float) -> Float32:
-        """Return the irradiance that enters at the vertices after one mirror or two, (n, 3).
+    def follow(
+        self, points: Array, normals: Array, directions: Array, flux: Array, eta: float, reach: float = 0.0
+    ) -> "Received":
+        """Return the light that enters after one mirror or two, and after it has crossed matter.
 
         Parameters
         ----------
@@ -49,34 +57,60 @@ class Mirror:
             That arrives at the points.
         eta : float
             Relative index of refraction, >= 1.
+        reach : float
+            Length in matter at which paths end, mm; 0 for none through it.
         """
-        received = np.zeros((len(self._mesh.vertices), 3))
+        found: list[Received] = []
         cosines = np.einsum("ij,ij->i", normals, directions)
         used = np.flatnonzero((cosines > LEAST_COSINE) & flux.any(axis=1))
-        normals, cosines = normals[used], cosines[used]
-        places = points[used] + LIFTS[0] * self._mesh.radius * normals
-        heading = 2.0 * cosines[:, None] * normals - directions[used]
-        carried = flux[used] * reflectance(eta, cosines)[:, None]
+        points, normals, cosines = points[used], normals[used], cosines[used]
+        arriving = -directions[used]
+        heading = 2.0 * cosines[:, None] * normals + arriving
+        mirrored = reflectance(eta, cosines)[:, None]
+        if reach > 0.0:
+            found.append(self._across(points, normals, arriving, flux[used] * (1.0 - mirrored), eta, reach))
+        places, carried = points + LIFTS[0] * self._mesh.radius * normals, flux[used] * mirrored
         for last in (False, True):
             face, along = self._rays.first(places, heading)
             facing = -np.einsum("ij,ij->i", heading, self._normals[face])
             met = np.flatnonzero((face >= 0) & (facing > 0.0))
             face, facing, heading = face[met], facing[met], heading[met]
-            places, carried = places[met] + along[met, None] * heading, carried[met]
-            mirrored = reflectance(eta, facing)
-            self._receive(received, face, places, carried if last else carried * (1.0 - mirrored)[:, None])
-            carried = carried * mirrored[:, None]
-            heading = heading + 2.0 * facing[:, None] * self._normals[face]
-            places = places + MIRROR_LIFT * self._mesh.radius * self._normals[face]
-        return self._averaged(received)
+            places, carried, outward = places[met] + along[met, None] * heading, carried[met], self._normals[face]
+            mirrored = reflectance(eta, facing)[:, None]
+            entering = carried if last else carried * (1.0 - mirrored)
+            found.append(self._received(face, places, entering, np.zeros(len(face))))
+            if reach > 0.0:
+                found.append(self._across(places, outward, heading, entering, eta, reach))
+            carried = carried * mirrored
+            heading = heading + 2.0 * facing[:, None] * outward
+            places = places + LIFT * self._mesh.radius * outward
+        return Received(*(np.concatenate(column) for column in zip(*map(_columns, found), strict=True)))
 
-    def _receive(self, received: Array, faces: Ints, points: Array, flux: Array) -> None:
-        """Add flux (k, 3) at points of faces to the corners of these."""
+    def irradiance(self, received: "Received", extinctions: Sequence[float]) -> Float32:
+        """Return the irradiance that enters at the vertices, (n, 3), for sigma_t' of R, G and B, (3,) 1/mm."""
+        sums = np.zeros((len(self._mesh.vertices), 3))
+        for channel, extinction in enumerate(extinctions):
+            flux = received.flux[:, channel] * np.exp(np.float32(-extinction) * received.lengths)
+            shares = received.weights * flux[:, None]
+            sums[:, channel] = np.bincount(received.corners.ravel(), shares.ravel(), minlength=len(sums))
+        return self._averaged(sums)
+
+    def _across(
+        self, points: Array, normals: Array, arriving: Array, flux: Array, eta: float, reach: float
+    ) -> "Received":
+        """Return the light that enters again, of flux (k, 3) refracted into the object at points; arguments of it."""
+        lift = np.float32(LIFT * self._mesh.radius)
+        follower = Follower(self._rays, self._normals.astype(np.float32), lift, eta, reach)
+        places, outward, heading = (array.astype(np.float32) for array in (points, normals, arriving))
+        found = follower.follow(places, outward, heading, np.random.default_rng(0))
+        entering = flux[found.paths] * (1.0 - follower.mirrors(found.facing))[:, None]
+        return self._received(found.faces, found.places, entering, found.lengths)
+
+    def _received(self, faces: Ints, points: Floats, flux: Array, lengths: Floats) -> "Received":
+        """Return flux (k, 3) that enters at points of faces, of paths of lengths in matter (k,)."""
         corners = self._mesh.faces[faces]
         weights = weights_within(self._mesh.vertices, corners, points)
-        for channel in range(3):
-            shares = weights * flux[:, channel, None]
-            received[:, channel] += np.bincount(corners.ravel(), shares.ravel(), minlength=len(received))
+        return Received(corners, weights.astype(np.float32), flux.astype(np.float32), lengths.astype(np.float32))
 
     def _averaged(self, received: Array) -> Float32:
         """Return irradiance from the flux that vertices received, averaged over neighbours by area."""
@@ -99,3 +133,29 @@ class Mirror:
         kept = areas - np.bincount(rows, moved, minlength=len(areas))
         exchanged = csr_array((moved, (rows, columns)), shape=joined.shape) + diags_array(kept)
         return csr_array(diags_array(1.0 / areas) @ exchanged)
+
+
+@dataclass(frozen=True, eq=False)
+class Received:
+    """Light that enters a mesh in k places, each inside a face.
+
+    Attributes
+    ----------
+    corners : (k, 3) int32
+        Vertices of the face.
+    weights : (k, 3) float32
+        Of these.
+    flux : (k, 3) float32
+        R, G and B, but for what matter takes away.
+    lengths : (k,) float32
+        Of the path in matter, mm.
+    """
+
+    corners: Int32
+    weights: Float32
+    flux: Float32
+    lengths: Float32
+
+
+def _columns(received: Received) -> tuple[Int32, Float32, Float32, Float32]:
+    return received.corners, received.weights, received.flux, received.lengths

@@ -359,7 +359,9 @@ class OfBodies:
         """Return the flux that enters the samples of a body, (n, 3), for irradiance at the exchange's vertices."""
         exchange, body = light.exchange, self._bodies[i]
         assert exchange is not None
-        at_samples = body.stages.run(Stage.BODY_INTERPOLATION, (exchange,), lambda: exchange.at_samples(body.samples))
+        at_samples = body.stages.run(
+            Stage.BODY_INTERPOLATION, exchange.surface, lambda: exchange.at_samples(body.samples)
+        )
         return np.asarray(exchange.tinted(at_samples @ irradiance) * body.samples.areas[:, None], np.float32)
 
     def _exchanges(self, exchange: Exchange) -> list[Exchange | None]:

@@ -1,14 +1,16 @@
 """White furnaces: an object in surroundings of radiance 1, without absorption, lets out what comes in everywhere."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.refine import refined
+from milkglass.core.geometry.refine import Refined, refined
 from milkglass.core.geometry.samples import surface_samples
-from milkglass.core.light.exchange import Exchange, cast_hits
+from milkglass.core.light.crossing import Crossings, cast_crossings
+from milkglass.core.light.exchange import Exchange, Hits, cast_hits
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
@@ -18,48 +20,68 @@ from milkglass.core.transport.diffusion.solver import DiffusionTransport, Proble
 
 @dataclass(frozen=True)
 class Furnace:
-    """Solutions in a white furnace, M / (pi T) of the patches by area.
+    """Solutions in a white furnace, M / (pi T) and E / (pi T) of the patches by area.
 
     Attributes
     ----------
     solution : Solution
-    radiance : (n,)
-        Of the patches, mean over the hemisphere.
     mean, deviation : float
+        Of what scatters and leaves.
+    entering, unevenness : float
+        Mean and deviation of what enters: what leaves with it, had all of that scattered or crossed.
     kept : float
         Flux that leaves over flux that enters.
     """
 
     solution: Solution
-    radiance: Array
     mean: float
     deviation: float
+    entering: float
+    unevenness: float
     kept: float
+
+
+@functools.lru_cache(maxsize=1)
+def cast(mesh: Mesh, eta: float) -> tuple[Refined, Hits, Crossings]:
+    """Return the rays of a mesh between its parts and through them, kept for the next furnace of it."""
+    fine = refined(mesh, 0.03 * float(np.ptp(mesh.bounds, axis=0).max()))
+    return fine, cast_hits(fine.mesh), cast_crossings(fine.mesh, eta)
 
 
 def furnace(mesh: Mesh, mean_free_path: float, resolution: int = 40, *, exchanges: bool = True, eta=1.33) -> Furnace:
     """Solve with rays of the exchange for all light, so that nothing else decides what the furnace shows."""
-    side = float(np.ptp(mesh.bounds, axis=0).max())
-    fine, samples = refined(mesh, 0.03 * side), surface_samples(mesh, side / resolution)
-    hits, transmitted = cast_hits(fine.mesh), hemispherical_transmittance(eta)
+    samples = surface_samples(mesh, float(np.ptp(mesh.bounds, axis=0).max()) / resolution)
+    (fine, hits, crossings), transmitted = cast(mesh, eta), hemispherical_transmittance(eta)
+    medium, exchange = Medium(1.0 / mean_free_path, 0.0, eta), None
     entering = 1.0 - reflectance(eta, hits.cosines[:, 0])
     blocked = np.pi / hits.rays * np.bincount(hits.vertices, entering, minlength=len(fine.mesh.vertices))
     irradiance = np.pi * transmitted - blocked
-    exchange = Exchange(fine, hits) if exchanges else None
     if exchanges:
-        irradiance = irradiance + hits.mirrored(eta, lambda directions: np.ones((len(directions), 3)))[:, 0]
+        exchange = Exchange(fine, hits, crossings=crossings)
+        irradiance = irradiance + hits.mirrored(eta, _white)[:, 0]
+        irradiance = irradiance + crossings.irradiance(_white, (medium.sigma_t_prime,) * 3)[:, 0]
     at_samples = Exchange(fine, hits).at_samples(samples) @ irradiance.astype(np.float32)
     light = EnteringLight(np.repeat((at_samples * samples.areas)[:, None], 3, axis=1).astype(np.float32))
     transport = DiffusionTransport(resolution=resolution)
-    media = (Medium(1.0 / mean_free_path, 0.0, eta),) * 3
+    media = (medium,) * 3
     solution = transport.solve(
         Problem(mesh, samples, transport.grid(mesh, np.eye(3)), [light], media, exchange), Stages()
     )
-    exitance, areas = solution.exitance_of_patches[:, 0], solution.boundary.patches.areas
-    radiance = exitance / (np.pi * transmitted)
-    mean = float(areas @ radiance / areas.sum())
-    deviation = float(np.sqrt(areas @ (radiance - mean) ** 2 / areas.sum()))
-    entered = float(light.flux[:, 0].sum())
+    patches, exitance = solution.boundary.patches, solution.exitance_of_patches[:, 0]
+    areas, black_body = patches.areas, np.pi * transmitted
+    entering = patches.sums @ light.flux[:, 0]
     if solution.exchange is not None:
-        entered += float(solution.exchange.flux(0, exitance).sum())
-    return Furnace(solution, radiance, mean, deviation, float(areas @ exitance) / entered)
+        entering = entering + solution.exchange.flux(0, exitance, medium)
+    kept = float(areas @ exitance / entering.sum())
+    return Furnace(
+        solution, *_spread(exitance / black_body, areas), *_spread(entering / areas / black_body, areas), kept
+    )
+
+
+def _spread(values: Array, areas: Array) -> tuple[float, float]:
+    mean = float(areas @ values / areas.sum())
+    return mean, float(np.sqrt(areas @ (values - mean) ** 2 / areas.sum()))
+
+
+def _white(directions: Array) -> Array:
+    return np.ones((len(directions), 3))

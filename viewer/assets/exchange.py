@@ -6,11 +6,19 @@ from collections.abc import Callable
 import numpy as np
 
 from milkglass.core.geometry.refine import Refined
-from milkglass.core.light.exchange import NEGLIGIBLE, RAYS, Hits, cast_hits, self_visible_share
+from milkglass.core.light.crossing import Crossings, cast_crossings, crosses
+from milkglass.core.light.exchange import NEGLIGIBLE, Hits, cast_hits, self_visible_share
+from milkglass.core.light.vertex_rays import RAYS
 from milkglass.viewer.assets.ray_cache import RayCache
 
 CACHE = RayCache("exchange", version=1)
 DTYPES = {"first": np.int64, "cosines": np.float16, "faces": np.int32, "directions": np.float16}
+
+CROSSINGS_VERSION = 1
+CROSSING_DTYPES = {
+    "first": np.int64, "faces": np.int32, "weights": np.float16, "lengths": np.float32, "left_first": np.int64,
+    "directions": np.float16, "left_weights": np.float16, "left_lengths": np.float32,
+}  # fmt: skip
 
 
 def find_hits(
@@ -32,3 +40,28 @@ def find_hits(
     hits = cast_hits(mesh, RAYS, progress, cancelled)
     CACHE.keep(mesh, {name: getattr(hits, name) for name in DTYPES})
     return hits
+
+
+def find_crossings(
+    fine: Refined,
+    eta: float,
+    reach: float,
+    progress: Callable[[float], object] = lambda _: None,
+    cancelled: threading.Event | None = None,
+) -> Crossings | None:
+    """Return paths through the matter of a refined mesh up to a length in mm, or None where too little light has any.
+
+    Raises
+    ------
+    BakeCancelled
+        If `cancelled` was set.
+    """
+    mesh, cache = fine.mesh, RayCache("crossings", f"{CROSSINGS_VERSION} {eta} {reach}")
+    kept = cache.read(mesh, CROSSING_DTYPES)
+    if kept is not None and len(kept["first"]) == len(mesh.vertices) + 1:
+        return Crossings(RAYS, eta, reach, **kept)
+    if not crosses(mesh, eta, reach):
+        return None
+    found = cast_crossings(mesh, eta, reach, progress=progress, cancelled=cancelled)
+    cache.keep(mesh, {name: getattr(found, name) for name in CROSSING_DTYPES})
+    return found

@@ -5,7 +5,7 @@ Meshes and probes compare by identity, and a kept source holds its own: no other
 """
 
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
@@ -18,17 +18,19 @@ from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
+from milkglass.core.light.crossing import LEAST_ALBEDO, Crossings, reach
 from milkglass.core.light.exchange import Hits
 from milkglass.core.light.ground import GroundPlane, GroundRays
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
 from milkglass.core.light.sources import ProbeSource, extract_sources
+from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness, roughness
 from milkglass.core.transport.diffusion.boundary import row_sums
 from milkglass.core.transport.quality import Quality, choose_quality, survey_spacing
-from milkglass.viewer.assets.exchange import find_hits
+from milkglass.viewer.assets.exchange import find_crossings, find_hits
 from milkglass.viewer.assets.ground import find_ground_rays
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
 from milkglass.viewer.files.images import read_radiance
@@ -320,6 +322,31 @@ class HitsOf:
     def load(self, assets: "Assets") -> Hits | None:
         """Cast the rays; None where the mesh does not see itself."""
         return find_hits(assets.get(RefinedOf(self.mesh)), self.progress, self.cancelled)
+
+
+@dataclass(frozen=True)
+class CrossingsOf:
+    """Paths of light through the matter of a mesh; parameters as of `viewer.assets.exchange.find_crossings`."""
+
+    CASTING: ClassVar[str] = "light through thin parts"
+
+    mesh: Mesh
+    eta: float
+    reach: float
+    progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
+    cancelled: threading.Event | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, mesh: Mesh, media: Sequence[Medium]) -> "CrossingsOf | None":
+        """Return the source for media of R, G and B; None where none of them scatters what enters."""
+        extinctions = [medium.sigma_t_prime for medium in media if medium.albedo > LEAST_ALBEDO]
+        return cls(mesh, media[0].eta, reach(np.array(extinctions))) if extinctions else None
+
+    def load(self, assets: "Assets") -> Crossings | None:
+        """Follow the paths; None where too little light has any."""
+        if assets.get(HitsOf(self.mesh)) is None:
+            return None
+        return find_crossings(assets.get(RefinedOf(self.mesh)), self.eta, self.reach, self.progress, self.cancelled)
 
 
 @dataclass(frozen=True)

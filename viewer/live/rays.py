@@ -8,12 +8,13 @@ from dataclasses import replace
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.casting import BakeCancelled
+from milkglass.core.material.medium import media
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.sources import GroundRaysOf, HitsOf, VisibilityOf, model_source
+from milkglass.viewer.assets.sources import CrossingsOf, GroundRaysOf, HitsOf, VisibilityOf, model_source
 from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.scene.scene import Scene
 
-RaySource = HitsOf | VisibilityOf | GroundRaysOf
+RaySource = HitsOf | CrossingsOf | VisibilityOf | GroundRaysOf
 
 LOG = logging.getLogger(__name__)
 STEPS = 50  # of the progress that is shown
@@ -87,10 +88,13 @@ class RaysJob:
         """Return what rays are to find for a scene whose mesh is loaded, the first one first."""
         mesh: Mesh = self._assets.mesh(scene.model)[0]
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
-        between: tuple[RaySource, ...] = (HitsOf(mesh),) if settings.exchanges else ()
+        between: list[RaySource] = [HitsOf(mesh)] if settings.exchanges else []
+        if settings.exchanges and settings.facts.solves:
+            through = CrossingsOf.of(mesh, media(scene.material.resolve()))
+            between += [] if through is None else [through]
         around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
         below: tuple[RaySource, ...] = (GroundRaysOf(mesh, scene.ground.gap_mm),) if scene.ground.on else ()
-        return between + around + below
+        return (*between, *around, *below)
 
     def _bake(self, wanted: tuple[RaySource, ...], cancelled: threading.Event) -> None:
         """Run in the worker."""

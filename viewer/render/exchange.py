@@ -1,6 +1,7 @@
-"""Light between parts of the object: rays found once a mesh, then a matrix of transport and light by way of mirrors."""
+"""Light between parts of the object: rays found once a mesh, then transport, mirrors and what crosses thin parts."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -8,13 +9,15 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange
-from milkglass.core.light.mirror import Mirror
+from milkglass.core.light.mirror import Mirror, Received
 from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import transmittance
+from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.sources import HitsOf, RefinedOf
+from milkglass.viewer.assets.sources import CrossingsOf, HitsOf, RefinedOf
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.refined import RefinedSurface
@@ -42,11 +45,12 @@ class ExchangeStages:
         mesh: Mesh,
         surface: SampledSurface,
         leaving: Float32 | None,
+        media: Sequence[Medium],
         say: Callable[[str], None],
     ) -> Exchange | None:
         """Return the exchange of a mesh, None where it is not wanted, not baked, or there is next to none.
 
-        `leaving` are factors of colours on exitance, (samples, 3).
+        `leaving` are factors of colours on exitance, (samples, 3); `media` those of R, G and B.
         """
         if not settings.exchanges or not (self._assets.bakes or self._assets.has(HitsOf(mesh))):
             return None
@@ -58,25 +62,43 @@ class ExchangeStages:
         if hits is None:
             return None
         fine = self._assets.get(RefinedOf(mesh))
-        return self._run(
+        exchange = self._run(
             Stage.EXCHANGE,
             [hits, fine, surface.weights, leaving],
             lambda: Exchange(fine, hits, surface.weights, leaving),
         )
+        crossings = self._crossings(mesh, media, say) if settings.facts.solves else None
+        if crossings is None:
+            return exchange
+        return self._run(Stage.EXCHANGE_THROUGH, [exchange, crossings], lambda: replace(exchange, crossings=crossings))
+
+    def _crossings(self, mesh: Mesh, media: Sequence[Medium], say: Callable[[str], None]) -> Crossings | None:
+        """Return paths through matter, None where too little light has any, or they are not there yet."""
+        source = CrossingsOf.of(mesh, media)
+        if source is None or not (self._assets.bakes or self._assets.has(source)):
+            return None
+
+        def report(share: float) -> None:
+            say(f"casting rays through thin parts: {100.0 * share:.0f} %")
+
+        asked = replace(source, progress=report)
+        return self._run(Stage.CROSSING_RAYS, [source], lambda: self._assets.get(asked))
 
     def uploaded(self, exchange: Exchange, buffers: MeshBuffers) -> RefinedSurface:
         """Return the exchange's refined mesh on the GPU; `buffers` are those of the mesh itself."""
         return self._occlusions.refined(exchange.refined, buffers)
 
-    def mirrored(
+    def unscattered(
         self,
         exchange: Exchange,
         lamps: Sequence[tuple[Light, Float32]],
         samples: SurfaceSamples,
         around: tuple[Probe, EnvironmentSettings] | None,
-        eta: float,
+        media: Sequence[Medium],
     ) -> Float32 | None:
-        """Return the irradiance of light that the surface mirrors onto itself, at the vertices, (n, 3); None for none.
+        """Return the irradiance at the vertices of light that has met the surface but not scattered, (n, 3), or None.
+
+        The surface has mirrored it onto itself, or it has crossed thin parts.
 
         Parameters
         ----------
@@ -85,19 +107,25 @@ class ExchangeStages:
         samples : SurfaceSamples
         around : probe and its environment, optional
             Light from all around, without what shines as lamps.
-        eta : float
+        media : of R, G and B
         """
-        parts = []
+        parts, eta, crossings = [], media[0].eta, exchange.crossings
+        extinctions = tuple(medium.sigma_t_prime for medium in media)
+        through = () if crossings is None else extinctions
         for i, (light, entering) in enumerate(lamps, start=1):
             mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
-            key = [mirror, samples, light, entering, eta]
+            received = self._run(
+                Stage.RECEIVED_LAMP.of(i),
+                [mirror, samples, light, entering, eta, crossings],
+                lambda mirror=mirror, light=light, entering=entering: lamp_received(  # type: ignore[misc]
+                    mirror, light, entering, samples, eta, 0.0 if crossings is None else crossings.reach
+                ),
+            )
             parts.append(
                 self._run(
-                    Stage.MIRRORED_LAMP.of(i),
-                    key,
-                    lambda mirror=mirror, light=light, entering=entering: lamp_mirrored(  # type: ignore[misc]
-                        mirror, light, entering, samples, eta
-                    ),
+                    Stage.UNSCATTERED_LAMP.of(i),
+                    [mirror, received, *through],
+                    lambda mirror=mirror, received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
                 )
             )
         if around is not None:
@@ -107,27 +135,35 @@ class ExchangeStages:
             def radiance(directions: Array) -> Array:
                 return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
 
-            key = [exchange.hits, probe, environment.rotation_deg, environment.intensity, eta]
-            parts.append(self._run(Stage.MIRRORED, key, lambda: exchange.hits.mirrored(eta, radiance)))
+            def entering_again() -> Float32:
+                mirrored = exchange.hits.mirrored(eta, radiance)
+                return mirrored if crossings is None else np.add(mirrored, crossings.irradiance(radiance, extinctions))
+
+            key = [exchange.hits, crossings, probe, environment.rotation_deg, environment.intensity, eta, *through]
+            parts.append(self._run(Stage.UNSCATTERED_ENVIRONMENT, key, entering_again))
         if not parts:
             return None
-        return self._run(Stage.MIRRORED_TOTAL, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
+        return self._run(Stage.UNSCATTERED, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
 
-    def flux(self, exchange: Exchange, mirrored: Float32, surface: SampledSurface) -> Float32:
+    def flux(self, exchange: Exchange, unscattered: Float32, surface: SampledSurface) -> Float32:
         """Return the flux that enters the surface samples, (n, 3), for irradiance at the exchange's vertices."""
         samples = surface.samples
 
-        at_samples = self._run(Stage.EXCHANGE_SAMPLES, [exchange, samples], lambda: exchange.at_samples(samples))
+        at_samples = self._run(
+            Stage.EXCHANGE_SAMPLES, [exchange.refined, samples], lambda: exchange.at_samples(samples)
+        )
 
         def interpolated() -> Float32:
-            entering = exchange.tinted(at_samples @ mirrored)
+            entering = exchange.tinted(at_samples @ unscattered)
             return np.asarray(entering * samples.areas[:, None], np.float32)
 
-        return self._run(Stage.MIRRORED_FLUX, [exchange, samples, mirrored], interpolated)
+        return self._run(Stage.UNSCATTERED_FLUX, [exchange.surface, samples, unscattered], interpolated)
 
 
-def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: SurfaceSamples, eta: float) -> Float32:
-    """Return the irradiance of a lamp by way of the surface's mirror, at the vertices, (n, 3).
+def lamp_received(
+    mirror: Mirror, light: Light, entering: Float32, samples: SurfaceSamples, eta: float, reach: float = 0.0
+) -> Received:
+    """Return the light of a lamp that enters by way of the surface's mirror, or through matter up to a reach in mm.
 
     `entering` is what of it enters the samples, (m, 3), in its shadows; a ray from each goes to one of its sub-lights.
     """
@@ -146,7 +182,7 @@ def lamp_mirrored(mirror: Mirror, light: Light, entering: Float32, samples: Surf
         np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
-    return mirror.irradiance(points, normals, towards, entering * (scale * areas)[:, None], eta)
+    return mirror.follow(points, normals, towards, entering * (scale * areas)[:, None], eta, reach)
 
 
 def coarse(latlong: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

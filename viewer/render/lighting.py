@@ -63,6 +63,7 @@ class Lighting:
         Raises `core.stages.Unfinished` where the stages have an allowance and that is not enough.
         """
         run, material = self._run, scene.material.resolve()
+        matter = media(material)
 
         say("loading the model")
         model = run(Stage.MODEL, [shape_of(scene.model)], lambda: self._load(scene.model))
@@ -117,7 +118,7 @@ class Lighting:
         )
 
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
-        exchange = self._exchanges.of(settings, model.mesh, surface, leaving, say)
+        exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, say)
         refined = None if occlusion is None else occlusion.surface
         if exchange is not None:
             refined = self._exchanges.uploaded(exchange, model.buffers)
@@ -130,7 +131,7 @@ class Lighting:
             lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
         )
         lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
-        mirrored = None
+        unscattered = None
         if exchange is not None and not draft:  # a turned lamp casts rays again
             shining = *scene.effective_lights(), *self._surround.lamps(environment)
             lit_by = [
@@ -138,16 +139,16 @@ class Lighting:
                 for lamp, entering in zip(shining, irradiances[: len(shining)], strict=True)
             ]
             around = (self._surround.rest(environment), environment) if shines(environment) else None
-            mirrored = self._exchanges.mirrored(exchange, lit_by, samples, around, material.eta)
-        if exchange is not None and mirrored is not None:
-            by_mirrors = self._exchanges.flux(exchange, mirrored, surface)
-            flux = run(Stage.TOTAL_FLUX, [flux, by_mirrors], lambda: flux + by_mirrors)
+            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter)
+        if exchange is not None and unscattered is not None:
+            again = self._exchanges.flux(exchange, unscattered, surface)
+            flux = run(Stage.TOTAL_FLUX, [flux, again], lambda: flux + again)
             if quality.facts.takes_each_light:
-                lights = *lights, run(Stage.MIRRORED_LIGHT, [by_mirrors], lambda: EnteringLight(by_mirrors))
+                lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
-        placed = scatters, grid, profiles, coordinates, flux, lights, media(material), samples
+        placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles
-        return LitScene(model, camera, sources, material.eta, quality, *placed, *looks, exchange, mirrored, refined)
+        return LitScene(model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined)
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what transport has scattered, for pixels to gather."""
@@ -167,7 +168,7 @@ class Lighting:
     def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
         """Return the light that enters again, of an exchange that knows of any."""
         surface = lit.surface
-        if surface is None or (scattered.reentering is None and lit.mirrored is None):
+        if surface is None or (scattered.reentering is None and lit.unscattered is None):
             return None
 
         def make() -> Reentry:
@@ -175,7 +176,7 @@ class Lighting:
             assert total is not None
             return Reentry(surface, total, reentering(self._lamps.no_probe, self._lamps.no_shadow))
 
-        return self._run(Stage.REENTRY, [surface, scattered.reentering, lit.mirrored], make)
+        return self._run(Stage.REENTRY, [surface, scattered.reentering, lit.unscattered], make)
 
     def _windows(self, windows: Float32 | None) -> moderngl.Texture | None:
         """Upload where the bodies lie in an atlas."""

@@ -68,8 +68,8 @@ class LitScene:
         What of them could not be had.
     exchange : Exchange, optional
         Of light between parts of the surface.
-    mirrored : (n, 3) float32, optional
-        Irradiance at the exchange's vertices that comes by way of the surface's mirror.
+    unscattered : (n, 3) float32, optional
+        Irradiance at the exchange's vertices of light that has met the surface before, mirrored or through thin parts.
     surface : RefinedSurface, optional
         Where light or its occlusion is known at the vertices of a refined mesh.
     """
@@ -93,7 +93,7 @@ class LitScene:
     detail: SurfaceDetail | None = None
     troubles: tuple[str, ...] = field(default=(), compare=False)
     exchange: Exchange | None = None
-    mirrored: Float32 | None = None
+    unscattered: Float32 | None = None
     surface: RefinedSurface | None = field(default=None, compare=False)
 
     @property
@@ -110,7 +110,7 @@ class LitScene:
 
     def entering_again(self, scattered: Scattered) -> Float32 | None:
         """Return the irradiance that meets the surface again, (n, 3) at the exchange's vertices; None for none."""
-        found = [part for part in (scattered.reentering, self.mirrored) if part is not None]
+        found = [part for part in (scattered.reentering, self.unscattered) if part is not None]
         return np.asarray(np.sum(found, axis=0), np.float32) if found else None
 
     def is_same_light(self, other: "LitScene") -> bool:

@@ -10,12 +10,14 @@ the layers' before it.
 """
 
 import threading
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
@@ -44,8 +46,8 @@ class ExchangeGeometry:
     def __init__(self, exchange: Exchange, boundary: Boundary, samples: SurfaceSamples) -> None:
         patches = boundary.patches
         self.boundary, self.samples = boundary, samples
-        emitters = exchange.emitters(patches.on_surface, patches.face_normals, boundary.grid.texel)
-        self.pattern = Pattern(exchange.hits, emitters, len(patches))
+        self.emitters = exchange.emitters(patches.on_surface, patches.face_normals, boundary.grid.texel)
+        self.pattern = Pattern(exchange.hits, self.emitters, len(patches))
         self.leaving: Float32 | None = None
         if exchange.leaving is not None:
             sums = patches.sums @ (samples.areas[:, None] * exchange.leaving)
@@ -64,31 +66,57 @@ class SurfaceExchange:
     depths : Depths
     eta : float
         Relative index of refraction, >= 1.
+    crossings : Crossings, optional
+        Paths of light through matter.
     """
 
-    def __init__(self, geometry: ExchangeGeometry, depths: Depths, eta: float) -> None:
+    def __init__(
+        self, geometry: ExchangeGeometry, depths: Depths, eta: float, crossings: Crossings | None = None
+    ) -> None:
         self.boundary, samples = geometry.boundary, geometry.samples
+        self._emitters, self._crossings = geometry.emitters, crossings
         self._to_vertices = geometry.pattern.matrix(eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
         self._entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
         self._sources: dict[Medium, Scattering] = {}
+        self._across: dict[float, csr_array | None] = {}
         areas = self.boundary.patches.areas
-        self.share = float(self.flux(0, np.ones(len(areas))).sum() / areas.sum())
+        alone = self._to_vertices @ np.ones(len(areas), np.float32)
+        self.share = float((self._to_patches[0] @ alone).sum() / areas.sum())
 
-    def irradiance(self, exitance: Array) -> Float32:
+    def irradiance(self, exitance: Array, media: Sequence[Medium]) -> Float32:
         """Return what enters again at the vertices, (m, 3), for exitance of the patches, (n, 3)."""
-        leaving = exitance.astype(np.float32)
-        return np.asarray(self._to_vertices @ (leaving if self._leaving is None else leaving * self._leaving))
+        columns = [self._at_vertices(i, exitance[:, i], medium) for i, medium in enumerate(media)]
+        return np.stack(columns, axis=1)
 
-    def flux(self, channel: int, exitance: Array) -> Array:
+    def flux(self, channel: int, exitance: Array, medium: Medium) -> Array:
         """Return the flux that enters the patches again, (n,), for their exitance in one channel, (n,)."""
+        to_patches = self._to_patches[channel % len(self._to_patches)]
+        return np.asarray(to_patches @ self._at_vertices(channel, exitance, medium), np.float64)
+
+    def _at_vertices(self, channel: int, exitance: Array, medium: Medium) -> Float32:
         leaving = exitance.astype(np.float32)
         if self._leaving is not None:
             leaving *= self._leaving[:, channel]
-        to_patches = self._to_patches[channel % len(self._to_patches)]
-        return np.asarray(to_patches @ (self._to_vertices @ leaving), np.float64)
+        entering, across = self._to_vertices @ leaving, self._matrix_across(medium)
+        return np.asarray(entering if across is None else entering + across @ leaving)
+
+    def _matrix_across(self, medium: Medium) -> csr_array | None:
+        """Return the matrix from exitance to what enters at the vertices across matter, None where that is little."""
+        extinction = medium.sigma_t_prime
+        if self._crossings is None:
+            return None
+        with self._lock:
+            if extinction in self._across:
+                return self._across[extinction]
+        found = None
+        if self._crossings.share(extinction) >= NEGLIGIBLE_SHARE:
+            found = self._crossings.matrix(self._emitters, len(self.boundary.patches), extinction)
+        with self._lock:
+            self._across = {**dict(list(self._across.items())[1 - KEPT_MEDIA :]), extinction: found}
+        return found
 
     def sources(self, medium: Medium, s: float) -> Scattering:
         """Return the sources of light from all around in a medium, for a window of width s, mm; kept for the next."""
@@ -122,7 +150,7 @@ class Reentry:
     """Light of one channel that leaves the patches and enters them again."""
 
     def __init__(self, surface: SurfaceExchange, channel: int, medium: Medium, s: float) -> None:
-        self._surface, self._channel = surface, channel
+        self._surface, self._channel, self._medium = surface, channel, medium
         self._per_two_A_M = 1.0 / (2.0 * medium.extrapolation_factor)
         self._sources = surface.sources(medium, s)
         self._last: tuple[Array, Array] | None = None
@@ -139,6 +167,6 @@ class Reentry:
         """Return the flux that enters again; the last one's is kept, since both of its parts are asked for in turn."""
         last = self._last
         if last is None or last[0] is not two_A_M:
-            last = two_A_M, self._surface.flux(self._channel, self._per_two_A_M * two_A_M)
+            last = two_A_M, self._surface.flux(self._channel, self._per_two_A_M * two_A_M, self._medium)
             self._last = last
         return last[1]

@@ -126,7 +126,7 @@ class Solution:
     @computed_once
     def reentering(self) -> Float32 | None:
         """Return the irradiance that enters again at the vertices of the exchange, (m, 3); None without one."""
-        return None if self.exchange is None else self.exchange.irradiance(self.exitance_of_patches)
+        return None if self.exchange is None else self.exchange.irradiance(self.exitance_of_patches, self.media)
 
     def on_layers(self) -> Float32:
         """Return M dA on the nodes, (3, *grid.shape): the volume is no light yet."""

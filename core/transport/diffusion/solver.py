@@ -246,11 +246,13 @@ class DiffusionTransport:
         if exchange is not None:
             geometry = stages.run(
                 Stage.EXCHANGE_GEOMETRY,
-                (boundary, exchange),
+                (boundary, *exchange.surface),
                 lambda: ExchangeGeometry(exchange, boundary, problem.samples),
             )
             between = stages.run(
-                Stage.SURFACE_EXCHANGE, (geometry, eta), lambda: SurfaceExchange(geometry, depths, eta)
+                Stage.SURFACE_EXCHANGE,
+                (geometry, eta, exchange.crossings),
+                lambda: SurfaceExchange(geometry, depths, eta, exchange.crossings),
             )
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))

@@ -134,7 +134,8 @@ def test_flux_of_a_mirrored_lamp_is_kept(cavity):
     directions = normals + 0.8 * rng.normal(size=(n, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     flux = rng.random((n, 3))
-    received = Mirror(mesh).irradiance(points, normals, directions, flux, eta)
+    mirror = Mirror(mesh)
+    received = mirror.irradiance(mirror.follow(points, normals, directions, flux, eta), (1.0,) * 3)
     sides = [mesh.vertices[mesh.faces[:, i]] - mesh.vertices[mesh.faces[:, 0]] for i in (1, 2)]
     areas = np.bincount(mesh.faces.ravel(), np.repeat(np.linalg.norm(np.cross(*sides), axis=1) / 6.0, 3))
     cosines = np.einsum("ij,ij->i", normals, directions)

@@ -12,14 +12,14 @@ from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from milkglass.core.stages import Part, Stage
 from milkglass.viewer.assets import exchange
-from milkglass.viewer.render.exchange import coarse, lamp_mirrored
+from milkglass.viewer.render.exchange import coarse, lamp_received
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import MaterialSettings
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
 from tests.support.occluding import write_probe
 from tests.support.rendering import MeshRenderer, inside
-from tests.support.solids import ball, block, mesh_of
+from tests.support.solids import ball, block, mesh_of, plates
 from tests.support.waiting import wait_until
 
 SETTINGS = (
@@ -102,6 +102,13 @@ def test_changes_run_what_depends_on_them(renderer):
     assert not set(rays) & set(renderer.render(turned, samples=1).timings)
 
 
+def test_paths_through_matter_are_followed_where_it_is_thin(context):
+    """Two sheets of .2 mm: marble, of free paths of .3 mm, lets light through; what is as thick as a floor does not."""
+    sheets = MeshRenderer(context, plates(thickness=0.2))
+    assert sheets.light(scene()).exchange.crossings is not None
+    assert MeshRenderer(context, plates(thickness=4.0, gap=4.0)).light(scene()).exchange.crossings is None
+
+
 @pytest.mark.slow
 def test_rays_are_cast_once_a_mesh(context, monkeypatch, tmp_path):
     monkeypatch.setattr("milkglass.viewer.assets.ray_cache.cache_folder", lambda: tmp_path)
@@ -122,11 +129,11 @@ def test_surroundings_in_the_mirror_are_those_of_the_probe(context, tmp_path):
     )  # fmt: skip
     renderer = MeshRenderer(context, corner())
     lit = renderer.light(around)
-    assert lit.mirrored is not None
+    assert lit.unscattered is not None
     eta = lit.eta
     floor = (lit.surface.refined.mesh.normals[:, 1] > 0.99) & (np.abs(lit.surface.refined.mesh.vertices[:, 0]) < 5.0)
-    assert 0.0 < lit.mirrored[floor].mean() < 0.5 * np.pi * (1.0 - hemispherical_transmittance(eta)) * 1.5
-    np.testing.assert_allclose(lit.mirrored[:, 0], lit.mirrored[:, 2], rtol=1e-5)
+    assert 0.0 < lit.unscattered[floor].mean() < 0.5 * np.pi * (1.0 - hemispherical_transmittance(eta)) * 1.5
+    np.testing.assert_allclose(lit.unscattered[:, 0], lit.unscattered[:, 2], rtol=1e-5)
 
 
 def test_a_lamp_is_mirrored_onto_the_floor(renderer):
@@ -140,7 +147,9 @@ def test_a_lamp_is_mirrored_onto_the_floor(renderer):
     wall = (samples.normals[:, 2] > 0.9) & (samples.points[:, 2] < -9.0) & (heights > 0.1) & (heights < 4.0)
     entering = (cosines * (1.0 - reflectance(eta, cosines)) * wall)[:, None] * np.ones(3)
     surface = lit.surface.refined.mesh
-    found = lamp_mirrored(Mirror(surface), light, entering.astype(np.float32), samples, eta)
+    mirror = Mirror(surface)
+    received = lamp_received(mirror, light, entering.astype(np.float32), samples, eta)
+    found = mirror.irradiance(received, (1.0,) * 3)
     assert lamp.sub_lights == 1
     sides = [surface.vertices[surface.faces[:, i]] - surface.vertices[surface.faces[:, 0]] for i in (1, 2)]
     areas = np.bincount(surface.faces.ravel(), np.repeat(np.linalg.norm(np.cross(*sides), axis=1) / 6.0, 3))

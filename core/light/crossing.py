@@ -1,0 +1,334 @@
+"""Light between parts of an object that crosses matter on its way without scattering, by paths of rays.
+
+A ray from a vertex meets the object. F_t of what it brings from there on has come through that part: the ray is
+refracted into it, goes along chords inside, mirrored where the surface mirrors, leaves at the other side, meets another
+part, and so on. What that part lets out, or the surroundings where nothing is met any more, reaches the vertex times
+exp(-sigma_t' l), l the length of all chords, with the reduced extinction sigma_t'. At every surface one of the two ways
+is followed, chosen at random by Fresnel's factors, so that a path keeps its weight; both sides of a surface have the
+same factors, and radiance over the squared index of refraction stays, so that uniform light stays uniform.
+
+Paths are those of a mesh and an index of refraction; a medium attenuates them.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from milkglass.core.arrays import Array, Bools, Float32, Floats, Int32, Ints
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.light.casting import Casting
+from milkglass.core.light.vertex_rays import (
+    RAYS,
+    TEST_RAYS,
+    VERTICES_AT_A_TIME,
+    Caster,
+    Float16,
+    representative_vertices,
+)
+from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
+
+EVENTS = 16  # surfaces that a path meets; then it goes on to the surroundings
+NEGLIGIBLE_SHARE = 0.005  # of what enters, below which light that crosses parts is left out
+LEAST_ALBEDO = 0.02  # of a medium in which what enters matters
+REACH_STEP = 2.0**0.5  # to which lengths are rounded
+LEAST_CROSSING = 2e-3  # factor of a medium below which a path is left out
+
+
+@dataclass(frozen=True, eq=False)
+class Arrivals:
+    """Where paths through matter come out: k times at a face from outside, j times in the surroundings.
+
+    Attributes
+    ----------
+    paths, faces : (k,) int
+    facing, lengths : (k,) float32
+        Cosine at the face; length of the path in matter, mm.
+    places : (k, 3) float32
+        On the face, mm.
+    left : (j,) int
+        Paths that left the object.
+    directions : (j, 3) float32
+        Unit, of these.
+    left_lengths : (j,) float32
+        In matter, mm.
+    """
+
+    paths: Ints
+    faces: Ints
+    facing: Float32
+    lengths: Float32
+    places: Float32
+    left: Ints
+    directions: Float32
+    left_lengths: Float32
+
+
+class Follower:
+    """Follows paths through the matter of a mesh and the air between its parts.
+
+    Parameters
+    ----------
+    rays : RayMesh
+    normals : (faces, 3) float32
+        Unit, outward.
+    lift : float
+        By which rays start off the surface, mm.
+    eta : float
+        Relative index of refraction, >= 1.
+    reach : float
+        Length in matter at which a path ends, mm.
+    """
+
+    def __init__(self, rays: RayMesh, normals: Float32, lift: np.float32, eta: float, reach: float) -> None:
+        self._rays, self._normals, self._lift, self._reach = rays, normals, lift, reach
+        self._eta, grid = np.float32(eta), np.linspace(0.0, 1.0, 4097)
+        self._from_outside = reflectance(eta, grid).astype(np.float32)
+        self._from_inside = reflectance(1.0 / eta, grid).astype(np.float32)
+
+    def mirrors(self, facing: Float32, *, inside: bool = False) -> Float32:
+        """Return F_r for cosines, of a surface met from outside or inside, (k,)."""
+        table = self._from_inside if inside else self._from_outside
+        return np.asarray(table[np.clip(facing * np.float32(4096.0) + np.float32(0.5), 0.0, 4096.0).astype(np.int32)])
+
+    def follow(
+        self, places: Float32, normals: Float32, arriving: Float32, rng: np.random.Generator, *, mirror: bool = False
+    ) -> Arrivals:
+        """Return where n paths come out that arrive from outside; all are refracted where they begin.
+
+        Parameters
+        ----------
+        places, normals, arriving : (n, 3) float32
+            Where they begin, mm; unit, outward, and the rays' directions.
+        rng : Generator
+        mirror : bool
+            Whether those that Fresnel's factors choose are mirrored there instead, and refracted at what they meet
+            next, whose arrival is not told.
+        """
+        n = len(places)
+        paths, lengths, first = np.arange(n), np.zeros(n, np.float32), np.zeros(n, bool)
+        if mirror:
+            facing = -_dot(arriving, normals)
+            first = rng.random(n, np.float32) < self.mirrors(facing)
+        starts, directions = self._onwards(places, normals, arriving, first, np.zeros(n, bool))
+        inside = ~first
+        met: list[tuple[Ints, Ints, Float32, Float32, Float32]] = []
+        left: list[tuple[Ints, Float32, Float32]] = []
+        for _ in range(EVENTS):
+            face, along = self._rays.first(starts, directions, np.where(inside, self._reach - lengths, np.inf))
+            along32, missed = along.astype(np.float32), face < 0
+            # A path that ends inside has become too long; where the mesh has a hole it cannot be told from that.
+            gone = np.flatnonzero(missed & ~inside & ~first)
+            left.append((paths[gone], directions[gone], lengths[gone]))
+            kept = np.flatnonzero(~missed)
+            paths, face, along32, inside, first = paths[kept], face[kept], along32[kept], inside[kept], first[kept]
+            directions = directions[kept]
+            lengths = lengths[kept] + np.where(inside, along32 + self._lift, np.float32(0.0))
+            places = starts[kept] + along32[:, None] * directions
+            cosine = _dot(directions, self._normals[face])
+            front = cosine < 0.0
+            arrived = np.flatnonzero(front & ~inside & ~first)
+            met.append((paths[arrived], face[arrived], -cosine[arrived], lengths[arrived], places[arrived]))
+            chance = rng.random(len(paths), np.float32)
+            reflected = np.where(inside, self.mirrors(cosine, inside=True), self.mirrors(-cosine))
+            # The last way is out, and what is mirrored at first goes on through what it meets.
+            mirrored = (chance < reflected) & ~first
+            starts, directions = self._onwards(places, self._normals[face], directions, mirrored, inside)
+            through = front != ~inside  # a face seen from its wrong side, of parts that overlap or are folded
+            inside = np.where(through, inside, inside != ~mirrored)
+            first = first & through
+        left.append((paths, directions, lengths))
+        of_met = [np.concatenate(column) for column in zip(*met, strict=True)]
+        of_left = [np.concatenate(column) for column in zip(*left, strict=True)]
+        return Arrivals(*of_met, *of_left)
+
+    def _onwards(
+        self, places: Float32, normals: Float32, directions: Float32, mirrored: Bools, inside: Bools
+    ) -> tuple[Float32, Float32]:
+        """Return where rays start, and unit directions, of paths mirrored or refracted at a surface."""
+        cosine = _dot(directions, normals)
+        wrong = (cosine > 0.0) != inside
+        ratio = np.where(inside, self._eta, 1.0 / self._eta)
+        root = np.sqrt(np.maximum(1.0 - ratio * ratio * (1.0 - cosine * cosine), 0.0))
+        bent = ratio[:, None] * directions + (np.sign(cosine) * root - ratio * cosine)[:, None] * normals
+        turned = np.where(mirrored[:, None], directions - 2.0 * cosine[:, None] * normals, bent)
+        turned = np.where(wrong[:, None], directions, turned).astype(np.float32)
+        turned /= np.maximum(np.sqrt(_dot(turned, turned)), np.float32(1e-12))[:, None]
+        side = np.sign(_dot(turned, normals))
+        return places + (self._lift * side)[:, None] * normals, turned
+
+
+def _dot(a: Float32, b: Float32) -> Float32:
+    return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Paths from n vertices of a mesh through its matter, vertex by vertex: k that come from a face, j from elsewhere.
+
+    Attributes
+    ----------
+    rays : int
+        Cast from each vertex.
+    eta : float
+        Relative index of refraction that they were cast for.
+    reach : float
+        Length in matter at which they end, mm.
+    first : (n + 1,) int64
+        Index of each vertex' first path from a face, and k.
+    faces : (k,) int32
+    weights : (k,) float16
+        F_t at the vertex times F_t at the face.
+    lengths : (k,) float32
+        In matter, mm.
+    left_first : (n + 1,) int64
+        Index of each vertex' first path from the surroundings, and j.
+    directions : (j, 3) float16
+        Unit, towards the surroundings.
+    left_weights : (j,) float16
+        F_t at the vertex.
+    left_lengths : (j,) float32
+    """
+
+    rays: int
+    eta: float
+    reach: float
+    first: npt.NDArray[np.int64]
+    faces: Int32
+    weights: Float16
+    lengths: Float32
+    left_first: npt.NDArray[np.int64]
+    directions: Float16
+    left_weights: Float16
+    left_lengths: Float32
+
+    def matrix(self, emitters: Ints, count: int, extinction: float) -> csr_array:
+        """Return the irradiance that enters at the vertices, see `core.light.exchange.Hits.matrix`.
+
+        `extinction` is sigma_t' of the matter, 1/mm.
+        """
+        columns, crossing = emitters[self.faces], np.exp(np.float32(-extinction) * self.lengths)
+        used = (columns >= 0) & (crossing > LEAST_CROSSING)
+        rows = np.concatenate([[0], np.cumsum(used)])[self.first].astype(np.int32)
+        scale = np.float32(1.0 / (self.rays * hemispherical_transmittance(self.eta)))
+        values = scale * crossing[used] * self.weights[used]
+        shape = len(self.first) - 1, count
+        return csr_array((values, columns[used].astype(np.int32), rows), shape=shape)
+
+    def irradiance(self, radiance: Callable[[Array], Array], extinctions: Sequence[float]) -> Float32:
+        """Return the irradiance from the surroundings that enters at the vertices, (n, 3).
+
+        Parameters
+        ----------
+        radiance : callable
+            Of the surroundings, (m, 3), in unit directions (m, 3).
+        extinctions : (3,) floats
+            sigma_t' of R, G and B, 1/mm.
+        """
+        crossing = np.exp(-self.left_lengths[:, None] * np.asarray(extinctions, np.float32))
+        arriving = radiance(self.directions.astype(np.float64)) * crossing * self.left_weights[:, None]
+        vertices = np.repeat(np.arange(len(self.left_first) - 1), np.diff(self.left_first))
+        sums = [np.bincount(vertices, column, minlength=len(self.left_first) - 1) for column in arriving.T]
+        return (np.pi / self.rays * np.stack(sums, axis=1)).astype(np.float32)
+
+    def share(self, extinction: float) -> float:
+        """Return what would enter by these paths, over what enters in all, were there light all around: [0, 1]."""
+        entering = sum(
+            float(np.sum(weights * np.exp(-extinction * lengths), dtype=np.float64))
+            for weights, lengths in ((self.weights, self.lengths), (self.left_weights, self.left_lengths))
+        )
+        return entering / ((len(self.first) - 1) * self.rays * hemispherical_transmittance(self.eta))
+
+
+def reach(extinctions: Floats) -> float:
+    """Return the length in matter beyond which next to nothing comes through, mm, for sigma_t' of channels, 1/mm.
+
+    It is rounded up, so that media that are much alike share their paths.
+    """
+    longest = -np.log(LEAST_CROSSING) / max(float(np.min(extinctions)), 1e-6)
+    return float(REACH_STEP ** np.ceil(np.log(longest) / np.log(REACH_STEP)))
+
+
+def crosses(mesh: Mesh, eta: float, reach: float) -> bool:
+    """Tell by a few paths whether light of that reach crosses a mesh's matter, in mm, so that it is worth following."""
+    few = cast_crossings(mesh, eta, reach, TEST_RAYS, chosen=representative_vertices(mesh))
+    return few.share(-np.log(LEAST_CROSSING) / reach) >= NEGLIGIBLE_SHARE
+
+
+def cast_crossings(
+    mesh: Mesh,
+    eta: float,
+    reach: float = np.inf,
+    rays: int = RAYS,
+    *,
+    chosen: Ints | None = None,
+    progress: Callable[[float], object] = lambda _: None,
+    cancelled: threading.Event | None = None,
+) -> Crossings:
+    """Follow paths from every vertex of a mesh through its matter; in a thread for each processor.
+
+    Parameters
+    ----------
+    mesh, rays, progress, cancelled
+        As of `core.light.exchange.cast_hits`, with the same rays.
+    eta : float
+        Relative index of refraction, >= 1.
+    reach : float
+        Length in matter at which paths end, mm.
+    chosen : (n,) int, optional
+        Vertices, instead of all.
+
+    Raises
+    ------
+    BakeCancelled
+        If `cancelled` was set.
+    """
+    points = np.arange(len(mesh.vertices)) if chosen is None else chosen
+    n, caster = len(points), Caster(mesh, rays)
+    casting, follower = (
+        Casting(n, progress, cancelled),
+        Follower(caster.rays, caster.face_normals, caster.lift, eta, reach),
+    )
+
+    def cast(start: int) -> tuple[npt.NDArray[np.generic], ...]:
+        casting.check()
+        vertices = points[start : start + VERTICES_AT_A_TIME]
+        found = _paths(caster, follower, vertices)
+        casting.finished(len(vertices))
+        return found
+
+    parts = casting.run(cast, range(0, n, VERTICES_AT_A_TIME))
+    counts, faces, weights, lengths, left_counts, directions, left_weights, left_lengths = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    firsts = [np.concatenate([[0], np.cumsum(column)]) for column in (counts, left_counts)]
+    return Crossings(
+        rays, eta, reach, firsts[0], faces, weights, lengths, firsts[1], directions, left_weights, left_lengths
+    )
+
+
+def _paths(caster: Caster, follower: Follower, vertices: Ints) -> tuple[npt.NDArray[np.generic], ...]:
+    """Return the columns of `Crossings` for vertices, with counts instead of the first paths."""
+    met = caster.met(vertices)
+    at_vertex = 1.0 - follower.mirrors(met.at_vertex)
+    rng = np.random.default_rng([int(vertices[0]), len(vertices)])
+    normals = caster.face_normals[met.faces]
+    found = follower.follow(met.places, normals, met.arriving, rng, mirror=True)
+    of_path = np.repeat(np.arange(len(vertices)), met.counts)
+    order, left = np.argsort(found.paths, kind="stable"), np.argsort(found.left, kind="stable")
+    paths, left_paths = found.paths[order], found.left[left]
+    entering = (1.0 - follower.mirrors(found.facing[order])) * at_vertex[paths]
+    return (
+        np.bincount(of_path[paths], minlength=len(vertices)),
+        found.faces[order].astype(np.int32),
+        entering.astype(np.float16),
+        found.lengths[order],
+        np.bincount(of_path[left_paths], minlength=len(vertices)),
+        found.directions[left].astype(np.float16),
+        at_vertex[left_paths].astype(np.float16),
+        found.left_lengths[left],
+    )

@@ -1,0 +1,128 @@
+"""Rays from the vertices of a mesh that meet it again, of a density like the cosine.
+
+The directions of a vertex are a lattice of the golden ratio, turned by a random shift of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from milkglass.core.arrays import Float32, Ints
+from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
+from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.light.bake import LIFTS, plane_normals, unit_normals
+
+Float16 = npt.NDArray[np.float16]
+
+# Rays of a vertex. On the dragon, jade: E has 9.8 % rms at 32, 5.8 at 64, 3.5 at 128, and what enters a fifth of it.
+RAYS = 64
+GOLDEN = 0.618034  # steps of a lattice; those of a plastic number, .7549, double the error
+VERTICES_AT_A_TIME = 1024
+TEST_VERTICES, TEST_RAYS = 2000, 16  # which tell a share of the hemisphere within 0.005
+LIFT = 2e-5  # radii off the surface at which mirrored and refracted rays start
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """The k rays from m vertices that met the mesh from in front, vertex by vertex; all float32.
+
+    Attributes
+    ----------
+    counts : (m,) int
+        Of each vertex.
+    at_vertex, facing : (k,)
+        Cosines at the vertex, and where they met the mesh.
+    faces : (k,) int
+        That they met.
+    places, arriving : (k, 3)
+        Where, mm; unit directions of the rays.
+    """
+
+    counts: Ints
+    at_vertex: Float32
+    facing: Float32
+    faces: Ints
+    places: Float32
+    arriving: Float32
+
+
+class Caster:
+    """Casts rays from the vertices of a mesh.
+
+    Attributes
+    ----------
+    rays : RayMesh
+    face_normals : (faces, 3) float32
+    lift : float
+        By which rays that are mirrored or refracted start off the surface, mm.
+    """
+
+    def __init__(self, mesh: Mesh, rays: int) -> None:
+        self._normals, self._planes = unit_normals(mesh), plane_normals(mesh)
+        self._vertices, self._radius = mesh.vertices, mesh.radius
+        self.face_normals = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
+        self.rays, self.lift = RayMesh(mesh.vertices, mesh.faces), np.float32(LIFT * mesh.radius)
+        steps = np.arange(rays)
+        self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0]).astype(np.float32)
+        self._shifts = np.random.default_rng(0).random((2, len(mesh.vertices)), np.float32)
+
+    def met(self, vertices: Ints) -> Met:
+        """Return the rays of vertices that met the mesh from in front."""
+        cosines, directions = self._directions(vertices)
+        cast = np.repeat(np.flatnonzero(self._normals[vertices].any(axis=1)), cosines.shape[1])
+        ray = np.arange(len(cast)) % cosines.shape[1]
+        met, face, places = self._first(vertices[cast], directions[cast, ray], LIFTS[0])
+        backs = np.einsum("ij,ij->i", directions[cast[met], ray[met]], self.face_normals[face]) >= 0.0
+        # Most hits of back faces: the vertex lies below a fold of the surface, and its rays start above it.
+        buried = np.bincount(cast[met], backs, minlength=len(vertices)) > 0.5 * cosines.shape[1]
+        if buried.any():
+            again = np.flatnonzero(buried[cast])
+            retried = self._first(vertices[cast[again]], directions[cast[again], ray[again]], LIFTS[1])
+            kept = ~buried[cast[met]]
+            met = np.concatenate([met[kept], again[retried[0]]])
+            order = np.argsort(met)
+            met, face = met[order], np.concatenate([face[kept], retried[1]])[order]
+            places = np.concatenate([places[kept], retried[2]])[order]
+        arriving = directions[cast[met], ray[met]]
+        facing = -np.einsum("ij,ij->i", arriving, self.face_normals[face])
+        front = facing > 0.0
+        met, face, facing, arriving, places = met[front], face[front], facing[front], arriving[front], places[front]
+        counts = np.bincount(cast[met], minlength=len(vertices))
+        return Met(counts, cosines[cast[met], ray[met]], facing, face, places, arriving)
+
+    def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
+        """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""
+        u, v = ((self._lattice[i] + self._shifts[i, vertices, None]) % np.float32(1.0) for i in range(2))
+        normals = self._normals[vertices]
+        axes = np.eye(3, dtype=np.float32)[:2]
+        tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, axes[:1], axes[1:]))
+        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
+        bitangents = np.cross(normals, tangents)
+        cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), np.float32(2.0 * np.pi) * v
+        # Written out: a matrix product would start threads of BLAS inside each of these.
+        directions = cosines[..., None] * normals[:, None]
+        directions += (across * np.cos(angles))[..., None] * tangents[:, None]
+        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
+        # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
+        planes = self._planes[vertices]
+        if len(flat := np.flatnonzero(planes.any(axis=1))):
+            below = np.minimum(np.einsum("ijk,ik->ij", directions[flat], planes[flat]), 0.0)
+            directions[flat] -= 2.0 * below[..., None] * planes[flat, None]
+        return cosines, directions
+
+    def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32]:
+        """Return the indices of rays that meet a face, these faces and the points where, mm."""
+        origins = self._vertices[vertices] + np.float32(lift * self._radius) * self._normals[vertices]
+        met = np.flatnonzero(self.rays.occluded(origins, directions))  # cheaper, and beside other threads
+        face, along = self.rays.first(origins[met], directions[met])
+        places = origins[met] + along.astype(np.float32)[:, None] * directions[met]
+        return met[face >= 0], face[face >= 0], places[face >= 0]
+
+
+def representative_vertices(mesh: Mesh) -> Ints:
+    """Return vertices that stand for a mesh by area, (m,), in order."""
+    areas = np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1)
+    of_vertices = np.bincount(mesh.faces.ravel(), np.repeat(areas, 3), minlength=len(mesh.vertices))
+    chosen = np.random.default_rng(0).choice(len(of_vertices), TEST_VERTICES, p=of_vertices / of_vertices.sum())
+    return np.sort(chosen)
