@@ -67,14 +67,19 @@ class Headless:
 
     def __init__(self, scene: Scene, size: tuple[int, int] = (1280, 800), photo: PhotoWork | None = None) -> None:
         self.now = 0.0
+        self._was_final = False  # whether the frame that is drawn again was
         self._context = headless_context()
         self.app = App(self._context, scene, clock=lambda: self.now, photo=photo)
         self.target = self._target(size)
         self.app.handle(Resized(size, size))
 
     def feed(self, events: Iterable[Event]) -> None:
-        """Pass recorded events on, draw the frames that were drawn, and let the picture come to rest."""
-        feed(self.app, events, self.frame, self._take)
+        """Pass recorded events on, draw the frames that were drawn, and let the picture come to rest.
+
+        A picture that had come to rest before the next event comes to rest here too, however long it takes: a model
+        that is loaded later would be framed as another camera sees it.
+        """
+        feed(self.app, events, self._redraw, self._take)
         self.settle()
 
     def frame(self) -> None:
@@ -99,9 +104,14 @@ class Headless:
         leave_framebuffer(self._context)
         self.target.release()
 
+    def _redraw(self) -> None:
+        self.frame()
+        if self._was_final and not self.app.at_rest():
+            self.settle()
+
     def _take(self, event: Event) -> None:
         if isinstance(event, Drawn):
-            self.now = max(self.now, event.time)
+            self.now, self._was_final = max(self.now, event.time), event.final
         if isinstance(event, Resized) and min(event.pixels) > 0 and event.pixels != self.target.size:
             leave_framebuffer(self._context)
             self.target.release()

@@ -1,9 +1,12 @@
 """Recordings of the window: written, read, replayed without a display."""
 
+import time
+
 import numpy as np
 import pytest
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.files.model import load_model
 from milkglass.viewer.gui.events import (
     Closed,
     Drawn,
@@ -15,7 +18,9 @@ from milkglass.viewer.gui.events import (
     Scrolled,
     read_recording,
 )
+from milkglass.viewer.live.live import Live
 from milkglass.viewer.render.picture import read_image
+from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.replay import Headless, play
 from tests.support.driving import headless_picture, small_scene, write_knot
@@ -30,7 +35,7 @@ def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
     path, other = tmp_path / "drag.jsonl", write_knot(tmp_path / "dropped.ply")
     recorder = Recorder(path, small_scene(model).to_toml())
     recorder.add(Resized(SIZE, SIZE))
-    time = 5.0
+    clock = 5.0
     for event in (
         MouseMoved(*CENTRE),
         MouseButton("left", True),
@@ -42,8 +47,8 @@ def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
     ):
         recorder.add(event)
         for _ in range(3):
-            time += 0.02
-            recorder.add(Drawn(time))
+            clock += 0.02
+            recorder.add(Drawn(clock))
     recorder.add(Closed())
     recorder.close()
     end = play(path, in_window=False)
@@ -57,6 +62,27 @@ def test_recording_replays_to_the_picture_that_render_makes(context, tmp_path):
     seen = read_image(replay.app.view.picture)
     replay.close()
     assert np.array_equal(seen, headless_picture(end, size))
+
+
+@pytest.mark.slow
+def test_what_had_come_to_rest_before_an_event_comes_to_rest_before_it_again(context, model, tmp_path, monkeypatch):
+    """A model that is read later than it was is framed as it was."""
+    read = Live._read
+    monkeypatch.setattr(Live, "_read", lambda live, scene: (time.sleep(0.2), read(live, scene)))
+    recorder, scene = Recorder(tmp_path / "turn.jsonl", small_scene(model).to_toml()), small_scene(model)
+    for event in (
+        Resized(SIZE, SIZE), Drawn(0.0), Drawn(1.0, final=True), MouseMoved(*CENTRE), MouseButton("left", True),
+        MouseMoved(230.0, 190.0), Drawn(1.1), MouseButton("left", False), Drawn(1.2), Closed(),
+    ):  # fmt: skip
+        recorder.add(event)
+    recorder.close()
+    end = play(tmp_path / "turn.jsonl", in_window=False)
+    assert end.camera.azimuth_deg != scene.camera.azimuth_deg
+    mesh, _ = load_model(model, scene.model.size_mm, scene.model.up)
+    view = Headless(scene, SIZE)
+    view.frame()
+    assert end.camera.zoom == pytest.approx(framed(scene.camera, mesh, view.app.view.size).zoom)
+    view.close()
 
 
 @pytest.mark.parametrize(
