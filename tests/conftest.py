@@ -41,6 +41,9 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache of the tests' own, whose bakes serve all of them and not the user; and a folder for materials."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
+        if "MESA_SHADER_CACHE_DIR" not in os.environ:  # what the driver has compiled stays where it would put it
+            users = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+            patch.setenv("MESA_SHADER_CACHE_DIR", users)
         patch.setenv("PYTHONPATH", str(PACKAGES))  # of the programs that tests start
         patch.setenv("XDG_CACHE_HOME", str(folder))
         patch.setenv("XDG_DATA_HOME", str(folder / "data"))
@@ -112,6 +115,13 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tests.support.driving import write_knot
 
     return write_knot(tmp_path_factory.mktemp("model") / "knot.ply")
+
+
+@pytest.fixture
+def few_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look for occlusion with few rays: where what runs is judged, and not how well."""
+    for module in ("core.light.bake", "viewer.assets.visibility"):
+        monkeypatch.setattr(f"milkglass.{module}.directions_for", lambda n: 256)
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from tests.support.solids import ball as part, mesh_of
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, few_rays, monkeypatch):
     monkeypatch.setattr(visibility, "LONGEST_EDGE", 1.0)
     monkeypatch.setattr(ray_cache, "cache_folder", lambda: tmp_path)
     return tmp_path / "visibility"

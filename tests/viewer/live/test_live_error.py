@@ -84,7 +84,7 @@ def probe(path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["layered", "ewald", "environment", "large"])
-def test_numbers_are_those_of_the_report(driver, context, tmp_path, case):
+def test_numbers_are_those_of_the_report(driver, context, few_rays, tmp_path, case):
     size = (700, 300) if case == "large" else (72, 64)
     scene = replace(driver.session.scene, transport=EWALD) if case in ("ewald", "environment") else driver.session.scene
     assignments = [probe(tmp_path / "probe.exr")] if case == "environment" else []

@@ -83,7 +83,7 @@ def reached(declared) -> set[Part]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
-def test_a_setting_runs_again_what_it_moves(desk, depth, name):
+def test_a_setting_runs_again_what_it_moves(desk, depth, few_rays, name):
     scene = replace(START, lights=(), environment=replace(START.environment, occluded=True))
     scene = changed(scene, [Change("transport", "resolution", 16, "")])
     table, key = name.split(".")

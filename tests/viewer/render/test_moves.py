@@ -132,7 +132,7 @@ def reached(declared: Setting) -> list[Part]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
-def test_a_setting_runs_again_what_it_moves(renderer, named, monkeypatch, name):
+def test_a_setting_runs_again_what_it_moves(renderer, named, few_rays, monkeypatch, name):
     monkeypatch.setattr(sources, "builtin_model", lambda size_mm, up: cube(size_mm))
     coarse = () if name == "transport.error_target" else ("transport.resolution=16",)
     scene = apply_set(Scene(), list(map(named, (*BASE, *coarse))))
@@ -145,7 +145,7 @@ def test_a_setting_runs_again_what_it_moves(renderer, named, monkeypatch, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "key"), LIGHT_SETTINGS)
-def test_a_setting_of_a_light_runs_again_what_it_moves(renderer, named, kind, key):
+def test_a_setting_of_a_light_runs_again_what_it_moves(renderer, named, few_rays, kind, key):
     declared = settings_of(LIGHT_KINDS[kind])
     place = "direction" if "direction" in declared else "position_mm"
     more: dict[str, Any] = {"roll_deg": {"size_mm": (20.0, 40.0)}, "on": {"on": False}}.get(key, {})

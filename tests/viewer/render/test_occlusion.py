@@ -86,7 +86,7 @@ def test_what_no_scene_needs_is_not_baked(context, sky, monkeypatch):
 
 
 @pytest.mark.slow
-def test_another_light_or_turn_bakes_nothing_again(context, sky, tmp_path):
+def test_another_light_or_turn_bakes_nothing_again(context, sky, few_rays, tmp_path):
     renderer = MeshRenderer(context, ball())
     renderer.render(around(scene_of(), sky), samples=1)
     other = write_probe(tmp_path / "other.exr", sky_pixels()[::-1])
@@ -97,7 +97,7 @@ def test_another_light_or_turn_bakes_nothing_again(context, sky, tmp_path):
 
 
 @pytest.mark.slow
-def test_separate_bodies_are_in_each_others_way(context, sky, tmp_path):
+def test_separate_bodies_are_in_each_others_way(context, sky, few_rays, tmp_path):
     pair = write_pair(tmp_path / "pair.ply")
     frames = [
         Renderer(context).render(
@@ -109,7 +109,7 @@ def test_separate_bodies_are_in_each_others_way(context, sky, tmp_path):
 
 
 @pytest.mark.slow
-def test_progress_is_told(context, sky):
+def test_progress_is_told(context, sky, few_rays):
     said = []
     MeshRenderer(context, mesh_of(part(2.2, subdivisions=2))).render(
         around(scene_of(), sky), samples=1, progress=said.append
@@ -138,7 +138,7 @@ def frames_until(driver, condition):
 
 
 @pytest.mark.slow
-def test_the_window_shows_the_object_before_rays_are_back(context, model, sky, monkeypatch):
+def test_the_window_shows_the_object_before_rays_are_back(context, model, sky, few_rays, monkeypatch):
     driver = Driver(small_scene(model))
     try:
         go, asked = held(monkeypatch)
@@ -186,7 +186,7 @@ def test_the_window_gives_rays_up_at_once(context, model, sky, monkeypatch, how,
 
 
 @pytest.mark.slow
-def test_a_probe_of_one_colour_is_occluded_in_it(context, tmp_path):
+def test_a_probe_of_one_colour_is_occluded_in_it(context, few_rays, tmp_path):
     red = np.zeros((16, 32, 3), np.float32)
     red[..., 0] = 1.0
     path = write_probe(tmp_path / "red.exr", red)
