@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import milkglass
-from milkglass import DisplaySettings, Scene, TransportSettings, render
+from milkglass import DirectionalLight, DisplaySettings, Scene, TransportSettings, render
 from milkglass.viewer.files.images import read_image
 from tests.support.paths import ROOT
 
@@ -146,12 +146,15 @@ def test_the_installed_program_renders(context, installed, tmp_path):
     assert home.startswith(str(installed.parents[1]))
 
 
-@pytest.fixture
-def rendered_mean(context, tmp_path):
+@pytest.fixture(scope="module")
+def rendered_mean(context, tmp_path_factory):
     """What a Python finds for the mean radiance of a scene in a folder that holds nothing else, and what is right."""
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    scene = Scene(display=DisplaySettings(image_size=(48, 40)), transport=TransportSettings(resolution=20))
+    empty = tmp_path_factory.mktemp("empty")
+    scene = Scene(
+        display=DisplaySettings(image_size=(48, 40)),
+        transport=TransportSettings(resolution=20, exchange="off"),
+        lights=(DirectionalLight((0.3, 0.4, 1.0)),),
+    )
     scene.save(empty / "jade.toml")
     right = float(render(scene, samples=2).radiance.mean())
     code = "import milkglass as mg; print(mg.render(mg.Scene.load('jade.toml'), samples=2).radiance.mean(dtype=float))"

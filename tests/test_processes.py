@@ -27,6 +27,9 @@ method = "{method}"
 resolution = 16
 [display]
 image_size = [48, 40]
+[[lights]]
+kind = "directional"
+direction = [0.3, 0.4, 1.0]
 '''
 ANGLES = [0, 40, 80, 120]
 

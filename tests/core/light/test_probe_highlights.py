@@ -20,33 +20,31 @@ def lobe_means(latlong, mirrors, shininess):
     flux = latlong.reshape(-1, 3) * d_omega[:, None]
     means = np.empty((len(mirrors), 3))
     for i, mirror in enumerate(mirrors):
-        cosine = np.maximum(towards @ mirror, 1e-300)
-        means[i] = np.exp(shininess * np.log(cosine)) @ flux
+        cosine = towards @ mirror
+        near = cosine > np.exp(-40.0 / shininess)  # elsewhere the lobe is less than 1e-17
+        means[i] = np.exp(shininess * np.log(cosine[near])) @ flux[near]
     return means * (shininess + 1.0) / (2.0 * np.pi)
 
 
-def assert_filters(latlong, shininess):
-    mirrors = np.concatenate([directions(40), AXES])
-    found = env.lookup(LobeFilter(Probe.from_pixels(latlong)).filtered(shininess), mirrors)
-    assert np.all(relative_rms(found, lobe_means(latlong, mirrors, shininess)) < 0.02)
-
-
-SHININESSES = [1.0, 2.5, 12.0, 80.0, 300.0, 1200.0, 2000.0]
+def assert_filters(latlong):
+    mirrors, lobes = np.concatenate([directions(24), AXES]), LobeFilter(Probe.from_pixels(latlong))
+    for shininess in (1.0, 2.5, 12.0, 80.0, 300.0, 1200.0, 2000.0):
+        found = env.lookup(lobes.filtered(shininess), mirrors)
+        assert np.all(relative_rms(found, lobe_means(latlong, mirrors, shininess)) < 0.02), shininess
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shininess", SHININESSES)
 @pytest.mark.parametrize("name", ["uffizi_latlong_1200x600.hdr", "galileo_latlong_1024x512_derived.hdr"])
-def test_a_measured_probe_under_a_lobe(data_dir, name, shininess):
+def test_a_measured_probe_under_a_lobe(data_dir, name):
     path = data_dir / "hdr" / name
     if not path.exists():
         pytest.skip(f"{name} is absent")
-    assert_filters(read_radiance(path), shininess)
+    assert_filters(read_radiance(path))
 
 
-@pytest.mark.parametrize("shininess", SHININESSES)
-def test_a_lamp_in_the_sky_under_a_lobe(shininess):
-    assert_filters(sky(SPOTS[1], ((0.1, 1.0, 0.0), 12.0, (5.0, 5.0, 7.0)), height=384), shininess)
+@pytest.mark.slow
+def test_a_lamp_in_the_sky_under_a_lobe():
+    assert_filters(sky(SPOTS[1], ((0.1, 1.0, 0.0), 12.0, (5.0, 5.0, 7.0)), height=384))
 
 
 @pytest.mark.slow

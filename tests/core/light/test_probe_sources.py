@@ -31,7 +31,7 @@ def assert_conserves(pixels, eta, at_least=0):
     probe = Probe.from_pixels(pixels)
     sources, rest = extract_sources(probe)
     assert len(sources) >= at_least
-    normals = directions(1000)
+    normals = directions(300)
     if len(pixels) > HEIGHT:
         pixels = env.resample_latlong(pixels, HEIGHT)  # keeps the flux, and takes a fifth of the time
     expected = env.irradiance_direct(pixels, normals, eta)

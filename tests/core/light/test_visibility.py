@@ -89,12 +89,11 @@ def test_flux_into_the_object_is_that_of_rays(knot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["dragon_100k.ply", "buddha_100k.ply"])
-def test_scans_under_uffizi(data_dir, name):
-    mesh, _ = load_model(data_dir / "meshes" / name, 100.0, "y")
+def test_a_scan_under_uffizi(data_dir):
+    mesh, _ = load_model(data_dir / "meshes" / "dragon_100k.ply", 100.0, "y")
     pixels = read_radiance(data_dir / "hdr" / "uffizi_latlong_1200x600.hdr")
-    places, visibility, probe = Places(mesh, 1000), transfer(bake(mesh)), Probe.from_pixels(pixels)
-    rotations = np.arange(0.0, 360.0, 30.0)
+    places, visibility, probe = Places(mesh, 500), transfer(bake(mesh)), Probe.from_pixels(pixels)
+    rotations = np.arange(0.0, 360.0, 72.0)
     expected = irradiance(mesh, places, pixels, ETA, rotations)
     for rotation, reference in zip(rotations, expected, strict=True):
         assert rms(occluded(mesh, visibility, places, probe, rotation), reference) < 0.035

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from milkglass.core.errors import InputError
 from milkglass.core.light.probe import Probe
@@ -331,10 +332,11 @@ def test_a_channel_without_light_is_no_number(renderer_of):
 @pytest.mark.gl
 def test_command_writes_pictures_report_and_map(context, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    small = "--transport ewald --resolution 32 --image-size 64x64 --material skimmilk --samples 2"
+    trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "ring.ply")
+    small = "ring.ply --size-mm 20 --transport ewald --resolution 32 --image-size 64x64 --material skimmilk --samples 2"
     small += " --report-points 20 --report-photons 500"
     assert cli.main(["render", "--output", "a.png", "--report", "error.json", *small.split()]) == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"a.png", "error.json", "error.png"}
+    assert {p.name for p in tmp_path.iterdir()} == {"ring.ply", "a.png", "error.json", "error.png"}
     content = json.loads((tmp_path / "error.json").read_text())
     assert content["reference"]["points"] == 20
     assert {"model", "convolution", "gbuffer", "tone map"} <= content["timings_ms"].keys()

@@ -11,7 +11,6 @@ import pytest
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.live.draft import Cost
 from milkglass.viewer.scene.scene import apply_set
-from milkglass.viewer.scene.settings import DEFAULT_LIGHTS
 from tests.support.driving import PICTURE, headless_picture, write_knot
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
@@ -58,7 +57,7 @@ def test_exactly_the_stages_that_depend_on_a_parameter_run(driver, name):
 
 
 @pytest.mark.slow
-def test_the_environment_runs_its_own_stages_and_what_follows(driver, tmp_path):
+def test_the_environment_runs_its_own_stages_and_what_follows(driver, few_rays, tmp_path):
     write_exr(tmp_path / "probe.exr", {c: np.random.default_rng(3).random((16, 32), np.float32) for c in "RGB"})
     lights = 'lights=[{kind="directional",direction=[1.0,0.0,0.0]}]'
     driver.session.put(apply_set(driver.session.scene, [lights, f"environment.path={tmp_path}/probe.exr"]))
@@ -108,7 +107,7 @@ def test_a_thousand_random_changes_end_in_the_picture_of_their_sum(driver, conte
             scene = apply_set(scene, [f"transport.resolution={rng.choice([24, 32])}"])
         elif kind == 5:
             direction = tuple(float(x) for x in rng.normal(size=3))
-            scene = replace(scene, lights=(replace(DEFAULT_LIGHTS[0], direction=direction), DEFAULT_LIGHTS[1]))
+            scene = replace(scene, lights=(replace(scene.lights[0], direction=direction), scene.lights[1]))
         elif kind == 6:
             scene = apply_set(scene, [f"specular.shininess={rng.uniform(1, 200):.2f}"])
         else:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from milkglass.core.transport.diffusion.iteration import Iteration, Start
 from milkglass.viewer.bench.speed import process_row
@@ -33,7 +34,10 @@ def test_all_channels_of_the_default_picture_fit_in_memory(tmp_path):
 @pytest.mark.parametrize("method", ["diffusion", "ewald"])
 @pytest.mark.parametrize("background", ["black", "environment"])
 def test_a_picture_rendered_alone_is_that_of_a_kept_renderer(context, tmp_path, method, background):
-    scene = apply_set(Scene(), ["display.image_size=[128, 128]", f'transport.method="{method}"'])
+    """With soft lamps and with light between parts, of a ring that sees itself."""
+    trimesh.creation.torus(1.0, 0.4, 32, 16).export(tmp_path / "ring.ply")
+    model, transport = f"model.path={tmp_path / 'ring.ply'}", ["transport.resolution=32", "transport.exchange=on"]
+    scene = apply_set(Scene(), ["display.image_size=[96, 96]", model, f"transport.method={method}", *transport])
     if background == "environment":
         sky = np.linspace(0.1, 2.0, 8 * 16 * 3, dtype=np.float32).reshape(3, 8, 16)
         write_exr(tmp_path / "sky.exr", dict(zip("RGB", sky, strict=True)))

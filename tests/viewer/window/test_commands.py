@@ -31,7 +31,7 @@ IDS = {
 
 @pytest.fixture
 def driver(context, model, tmp_path):
-    driver = Driver(small_scene(model), SIZE, fixed_size=False)
+    driver = Driver(small_scene(model), SIZE)
     driver.app.preferences.folder = str(tmp_path)
     yield driver
     driver.close()

@@ -299,8 +299,9 @@ def test_drops_reopening_and_minimising_through_glfws_own_callbacks(display, con
         scene = Scene.load(tmp_path / f"{name}.toml")
         width, height = scene.display.image_size
         shots[name] = np.asarray(read_image(tmp_path / f"{name}.png"))[: height - STATUS, :width].astype(int)
-        rendered = headless_picture(scene, (width, height))[: height - STATUS]
-        assert np.mean(np.abs(rendered - shots[name]).max(axis=-1) > 1) < 1e-3, name
+        if name in ("start", "mesh", "probe", "changed"):  # the others are the same as one of these
+            rendered = headless_picture(scene, (width, height))[: height - STATUS]
+            assert np.mean(np.abs(rendered - shots[name]).max(axis=-1) > 1) < 1e-3, name
     for one, two in pairwise(("start", "mesh", "probe", "changed", "reopened")):
         assert np.mean(np.abs(shots[one] - shots[two]).max(axis=-1) > 5) > 0.05, (one, two)
     for same in ("reopened", "restored", "with pixels"):

@@ -18,7 +18,6 @@ from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS, PointLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
-    DEFAULT_LIGHTS,
     TABLES,
     GroundSettings,
     MaterialSettings,
@@ -64,10 +63,11 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
     return {
         "plain": scene,
         "probe": replace(  # with lights of its own: if the probe were all, exposure would make up for its intensity
-            scene, environment=environment, display=replace(scene.display, background="environment"),
-            lights=DEFAULT_LIGHTS,
+            scene, environment=environment, display=replace(scene.display, background="environment")
         ),
-        "ewald": replace(scene, transport=TransportSettings(method="ewald", layers=4)),
+        "ewald": replace(  # small, so that its error takes few nodes
+            scene, transport=TransportSettings(method="ewald", layers=4), model=replace(scene.model, size_mm=12.0)
+        ),
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
         "pair": replace(scene, model=pair),
         "skin": replace(scene, model=replace(scene.model, path=probe.with_name("skin.glb"))),
@@ -79,9 +79,9 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "table": replace(
             scene, material=replace(scene.material, profile="table", profile_table=probe.with_name("table.csv"))
         ),
-        "point": replace(scene, lights=(lamp, DEFAULT_LIGHTS[1])),
+        "point": replace(scene, lights=(lamp, scene.lights[1])),
         **{
-            kind: replace(scene, lights=(LIGHT_KINDS[kind](lamp.position_mm, lamp.intensity), DEFAULT_LIGHTS[1]))
+            kind: replace(scene, lights=(LIGHT_KINDS[kind](lamp.position_mm, lamp.intensity), scene.lights[1]))
             for kind in SIZED
         },
     }  # fmt: skip
@@ -92,7 +92,7 @@ def differ(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 @pytest.fixture
-def walker(context, tmp_path, monkeypatch):
+def walker(context, few_rays, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     own_materials.save("candle", materials.lookup("wax"))
     planes = {c: np.random.default_rng(4).random((16, 32), np.float32) for c in "RGB"}
@@ -175,7 +175,7 @@ def try_what_is_shown(walker: Walker) -> None:
 
     start = walker.picture()
     walker.click("exposure_lock")
-    walker.session.edit_lights([replace(light, irradiance=(9.0, 9.0, 9.0)) for light in DEFAULT_LIGHTS])
+    walker.session.edit_lights([replace(light, irradiance=(9.0, 9.0, 9.0)) for light in scene.lights])
     assert walker.picture().mean() > 1.2 * start.mean()
     walker.click("exposure_lock")
     assert walker.picture().mean() < 1.2 * start.mean()
@@ -206,7 +206,8 @@ def try_way(walker: Walker) -> None:
 def try_lights(walker: Walker) -> None:
     """The list of lights."""
     session = walker.session
-    session.put(replace(session.scene, lights=None))
+    start = session.scene
+    session.put(replace(start, lights=None))
     pictures = [walker.picture()]
     for box, count in (("lights.add", 3), ("lights.0.duplicate", 4), ("lights.2.remove", 3)):
         walker.click(box)
@@ -220,6 +221,7 @@ def try_lights(walker: Walker) -> None:
     assert not walker.shows("lights.0.sphere")
     walker.click("lights.0", 0.2)
     assert walker.shows("lights.0.sphere")
+    session.put(start)
 
 
 def try_toolbar(walker: Walker) -> None:
