@@ -83,7 +83,7 @@ def find_bodies(mesh: Mesh) -> Bodies:
 def bodies_at(mesh: Mesh, bodies: Bodies, points: npt.ArrayLike) -> Int32:
     """Return the body (n,) of points (n, 3) on the surface, mm: of the face nearest to each along rays through it."""
     points = np.asarray(points, np.float64)
-    rays, reach = RayMesh(mesh.vertices, mesh.faces), SURFACE_REACH * mesh.radius
+    rays, reach = mesh.rays, SURFACE_REACH * mesh.radius
     nearest, body = np.full(len(points), np.inf), np.zeros(len(points), np.int32)
     for direction in _directions(2 * VOTING_RAYS):
         for towards in (direction, -direction):

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
+from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.threads import computed_once
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -57,6 +58,11 @@ class Mesh:
     def of(cls, vertices: npt.ArrayLike, normals: npt.ArrayLike, faces: npt.ArrayLike) -> "Mesh":
         """Return a mesh of arrays of any dtype; float64 is rounded to float32 here and nowhere before."""
         return cls(np.asarray(vertices, np.float32), np.asarray(normals, np.float32), np.asarray(faces, np.int32))
+
+    @computed_once
+    def rays(self) -> RayMesh:
+        """Acceleration structure for rays against the faces."""
+        return RayMesh(self.vertices, self.faces)
 
     @computed_once
     def area(self) -> float:

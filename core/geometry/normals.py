@@ -35,10 +35,9 @@ def unit(vectors: Array) -> Array:
 def across(axes: Array) -> tuple[Array, Array]:
     """Return two unit vectors, (n, 3) each, that complete each axis to a right-handed orthonormal frame.
 
-    They depend on the axis alone.
+    They depend on the axis alone, and are 0 where it is.
     """
-    first = np.cross(np.eye(3)[np.abs(axes).argmin(axis=1)], axes)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    first = unit(np.cross(np.eye(3)[np.abs(axes).argmin(axis=1)], axes))
     return first, np.cross(axes, first)
 
 

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Bytes, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import weights_within
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.visibility import Sight, blocks, direction_set, pattern_directions
@@ -86,7 +85,7 @@ class _Caster:
         self.normals = unit_normals(mesh)
         self._vertices, self._radius = mesh.vertices, mesh.radius
         self._planes, self._faces = plane_normals(mesh), face_cross(mesh.vertices, mesh.faces)
-        self._rays = RayMesh(mesh.vertices, mesh.faces)
+        self._rays = mesh.rays
         self._test_directions = direction_set(TEST_DIRECTIONS).astype(np.float32)
 
     def visible_bits(self, points: npt.NDArray[np.intp], directions: Float32) -> Bytes:
@@ -134,7 +133,7 @@ def opposite_points(mesh: Mesh) -> tuple[npt.NDArray[np.int32], Float32]:
     """
     n, normals = len(mesh.vertices), unit_normals(mesh)
     origins = mesh.vertices - np.float32(INWARD * mesh.radius) * normals
-    face, along = RayMesh(mesh.vertices, mesh.faces).first(origins, -normals)
+    face, along = mesh.rays.first(origins, -normals)
     corners, weights = np.repeat(np.arange(n, dtype=np.int32)[:, None], 3, axis=1), np.zeros((n, 3), np.float32)
     weights[:, 0] = 1.0
     hit = np.flatnonzero((face >= 0) & (normals != 0.0).any(axis=1))

@@ -18,7 +18,6 @@ from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Bytes, Float32, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.exchange import nearest_emitters
 from milkglass.core.material.fresnel import reflectance
@@ -166,7 +165,7 @@ def cast_from_ground(
         If `cancelled` was set.
     """
     places, directions = plane.places() - np.array([0.0, SUNK * mesh.radius, 0.0], np.float32), upward_directions()
-    rays, normals = RayMesh(mesh.vertices, mesh.faces), face_normals(mesh.vertices, mesh.faces)
+    rays, normals = mesh.rays, face_normals(mesh.vertices, mesh.faces)
     casting = Casting(len(places), progress, cancelled)
 
     def cast(start: int) -> tuple[Bytes, Ints, Int32, npt.NDArray[np.float16]]:

@@ -15,7 +15,6 @@ from scipy.sparse import csr_array, diags_array
 
 from milkglass.core.arrays import Array, Float32, Floats, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import weights_within
 from milkglass.core.light.bake import LIFTS
 from milkglass.core.light.crossing import Follower
@@ -36,7 +35,7 @@ class Mirror:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        self._mesh, self._rays = mesh, RayMesh(mesh.vertices, mesh.faces)
+        self._mesh, self._rays = mesh, mesh.rays
         cross = face_cross(mesh.vertices, mesh.faces)
         size = np.linalg.norm(cross, axis=1)
         self._normals = cross / np.maximum(size, np.finfo(np.float64).tiny)[:, None]

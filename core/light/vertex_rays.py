@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32, Ints
+from milkglass.core.arrays import Float32, Floats, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
-from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.geometry.normals import across
 from milkglass.core.light.bake import LIFTS, plane_normals, unit_normals
 
 Float16 = npt.NDArray[np.float16]
@@ -62,10 +62,12 @@ class Caster:
         self._normals, self._planes = unit_normals(mesh), plane_normals(mesh)
         self._vertices, self._radius = mesh.vertices, mesh.radius
         self.face_normals = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
-        self.rays, self.lift = RayMesh(mesh.vertices, mesh.faces), np.float32(LIFT * mesh.radius)
+        self.rays, self.lift = mesh.rays, np.float32(LIFT * mesh.radius)
         steps = np.arange(rays)
-        self._lattice = np.stack([(steps + 0.5) / rays, steps * GOLDEN % 1.0]).astype(np.float32)
-        self._shifts = np.random.default_rng(0).random((2, len(mesh.vertices)), np.float32)
+        self._lattice = ((steps + 0.5) / rays).astype(np.float32)
+        self._angles = _circle(steps * GOLDEN)
+        shifts = np.random.default_rng(0).random((2, len(mesh.vertices)), np.float32)
+        self._shifts, self._turns = shifts[0], _circle(shifts[1]).T
 
     def met(self, vertices: Ints) -> Met:
         """Return the rays of vertices that met the mesh from in front."""
@@ -93,17 +95,18 @@ class Caster:
 
     def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
         """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""
-        u, v = ((self._lattice[i] + self._shifts[i, vertices, None]) % np.float32(1.0) for i in range(2))
+        u = self._lattice + self._shifts[vertices, None]
+        u -= u >= 1.0
         normals = self._normals[vertices]
-        axes = np.eye(3, dtype=np.float32)[:2]
-        tangents = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.6, axes[:1], axes[1:]))
-        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12)
-        bitangents = np.cross(normals, tangents)
-        cosines, across, angles = np.sqrt(1.0 - u), np.sqrt(u), np.float32(2.0 * np.pi) * v
+        cosines, sines, turned = np.sqrt(1.0 - u), np.sqrt(u), self._turns[vertices]
+        # The angles of the lattice, from a first one that is the vertex' own.
+        first, second = (axis.astype(np.float32) for axis in across(normals.astype(np.float64)))
+        tangents = turned[:, :1] * first + turned[:, 1:] * second
+        bitangents = turned[:, :1] * second - turned[:, 1:] * first
         # Written out: a matrix product would start threads of BLAS inside each of these.
         directions = cosines[..., None] * normals[:, None]
-        directions += (across * np.cos(angles))[..., None] * tangents[:, None]
-        directions += (across * np.sin(angles))[..., None] * bitangents[:, None]
+        directions += (sines * self._angles[0])[..., None] * tangents[:, None]
+        directions += (sines * self._angles[1])[..., None] * bitangents[:, None]
         # Below the plane of coplanar faces, in a round object of few of them, a ray is mirrored at it as in the bake.
         planes = self._planes[vertices]
         if len(flat := np.flatnonzero(planes.any(axis=1))):
@@ -114,10 +117,16 @@ class Caster:
     def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32]:
         """Return the indices of rays that meet a face, these faces and the points where, mm."""
         origins = self._vertices[vertices] + np.float32(lift * self._radius) * self._normals[vertices]
-        met = np.flatnonzero(self.rays.occluded(origins, directions))  # cheaper, and beside other threads
-        face, along = self.rays.first(origins[met], directions[met])
-        places = origins[met] + along.astype(np.float32)[:, None] * directions[met]
-        return met[face >= 0], face[face >= 0], places[face >= 0]
+        face, along = self.rays.first(origins, directions)
+        met = np.flatnonzero(face >= 0)
+        places = origins[met] + along[met].astype(np.float32)[:, None] * directions[met]
+        return met, face[met], places
+
+
+def _circle(turns: Floats) -> Float32:
+    """Return cosines and sines of full turns, (2, n)."""
+    angles = 2.0 * np.pi * turns
+    return np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
 
 def representative_vertices(mesh: Mesh) -> Ints:

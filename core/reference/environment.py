@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Floats
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.light.maps import resample_latlong
 from milkglass.core.material import fresnel
 
@@ -51,7 +50,7 @@ def occluded_irradiance(  # noqa: PLR0913
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     column, row = (grid.ravel() for grid in np.meshgrid(np.arange(width), np.arange(height)))
     d_omega = (edges[row] - edges[row + 1]) * (2.0 * np.pi / width)
-    rays, result = RayMesh(mesh.vertices, mesh.faces), np.empty((len(shifts), len(points), 3))
+    rays, result = mesh.rays, np.empty((len(shifts), len(points), 3))
     for start in range(0, len(points), _POINTS):
         subset = slice(start, start + _POINTS)
         normal, plane = (np.asarray(of[subset], np.float64)[:, None] for of in (normals, face_normals))

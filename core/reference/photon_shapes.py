@@ -14,7 +14,6 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh, face_cross
-from milkglass.core.geometry.rays import RayMesh
 
 CLOSED_TOLERANCE = 1e-4  # sum of the area vectors over the area: 0 if closed, even where triangles share no vertices
 RAY_OFFSET = 2e-6  # bounding spheres' radii, 30 steps of float32: rays must not hit their origin, nor start outside
@@ -219,7 +218,7 @@ class ClosedMesh:
         self.areas: Array = np.bincount(self._face_bins, self._face_areas).astype(np.float64)
         self.mean_chord = 4.0 * mesh.volume / mesh.area
         self._corners = mesh.vertices[mesh.faces].astype(np.float64).transpose(1, 2, 0).copy()  # (3 corners, 3, m)
-        self._rays = RayMesh(mesh.vertices, mesh.faces)
+        self._rays = mesh.rays
         self.offset, self._far = RAY_OFFSET * mesh.radius, (1.0 + RAY_OFFSET) * mesh.radius
 
     def arrivals(self, rng: np.random.Generator, n: int, towards: Towards) -> Arrivals:

@@ -11,10 +11,10 @@ from milkglass.core.light.exchange import NEGLIGIBLE, Hits, cast_hits, self_visi
 from milkglass.core.light.vertex_rays import RAYS
 from milkglass.viewer.assets.ray_cache import RayCache
 
-CACHE = RayCache("exchange", version=1)
+CACHE = RayCache("exchange", version=2)
 DTYPES = {"first": np.int64, "cosines": np.float16, "faces": np.int32, "directions": np.float16}
 
-CROSSINGS_VERSION = 1
+CROSSINGS_VERSION = 2
 CROSSING_DTYPES = {
     "first": np.int64, "faces": np.int32, "weights": np.float16, "lengths": np.float32, "left_first": np.int64,
     "directions": np.float16, "left_weights": np.float16, "left_lengths": np.float32,

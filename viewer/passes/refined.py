@@ -8,7 +8,6 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Float32
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import Refined, interpolated, weights_within
 from milkglass.core.light.bake import opposite_points
 from milkglass.core.threads import computed_once
@@ -41,10 +40,6 @@ class RefinedSurface:
         return opposite_points(self.refined.mesh)
 
     @computed_once
-    def _rays(self) -> RayMesh:
-        return RayMesh(self.refined.mesh.vertices, self.refined.mesh.faces)
-
-    @computed_once
     def _tree(self) -> cKDTree:
         mesh = self.refined.mesh
         return cKDTree(np.concatenate([mesh.vertices, self._turn * mesh.normals], axis=1))
@@ -58,7 +53,7 @@ class RefinedSurface:
     ) -> npt.NDArray[np.float64]:
         """Return values of the vertices (n, k) at m points of the surface with normals, (m, k), as pixels have them."""
         mesh, lift = self.refined.mesh, LIFT * self.refined.mesh.radius
-        face, along = self._rays.first(points + lift * normals, -normals)
+        face, along = self.refined.mesh.rays.first(points + lift * normals, -normals)
         corners = mesh.faces[face]
         weights = weights_within(mesh.vertices, corners, points)
         found = np.einsum("nk,nkc->nc", weights, values[corners])

@@ -19,7 +19,6 @@ from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.grid.layers import LayerGrid, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.threads import computed_once
@@ -182,7 +181,7 @@ class Depths:
     """Chords of a mesh, by rays."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._rays = RayMesh(mesh.vertices, mesh.faces)
+        self._rays = mesh.rays
         self._normals = face_normals(mesh.vertices, mesh.faces)
 
     def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
