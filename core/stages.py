@@ -105,6 +105,7 @@ class Stage(StrEnum):
 
     VISIBILITY = "visibility", Part.OCCLUSION
     EXCHANGE_RAYS = "rays between parts", Part.OCCLUSION
+    FEW_CROSSINGS = "a few rays through thin parts", Part.OCCLUSION
     CROSSING_RAYS = "rays through thin parts", Part.OCCLUSION
     REFINED_MESH = "refined mesh", Part.OCCLUSION
     OCCLUSION = "occlusion", Part.OCCLUSION
@@ -114,9 +115,12 @@ class Stage(StrEnum):
     EXCHANGE = "exchange between parts", Part.IRRADIANCE
     MIRROR = "mirror", Part.OCCLUSION
     EXCHANGE_THROUGH = "exchange through thin parts", Part.IRRADIANCE
-    RECEIVED_LAMP = "rays of lamp", Part.IRRADIANCE
-    UNSCATTERED_LAMP = "unscattered light of lamp", Part.IRRADIANCE
-    UNSCATTERED_ENVIRONMENT = "unscattered light of environment", Part.IRRADIANCE
+    MIRRORED = "mirrored surroundings", Part.IRRADIANCE
+    CROSSED = "surroundings through thin parts", Part.IRRADIANCE
+    LAMP_RAYS = "rays to lamp", Part.IRRADIANCE
+    MIRRORED_LAMP = "mirrored light", Part.IRRADIANCE
+    CROSSING_LAMP = "rays through thin parts from lamp", Part.IRRADIANCE
+    CROSSED_LAMP = "light through thin parts from lamp", Part.IRRADIANCE
     UNSCATTERED = "all unscattered light", Part.IRRADIANCE
     UNSCATTERED_LIGHT = "unscattered light", Part.IRRADIANCE
     TOTAL_FLUX = "flux with unscattered light", Part.IRRADIANCE
@@ -149,6 +153,7 @@ class Stage(StrEnum):
     ENTRY = "entry of light", Part.TRANSPORT
     EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
+    SURFACE_CROSSING = "exchange through thin parts of patches", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT
     SOURCES_G = "sources of G", Part.TRANSPORT
     SOURCES_B = "sources of B", Part.TRANSPORT

@@ -9,6 +9,7 @@ a few edges wide.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -41,10 +42,8 @@ class Mirror:
         self._normals = cross / np.maximum(size, np.finfo(np.float64).tiny)[:, None]
         self._areas = np.bincount(mesh.faces.ravel(), np.repeat(size / 6.0, 3), minlength=len(mesh.vertices))
 
-    def follow(
-        self, points: Array, normals: Array, directions: Array, flux: Array, eta: float, reach: float = 0.0
-    ) -> "Received":
-        """Return the light that enters after one mirror or two, and after it has crossed matter.
+    def mirrored(self, points: Array, normals: Array, directions: Array, flux: Array, eta: float) -> "Received":
+        """Return the light that enters after one mirror or two.
 
         Parameters
         ----------
@@ -56,19 +55,35 @@ class Mirror:
             That arrives at the points.
         eta : float
             Relative index of refraction, >= 1.
-        reach : float
-            Length in matter at which paths end, mm; 0 for none through it.
         """
-        found: list[Received] = []
+        meetings = self._meetings(points, normals, directions, flux, eta)[1:]
+        return _joined([self._received(at.faces, at.places, at.entering, np.zeros(len(at.faces))) for at in meetings])
+
+    def crossing(
+        self, points: Array, normals: Array, directions: Array, flux: Array, eta: float, reach: float
+    ) -> "Received":
+        """Return the light that enters after it has crossed matter, up to a length of `reach`, mm.
+
+        Other arguments as of `mirrored`; light that was mirrored first is among it.
+        """
+        found, lift = [], np.float32(LIFT * self._mesh.radius)
+        follower = Follower(self._rays, self._normals.astype(np.float32), lift, eta, reach)
+        for at in self._meetings(points, normals, directions, flux, eta):
+            places, outward, arriving = (array.astype(np.float32) for array in (at.places, at.normals, at.arriving))
+            arrived = follower.follow(places, outward, arriving, np.random.default_rng(0))
+            entering = at.entering[arrived.paths] * (1.0 - follower.mirrors(arrived.facing))[:, None]
+            found.append(self._received(arrived.faces, arrived.places, entering, arrived.lengths))
+        return _joined(found)
+
+    def _meetings(self, points: Array, normals: Array, directions: Array, flux: Array, eta: float) -> list["_Meeting"]:
+        """Return where light meets the surface first, mirrored once, and mirrored twice; of the last, all enters."""
         cosines = np.einsum("ij,ij->i", normals, directions)
         used = np.flatnonzero((cosines > LEAST_COSINE) & flux.any(axis=1))
-        points, normals, cosines = points[used], normals[used], cosines[used]
-        arriving = -directions[used]
-        heading = 2.0 * cosines[:, None] * normals + arriving
+        points, normals, cosines, heading = points[used], normals[used], cosines[used], -directions[used]
         mirrored = reflectance(eta, cosines)[:, None]
-        if reach > 0.0:
-            found.append(self._across(points, normals, arriving, flux[used] * (1.0 - mirrored), eta, reach))
+        found = [_Meeting(np.full(len(used), -1), points, normals, heading, flux[used] * (1.0 - mirrored))]
         places, carried = points + LIFTS[0] * self._mesh.radius * normals, flux[used] * mirrored
+        heading = heading + 2.0 * cosines[:, None] * normals
         for last in (False, True):
             face, along = self._rays.first(places, heading)
             facing = -np.einsum("ij,ij->i", heading, self._normals[face])
@@ -76,34 +91,20 @@ class Mirror:
             face, facing, heading = face[met], facing[met], heading[met]
             places, carried, outward = places[met] + along[met, None] * heading, carried[met], self._normals[face]
             mirrored = reflectance(eta, facing)[:, None]
-            entering = carried if last else carried * (1.0 - mirrored)
-            found.append(self._received(face, places, entering, np.zeros(len(face))))
-            if reach > 0.0:
-                found.append(self._across(places, outward, heading, entering, eta, reach))
+            found.append(_Meeting(face, places, outward, heading, carried if last else carried * (1.0 - mirrored)))
             carried = carried * mirrored
             heading = heading + 2.0 * facing[:, None] * outward
             places = places + LIFT * self._mesh.radius * outward
-        return Received(*(np.concatenate(column) for column in zip(*map(_columns, found), strict=True)))
+        return found
 
-    def irradiance(self, received: "Received", extinctions: Sequence[float]) -> Float32:
-        """Return the irradiance that enters at the vertices, (n, 3), for sigma_t' of R, G and B, (3,) 1/mm."""
+    def irradiance(self, received: "Received", extinctions: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
+        """Return the irradiance that enters at the vertices, (n, 3), for sigma_t' of R, G and B, 1/mm."""
         sums = np.zeros((len(self._mesh.vertices), 3))
         for channel, extinction in enumerate(extinctions):
             flux = received.flux[:, channel] * np.exp(np.float32(-extinction) * received.lengths)
             shares = received.weights * flux[:, None]
             sums[:, channel] = np.bincount(received.corners.ravel(), shares.ravel(), minlength=len(sums))
         return self._averaged(sums)
-
-    def _across(
-        self, points: Array, normals: Array, arriving: Array, flux: Array, eta: float, reach: float
-    ) -> "Received":
-        """Return the light that enters again, of flux (k, 3) refracted into the object at points; arguments of it."""
-        lift = np.float32(LIFT * self._mesh.radius)
-        follower = Follower(self._rays, self._normals.astype(np.float32), lift, eta, reach)
-        places, outward, heading = (array.astype(np.float32) for array in (points, normals, arriving))
-        found = follower.follow(places, outward, heading, np.random.default_rng(0))
-        entering = flux[found.paths] * (1.0 - follower.mirrors(found.facing))[:, None]
-        return self._received(found.faces, found.places, entering, found.lengths)
 
     def _received(self, faces: Ints, points: Floats, flux: Array, lengths: Floats) -> "Received":
         """Return flux (k, 3) that enters at points of faces, of paths of lengths in matter (k,)."""
@@ -156,5 +157,16 @@ class Received:
     lengths: Float32
 
 
-def _columns(received: Received) -> tuple[Int32, Float32, Float32, Float32]:
-    return received.corners, received.weights, received.flux, received.lengths
+def _joined(parts: Sequence[Received]) -> Received:
+    names = "corners", "weights", "flux", "lengths"
+    return Received(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+class _Meeting(NamedTuple):
+    """Light at k places of the surface: faces, -1 where not known, places, normals, directions, flux that enters."""
+
+    faces: Ints
+    places: Array
+    normals: Array
+    arriving: Array
+    entering: Array

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from milkglass.core.geometry.refine import Refined
-from milkglass.core.light.crossing import Crossings, cast_crossings, crosses
+from milkglass.core.light.crossing import Crossings, Needed, cast_crossings
 from milkglass.core.light.exchange import NEGLIGIBLE, Hits, cast_hits, self_visible_share
 from milkglass.core.light.vertex_rays import RAYS
 from milkglass.viewer.assets.ray_cache import RayCache
@@ -45,23 +45,22 @@ def find_hits(
 def find_crossings(
     fine: Refined,
     eta: float,
-    reach: float,
+    needed: Needed,
     progress: Callable[[float], object] = lambda _: None,
     cancelled: threading.Event | None = None,
-) -> Crossings | None:
-    """Return paths through the matter of a refined mesh up to a length in mm, or None where too little light has any.
+) -> Crossings:
+    """Return the paths through the matter of a refined mesh that are needed.
 
     Raises
     ------
     BakeCancelled
         If `cancelled` was set.
     """
-    mesh, cache = fine.mesh, RayCache("crossings", f"{CROSSINGS_VERSION} {eta} {reach}")
+    mesh, rays, reach = fine.mesh, needed.rays, needed.reach
+    cache = RayCache("crossings", f"{CROSSINGS_VERSION} {eta} {rays} {reach}")
     kept = cache.read(mesh, CROSSING_DTYPES)
     if kept is not None and len(kept["first"]) == len(mesh.vertices) + 1:
-        return Crossings(RAYS, eta, reach, **kept)
-    if not crosses(mesh, eta, reach):
-        return None
-    found = cast_crossings(mesh, eta, reach, progress=progress, cancelled=cancelled)
+        return Crossings(rays, eta, reach, **kept)
+    found = cast_crossings(mesh, eta, reach, rays, progress=progress, cancelled=cancelled)
     cache.keep(mesh, {name: getattr(found, name) for name in CROSSING_DTYPES})
     return found

@@ -18,7 +18,7 @@ from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
-from milkglass.core.light.crossing import LEAST_ALBEDO, Crossings, reach
+from milkglass.core.light.crossing import LEAST_ALBEDO, Crossings, Needed, few_crossings
 from milkglass.core.light.exchange import Hits
 from milkglass.core.light.ground import GroundPlane, GroundRays
 from milkglass.core.light.highlights import LobeFilter
@@ -325,6 +325,22 @@ class HitsOf:
 
 
 @dataclass(frozen=True)
+class FewCrossingsOf:
+    """A few paths of light through the matter of a mesh, see `core.light.crossing.few_crossings`."""
+
+    CASTING: ClassVar[str] = "light through thin parts"
+
+    mesh: Mesh
+    eta: float
+    progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
+    cancelled: threading.Event | None = field(default=None, compare=False)
+
+    def load(self, assets: "Assets") -> Crossings | None:
+        """Follow the paths; None where the mesh does not see itself."""
+        return few_crossings(assets.get(RefinedOf(self.mesh)).mesh, self.eta) if assets.get(HitsOf(self.mesh)) else None
+
+
+@dataclass(frozen=True)
 class CrossingsOf:
     """Paths of light through the matter of a mesh; parameters as of `viewer.assets.exchange.find_crossings`."""
 
@@ -332,21 +348,20 @@ class CrossingsOf:
 
     mesh: Mesh
     eta: float
-    reach: float
+    needed: Needed
     progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
     cancelled: threading.Event | None = field(default=None, compare=False)
 
     @classmethod
-    def of(cls, mesh: Mesh, media: Sequence[Medium]) -> "CrossingsOf | None":
-        """Return the source for media of R, G and B; None where none of them scatters what enters."""
+    def of(cls, mesh: Mesh, media: Sequence[Medium], few: Crossings | None) -> "CrossingsOf | None":
+        """Return the source for media of R, G and B; None where a `few` paths tell that none are needed."""
         extinctions = [medium.sigma_t_prime for medium in media if medium.albedo > LEAST_ALBEDO]
-        return cls(mesh, media[0].eta, reach(np.array(extinctions))) if extinctions else None
+        needed = None if few is None else Needed.of(few, extinctions)
+        return None if needed is None else cls(mesh, media[0].eta, needed)
 
-    def load(self, assets: "Assets") -> Crossings | None:
-        """Follow the paths; None where too little light has any."""
-        if assets.get(HitsOf(self.mesh)) is None:
-            return None
-        return find_crossings(assets.get(RefinedOf(self.mesh)), self.eta, self.reach, self.progress, self.cancelled)
+    def load(self, assets: "Assets") -> Crossings:
+        """Follow the paths."""
+        return find_crossings(assets.get(RefinedOf(self.mesh)), self.eta, self.needed, self.progress, self.cancelled)
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,26 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.casting import BakeCancelled
-from milkglass.core.material.medium import media
+from milkglass.core.material.medium import Medium, media
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.sources import CrossingsOf, GroundRaysOf, HitsOf, VisibilityOf, model_source
+from milkglass.viewer.assets.sources import (
+    CrossingsOf,
+    FewCrossingsOf,
+    GroundRaysOf,
+    HitsOf,
+    VisibilityOf,
+    model_source,
+)
 from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.scene.scene import Scene
 
-RaySource = HitsOf | CrossingsOf | VisibilityOf | GroundRaysOf
+RaySource = HitsOf | FewCrossingsOf | CrossingsOf | VisibilityOf | GroundRaysOf
 
 LOG = logging.getLogger(__name__)
 STEPS = 50  # of the progress that is shown
@@ -90,11 +97,16 @@ class RaysJob:
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
         between: list[RaySource] = [HitsOf(mesh)] if settings.exchanges else []
         if settings.exchanges and settings.facts.solves:
-            through = CrossingsOf.of(mesh, media(scene.material.resolve()))
-            between += [] if through is None else [through]
+            between += self._through(mesh, media(scene.material.resolve()))
         around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
         below: tuple[RaySource, ...] = (GroundRaysOf(mesh, scene.ground.gap_mm),) if scene.ground.on else ()
         return (*between, *around, *below)
+
+    def _through(self, mesh: Mesh, matter: Sequence[Medium]) -> list[RaySource]:
+        """Return a few rays through matter and, once they are there, the many that they ask for."""
+        test = FewCrossingsOf(mesh, matter[0].eta)
+        through = CrossingsOf.of(mesh, matter, self._assets.get(test)) if self._assets.has(test) else None
+        return [test] if through is None else [test, through]
 
     def _bake(self, wanted: tuple[RaySource, ...], cancelled: threading.Event) -> None:
         """Run in the worker."""

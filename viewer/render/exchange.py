@@ -11,13 +11,13 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange
-from milkglass.core.light.mirror import Mirror, Received
+from milkglass.core.light.mirror import Mirror
 from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
-from milkglass.viewer.assets.sources import CrossingsOf, HitsOf, RefinedOf
+from milkglass.viewer.assets.sources import CrossingsOf, FewCrossingsOf, HitsOf, RefinedOf
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.refined import RefinedSurface
@@ -74,8 +74,11 @@ class ExchangeStages:
 
     def _crossings(self, mesh: Mesh, media: Sequence[Medium], say: Callable[[str], None]) -> Crossings | None:
         """Return paths through matter, None where too little light has any, or they are not there yet."""
-        source = CrossingsOf.of(mesh, media)
-        if source is None or not (self._assets.bakes or self._assets.has(source)):
+        test, bakes = FewCrossingsOf(mesh, media[0].eta), self._assets.bakes
+        if not (bakes or self._assets.has(test)):
+            return None
+        source = CrossingsOf.of(mesh, media, self._run(Stage.FEW_CROSSINGS, [test], lambda: self._assets.get(test)))
+        if source is None or not (bakes or self._assets.has(source)):
             return None
 
         def report(share: float) -> None:
@@ -111,20 +114,31 @@ class ExchangeStages:
         """
         parts, eta, crossings = [], media[0].eta, exchange.crossings
         extinctions = tuple(medium.sigma_t_prime for medium in media)
-        through = () if crossings is None else extinctions
         for i, (light, entering) in enumerate(lamps, start=1):
             mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
-            received = self._run(
-                Stage.RECEIVED_LAMP.of(i),
-                [mirror, samples, light, entering, eta, crossings],
-                lambda mirror=mirror, light=light, entering=entering: lamp_received(  # type: ignore[misc]
-                    mirror, light, entering, samples, eta, 0.0 if crossings is None else crossings.reach
-                ),
+            rays = self._run(
+                Stage.LAMP_RAYS.of(i),
+                [mirror, samples, light, entering, eta],
+                lambda light=light, entering=entering: lamp_rays(light, entering, samples, eta),  # type: ignore[misc]
             )
             parts.append(
                 self._run(
-                    Stage.UNSCATTERED_LAMP.of(i),
-                    [mirror, received, *through],
+                    Stage.MIRRORED_LAMP.of(i),
+                    [mirror, *rays],
+                    lambda mirror=mirror, rays=rays: mirror.irradiance(mirror.mirrored(*rays, eta)),  # type: ignore[misc]
+                )
+            )
+            if crossings is None:
+                continue
+            received = self._run(
+                Stage.CROSSING_LAMP.of(i),
+                [mirror, *rays, crossings.reach],
+                lambda mirror=mirror, rays=rays: mirror.crossing(*rays, eta, crossings.reach),  # type: ignore[misc]
+            )
+            parts.append(
+                self._run(
+                    Stage.CROSSED_LAMP.of(i),
+                    [received, *extinctions],
                     lambda mirror=mirror, received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
                 )
             )
@@ -135,12 +149,12 @@ class ExchangeStages:
             def radiance(directions: Array) -> Array:
                 return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
 
-            def entering_again() -> Float32:
-                mirrored = exchange.hits.mirrored(eta, radiance)
-                return mirrored if crossings is None else np.add(mirrored, crossings.irradiance(radiance, extinctions))
-
-            key = [exchange.hits, crossings, probe, environment.rotation_deg, environment.intensity, eta, *through]
-            parts.append(self._run(Stage.UNSCATTERED_ENVIRONMENT, key, entering_again))
+            light_around = [probe, environment.rotation_deg, environment.intensity]
+            key = [exchange.hits, *light_around, eta]
+            parts.append(self._run(Stage.MIRRORED, key, lambda: exchange.hits.mirrored(eta, radiance)))
+            if crossings is not None:
+                key = [crossings, *light_around, *extinctions]
+                parts.append(self._run(Stage.CROSSED, key, lambda: crossings.irradiance(radiance, extinctions)))
         if not parts:
             return None
         return self._run(Stage.UNSCATTERED, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
@@ -157,13 +171,13 @@ class ExchangeStages:
             entering = exchange.tinted(at_samples @ unscattered)
             return np.asarray(entering * samples.areas[:, None], np.float32)
 
-        return self._run(Stage.UNSCATTERED_FLUX, [exchange.surface, samples, unscattered], interpolated)
+        return self._run(Stage.UNSCATTERED_FLUX, [*exchange.surface, samples, unscattered], interpolated)
 
 
-def lamp_received(
-    mirror: Mirror, light: Light, entering: Float32, samples: SurfaceSamples, eta: float, reach: float = 0.0
-) -> Received:
-    """Return the light of a lamp that enters by way of the surface's mirror, or through matter up to a reach in mm.
+def lamp_rays(
+    light: Light, entering: Float32, samples: SurfaceSamples, eta: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return rays from the surface to a lamp: points, normals, directions towards it, flux that arrives; (k, 3) each.
 
     `entering` is what of it enters the samples, (m, 3), in its shadows; a ray from each goes to one of its sub-lights.
     """
@@ -182,7 +196,7 @@ def lamp_received(
         np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
-    return mirror.follow(points, normals, towards, entering * (scale * areas)[:, None], eta, reach)
+    return points, normals, towards, entering * (scale * areas)[:, None]
 
 
 def coarse(latlong: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -197,12 +197,13 @@ def lit(light: Sources, medium: Medium, s: float, convolve: Callable[[Float32], 
     deposited, local = np.zeros(int(np.prod(boundary.grid.shape)), np.float32), np.zeros(len(boundary.patches))
     crossed = crossing(boundary.edges, medium, i, entries)
     retained = np.ones(len(local)) if crossed is None else crossed.kept
-    for entry in entries:
-        at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained)
-        deposited += at_nodes
-        local += at_patches
-    flight = last_flight(boundary, light.depths, medium, s, entries, i, retained)
     reentry = None
     if exchange is not None and not exchange.is_negligible(medium):
         reentry = Reentry(exchange, i, medium, s)
+    for entry in entries:
+        of_light = reentry.sources if reentry is not None and entry.diffuse else None
+        at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained, of_light)
+        deposited += at_nodes
+        local += at_patches
+    flight = last_flight(boundary, light.depths, medium, s, entries, i, retained)
     return Channel(boundary, medium, s, convolve, deposited, local, EdgeCorrections(crossed, flight), reentry)

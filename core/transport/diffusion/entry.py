@@ -53,6 +53,11 @@ class Entry:
     flux: Array
     second: "Second"
 
+    @property
+    def diffuse(self) -> bool:
+        """Whether the light comes from all around."""
+        return self.stretch != 1.0
+
     def chords_in(self, medium: Medium) -> Array:
         """Return the chords in mean free paths, (m,), along the light's true direction."""
         return self.chords / (self.stretch * medium.mean_free_path)
@@ -165,13 +170,20 @@ def scattering(entry: Entry, boundary: Boundary, medium: Medium, s: float) -> Sc
 
 
 def sources(
-    entry: Entry, boundary: Boundary, medium: Medium, channel: int, s: float, retained: Array
+    entry: Entry,
+    boundary: Boundary,
+    medium: Medium,
+    channel: int,
+    s: float,
+    retained: Array,
+    of_light: Scattering | None = None,
 ) -> tuple[Float32, Array]:
     """Return the first scattering of one channel: assigned to the nodes (nodes,), and its local part (n,).
 
-    `retained` is the share of each patch's light that diffuses, (n,).
+    `retained` is the share of each patch's light that diffuses, (n,); `of_light` the scattering of the entry's light
+    in the medium, where it is known: of light from all around, that of any such light.
     """
-    flux, of_light = np.zeros(len(boundary.patches)), scattering(entry, boundary, medium, s)
+    flux, of_light = np.zeros(len(boundary.patches)), of_light or scattering(entry, boundary, medium, s)
     flux[entry.patches] = retained[entry.patches] * entry.flux[:, channel]
     return of_light.at_nodes(flux), of_light.at_patches(flux)
 

@@ -9,15 +9,16 @@ has one Krylov space, and a product is one convolution as without: sources of th
 the layers' before it.
 """
 
+import copy
 import threading
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.light.crossing import Crossings
+from milkglass.core.light.crossing import NEGLIGIBLE_CHANNEL, Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
@@ -66,15 +67,12 @@ class SurfaceExchange:
     depths : Depths
     eta : float
         Relative index of refraction, >= 1.
-    crossings : Crossings, optional
-        Paths of light through matter.
     """
 
-    def __init__(
-        self, geometry: ExchangeGeometry, depths: Depths, eta: float, crossings: Crossings | None = None
-    ) -> None:
+    def __init__(self, geometry: ExchangeGeometry, depths: Depths, eta: float) -> None:
         self.boundary, samples = geometry.boundary, geometry.samples
-        self._emitters, self._crossings = geometry.emitters, crossings
+        self._emitters: Ints = geometry.emitters
+        self._crossings: Crossings | None = None
         self._to_vertices = geometry.pattern.matrix(eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
@@ -85,6 +83,12 @@ class SurfaceExchange:
         areas = self.boundary.patches.areas
         alone = self._to_vertices @ np.ones(len(areas), np.float32)
         self.share = float((self._to_patches[0] @ alone).sum() / areas.sum())
+
+    def through(self, crossings: Crossings) -> "SurfaceExchange":
+        """Return the exchange with light that crosses matter on these paths; they share all else."""
+        other = copy.copy(self)
+        other._crossings, other._across = crossings, {}
+        return other
 
     def irradiance(self, exitance: Array, media: Sequence[Medium]) -> Float32:
         """Return what enters again at the vertices, (m, 3), for exitance of the patches, (n, 3)."""
@@ -112,7 +116,7 @@ class SurfaceExchange:
             if extinction in self._across:
                 return self._across[extinction]
         found = None
-        if self._crossings.share(extinction) >= NEGLIGIBLE_SHARE:
+        if self._crossings.share(extinction) >= NEGLIGIBLE_CHANNEL:
             found = self._crossings.matrix(self._emitters, len(self.boundary.patches), extinction)
         with self._lock:
             self._across = {**dict(list(self._across.items())[1 - KEPT_MEDIA :]), extinction: found}
@@ -124,7 +128,9 @@ class SurfaceExchange:
             found = self._sources.pop(medium, None)
         found = found or scattering(self._entry, self.boundary, medium, s)
         with self._lock:
-            self._sources = {**dict(list(self._sources.items())[1 - KEPT_MEDIA :]), medium: found}
+            self._sources[medium] = found
+            while len(self._sources) > KEPT_MEDIA:
+                del self._sources[next(iter(self._sources))]
         return found
 
     def is_negligible(self, medium: Medium) -> bool:
@@ -147,21 +153,27 @@ def diffuse_reflectance(medium: Medium) -> float:
 
 
 class Reentry:
-    """Light of one channel that leaves the patches and enters them again."""
+    """Light of one channel that leaves the patches and enters them again.
+
+    Attributes
+    ----------
+    sources : Scattering
+        First scattering of light that comes from all around.
+    """
 
     def __init__(self, surface: SurfaceExchange, channel: int, medium: Medium, s: float) -> None:
         self._surface, self._channel, self._medium = surface, channel, medium
         self._per_two_A_M = 1.0 / (2.0 * medium.extrapolation_factor)
-        self._sources = surface.sources(medium, s)
+        self.sources = surface.sources(medium, s)
         self._last: tuple[Array, Array] | None = None
 
     def at_nodes(self, two_A_M: Array) -> Float32:
         """Return the first scattering at the nodes, (nodes,), of light that enters again, for 2 A M (n,)."""
-        return self._sources.at_nodes(self._flux(two_A_M))
+        return self.sources.at_nodes(self._flux(two_A_M))
 
     def at_patches(self, two_A_M: Array) -> Array:
         """Return its local part at the patches, (n,)."""
-        return self._sources.at_patches(self._flux(two_A_M))
+        return self.sources.at_patches(self._flux(two_A_M))
 
     def _flux(self, two_A_M: Array) -> Array:
         """Return the flux that enters again; the last one's is kept, since both of its parts are asked for in turn."""

@@ -250,10 +250,11 @@ class DiffusionTransport:
                 lambda: ExchangeGeometry(exchange, boundary, problem.samples),
             )
             between = stages.run(
-                Stage.SURFACE_EXCHANGE,
-                (geometry, eta, exchange.crossings),
-                lambda: SurfaceExchange(geometry, depths, eta, exchange.crossings),
+                Stage.SURFACE_EXCHANGE, (geometry, eta), lambda: SurfaceExchange(geometry, depths, eta)
             )
+            if (crossings := exchange.crossings) is not None:
+                alone = between
+                between = stages.run(Stage.SURFACE_CROSSING, (alone, crossings), lambda: alone.through(crossings))
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))
         sources = Sources(boundary, depths, entries, between)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.refine import refined
-from milkglass.core.light.crossing import cast_crossings, crosses
+from milkglass.core.light.crossing import Needed, cast_crossings, few_crossings
 from milkglass.core.light.exchange import cast_hits
 from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance, transmittance
@@ -77,7 +77,7 @@ def test_a_lamp_through_a_plate_has_its_flux(roofed):
     points = np.column_stack([np.random.default_rng(0).uniform(-0.8, 0.8, (n, 2)), np.full(n, 0.6)])
     up = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
     mirror = Mirror(roofed)
-    received = mirror.follow(points, up, up, np.ones((n, 3)), ETA, np.inf)
+    received = mirror.crossing(points, up, up, np.ones((n, 3)), ETA, np.inf)
     mirrored, left = float(reflectance(ETA, 1.0)), np.exp(-0.1 * extinction)
     plate = (1.0 - mirrored) ** 2 * left / (1.0 - (mirrored * left) ** 2)
     back = mirrored + (1.0 - mirrored) ** 2 * mirrored * left**2 / (1.0 - (mirrored * left) ** 2)
@@ -96,7 +96,10 @@ def test_reach_ends_paths_that_matter_has_put_out(roofed):
     )
 
 
-def test_little_light_crosses_thick_matter():
-    mesh = refined(plates(thickness=0.2), 2.0).mesh
-    assert crosses(mesh, ETA, 1.0)
-    assert not crosses(mesh, ETA, 0.1)
+def test_paths_are_needed_where_light_crosses():
+    few = few_crossings(refined(plates(thickness=0.2), 2.0).mesh, ETA)
+    assert Needed.of(few, (60.0, 40.0)) is None
+    some, much = Needed.of(few, (15.0,)), Needed.of(few, (15.0, 1.0))
+    assert some.rays < much.rays
+    assert some.reach > 0.2
+    assert much.reach > 5.0

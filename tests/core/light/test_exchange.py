@@ -135,7 +135,7 @@ def test_flux_of_a_mirrored_lamp_is_kept(cavity):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     flux = rng.random((n, 3))
     mirror = Mirror(mesh)
-    received = mirror.irradiance(mirror.follow(points, normals, directions, flux, eta), (1.0,) * 3)
+    received = mirror.irradiance(mirror.mirrored(points, normals, directions, flux, eta))
     sides = [mesh.vertices[mesh.faces[:, i]] - mesh.vertices[mesh.faces[:, 0]] for i in (1, 2)]
     areas = np.bincount(mesh.faces.ravel(), np.repeat(np.linalg.norm(np.cross(*sides), axis=1) / 6.0, 3))
     cosines = np.einsum("ij,ij->i", normals, directions)

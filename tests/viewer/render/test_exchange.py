@@ -12,7 +12,7 @@ from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from milkglass.core.stages import Part, Stage
 from milkglass.viewer.assets import exchange
-from milkglass.viewer.render.exchange import coarse, lamp_received
+from milkglass.viewer.render.exchange import coarse, lamp_rays
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import MaterialSettings
@@ -148,8 +148,8 @@ def test_a_lamp_is_mirrored_onto_the_floor(renderer):
     entering = (cosines * (1.0 - reflectance(eta, cosines)) * wall)[:, None] * np.ones(3)
     surface = lit.surface.refined.mesh
     mirror = Mirror(surface)
-    received = lamp_received(mirror, light, entering.astype(np.float32), samples, eta)
-    found = mirror.irradiance(received, (1.0,) * 3)
+    rays = lamp_rays(light, entering.astype(np.float32), samples, eta)
+    found = mirror.irradiance(mirror.mirrored(*rays, eta))
     assert lamp.sub_lights == 1
     sides = [surface.vertices[surface.faces[:, i]] - surface.vertices[surface.faces[:, 0]] for i in (1, 2)]
     areas = np.bincount(surface.faces.ravel(), np.repeat(np.linalg.norm(np.cross(*sides), axis=1) / 6.0, 3))
