@@ -19,6 +19,7 @@ from milkglass.core.profiles.dipole import dipoles
 from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
 from milkglass.core.stages import Stage, Stages
+from milkglass.viewer.assets import sources
 from milkglass.viewer.bench import run as bench, solving as bench_solving, window as bench_window
 from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
 from milkglass.viewer.bench.error_report import scheme_times
@@ -26,7 +27,7 @@ from milkglass.viewer.bench.lights import LIGHTS, Directional, sky_pixels
 from milkglass.viewer.bench.plot import pareto
 from milkglass.viewer.bench.reference import graded_exitance
 from milkglass.viewer.bench.schemes import DEFAULT, LAYERED, PAPER, Scheme
-from milkglass.viewer.bench.shapes import SHAPES, ball, detail
+from milkglass.viewer.bench.shapes import SHAPES, ball, detail, torus
 from milkglass.viewer.bench.yardsticks import plan_phases, yardstick_rows
 from milkglass.viewer.scene.settings import TransportSettings
 from tests.support.benching import NOTHING, assert_finite
@@ -47,9 +48,16 @@ def coarse_reference(monkeypatch):
     monkeypatch.setattr("milkglass.viewer.bench.rivals.SAMPLE_EDGE", 0.6)
 
 
+@pytest.fixture
+def small_object(monkeypatch):
+    """A ring in place of the sculpture."""
+    monkeypatch.setattr(sources, "builtin_model", lambda size_mm, up: torus())
+    monkeypatch.setattr(bench, "builtin_model", lambda size_mm: torus())
+
+
 @pytest.mark.slow
 @pytest.mark.gl
-def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_reference):
+def test_every_part_writes_finite_numbers(tmp_path, capsys, monkeypatch, coarse_reference, few_rays, small_object):
     monkeypatch.setattr("milkglass.viewer.bench.chain.IMAGE_SIDE", 64)
     plan = replace(
         NOTHING, convolutions=(2,), frames=(SMALL,), schemes=(SMALL, DEFAULT), picture_schemes=(SMALL,),
@@ -93,7 +101,7 @@ def test_first_picture_has_time_and_memory(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_window_is_measured_and_reported(tmp_path, capsys):
+def test_window_is_measured_and_reported(tmp_path, capsys, small_object):
     plan = replace(NOTHING, window=(SMALL,), window_repeats=3, image_size=(96, 64))
     bench.run_plan(plan, tmp_path)
     rows = rows_of(tmp_path / "window.csv")

@@ -35,8 +35,16 @@ from tests.support.benching import NOTHING, assert_finite
 SMALL = Scheme("layered", 8, 64), Scheme("diffusion", resolution=24)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def fine_enough():
+    """The default's nodes stand for twice as many, which take ten times as long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench.bench_transport, "FINER", 1)
+        yield
+
+
 @pytest.fixture(scope="module")
-def rows() -> list[TransportRow]:
+def rows(fine_enough) -> list[TransportRow]:
     shapes = {"ball": lambda: ball(8.0, subdivisions=3)}
     return list(transport_rows(SMALL, shapes, ["albedos", "skim milk"], 20_000))
 

@@ -7,9 +7,9 @@ from milkglass.core.material import fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.diffusion.boundary import Depths
 from milkglass.core.transport.diffusion.edges.last_flight import last_flight, scattered_once
+from milkglass.viewer.bench import transport
 from milkglass.viewer.bench.schemes import Scheme
 from milkglass.viewer.bench.shapes import dish, turned
-from milkglass.viewer.bench.transport import transport_rows
 from tests.support.diffusing import collimated, diffuse, samples_of
 from tests.support.shapes import ball
 
@@ -109,9 +109,10 @@ def test_light_leaves_a_floor_and_passes_along_its_wall():
 
 
 @pytest.mark.slow
-def test_corners_are_near_photons():
+def test_corners_are_near_photons(monkeypatch):
     """4.5 and 3.0 % without."""
-    front, back = transport_rows([Scheme("diffusion", resolution=48)], {"": dish}, ["albedos"], 150_000)
+    monkeypatch.setattr(transport, "FINER", 1)  # the error of the numbers is not asked for
+    front, back = transport.transport_rows([Scheme("diffusion", resolution=48)], {"": dish}, ["albedos"], 150_000)
     assert max(front.error.rms) < 0.042
     assert max(back.error.rms) < 0.027
 
