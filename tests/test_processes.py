@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.waiting import DEADLINE
+
 COMMON = """
 import multiprocessing, os, sys, threading
 from concurrent.futures import ThreadPoolExecutor
@@ -123,13 +125,13 @@ in_thread(lambda: renderer.pick((20, 20)))
 """,
     "fork": """
 with multiprocessing.get_context("fork").Pool(2) as pool:
-    found = pool.map_async(picture, ANGLES).get(timeout=200)
+    found = pool.map_async(picture, ANGLES).get(timeout=300)
 check(found, [picture(angle) for angle in ANGLES])
 """,
     "fork after a picture": """
 main = picture(0)
 with multiprocessing.get_context("fork").Pool(2) as pool:
-    sentences = pool.map_async(refused, range(4)).get(timeout=100)
+    sentences = pool.map_async(refused, range(4)).get(timeout=300)
 assert all(s.startswith("OpenGL was in use before this process was forked") for s in sentences), sentences
 check([picture(0)], [main])
 """,
@@ -137,10 +139,10 @@ check([picture(0)], [main])
 begun, end = threading.Event(), threading.Event()
 def progress(words):
     begun.set()
-    end.wait(60)
+    end.wait(300)
 thread = threading.Thread(target=lambda: mg.render(mg.Scene.from_toml(TEXT), samples=1, progress=progress))
 thread.start()
-begun.wait(60)
+begun.wait(300)
 child = os.fork()
 if child == 0:
     os._exit(0 if "before this process was forked" in refused(0) else 1)
@@ -165,7 +167,7 @@ SOLVED = [(case, "diffusion") for case in CASES if case.startswith(("several", "
 
 def run(folder, *arguments):
     done = subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, check=False, timeout=300, cwd=folder
+        [sys.executable, *arguments], capture_output=True, text=True, check=False, timeout=2 * DEADLINE, cwd=folder
     )
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -187,7 +189,7 @@ def test_a_spawned_process_renders(context, model, tmp_path):
     body = """
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(2) as pool:
-        found = pool.map_async(picture, ANGLES).get(timeout=200)
+        found = pool.map_async(picture, ANGLES).get(timeout=300)
     check(found, [picture(angle) for angle in ANGLES])
 """
     assert "spawn" in multiprocessing.get_all_start_methods()

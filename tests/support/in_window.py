@@ -20,7 +20,7 @@ from glfw import _glfw as library  # the C library itself: its callbacks get C s
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.window import Window
-from tests.support.waiting import wait_until
+from tests.support.waiting import DEADLINE, wait_until
 
 NORMAL, ICONIC = 1, 3  # WM_STATE of ICCCM 4.1.3.1
 TURNS = ("wait_events", "wait_events_timeout", "poll_events")  # one of them each time that a window goes round
@@ -48,7 +48,7 @@ class Inside:
     def _at_rest(self) -> bool:
         glfw.poll_events()
         self.window.draw()
-        self.app.view.wait(60.0)
+        self.app.view.wait(DEADLINE)
         return self.app.view.at_rest() and self.app.next_frame() != 0.0
 
     def shot(self, name: str) -> None:

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-DEADLINE = 120.0  # s
+DEADLINE = 300.0  # s
 
 
 def wait_until(

@@ -217,7 +217,7 @@ class LiveError:
             return True
         return news or self.outdated != was_outdated
 
-    def wait(self, timeout: float = 60.0) -> None:
+    def wait(self, timeout: float) -> None:
         """Wait for what is being measured; for tests and replays, never for a window."""
         if self._job is not None and self._job.future is not None:
             self._job.future.exception(timeout)

@@ -167,7 +167,7 @@ class Live:
             and self._lit_for == LitFor.of(scene, rays=self.rays.found(scene))
         )
 
-    def wait(self, timeout: float = 60.0) -> None:
+    def wait(self, timeout: float = 600.0) -> None:
         """Wait for what the worker does now; for tests and replays, never for a window."""
         if self._load is not None:
             self._load.exception(timeout)

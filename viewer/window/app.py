@@ -203,20 +203,6 @@ class App:
         if self.session.messages:
             self._frames_due = FRAMES_AN_EVENT
 
-    def settle(self, target: moderngl.Framebuffer, limit: float = 60.0) -> None:
-        """Draw frames until nothing more changes; for tests and replays."""
-        end = time.monotonic() + limit
-        while time.monotonic() < end:
-            self.frame(target)
-            self.view.wait(limit)
-            self.error.wait(limit)
-            self.profiles.wait(limit)
-            due = self.next_frame()
-            if self.at_rest() and self._frames_due == 0:
-                return
-            if due is None or due > 0.0:
-                time.sleep(min(0.02, due or 0.02))
-
     def at_rest(self) -> bool:
         """Whether the picture, the error and the curves are final."""
         return self.view.at_rest() and self.error.progress is None and not self.profiles.busy

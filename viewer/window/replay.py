@@ -17,6 +17,8 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window import commands
 from milkglass.viewer.window.app import App
 
+LONGEST = 600.0  # seconds that a picture may take to come to rest
+
 
 @one_blas_thread()
 def play(path: Path, *, in_window: bool) -> Scene:
@@ -87,16 +89,23 @@ class Headless:
         self.app.frame(self.target)
 
     def settle(self) -> None:
-        """Draw frames until nothing changes any more, 0.1 s apart by the clock."""
-        end = time.monotonic() + 60.0
+        """Draw frames until nothing changes any more, 0.1 s apart by the clock.
+
+        Raises
+        ------
+        TimeoutError
+            If something still changes after LONGEST seconds.
+        """
+        end = time.monotonic() + LONGEST
         while time.monotonic() < end:
             self.frame()
-            self.app.view.wait(60.0)
-            self.app.error.wait()
-            self.app.profiles.wait(60.0)
+            self.app.view.wait(LONGEST)
+            self.app.error.wait(LONGEST)
+            self.app.profiles.wait(LONGEST)
             self.now += 0.1
             if self.app.at_rest() and self.app.next_frame() != 0.0:
                 return
+        raise TimeoutError(f"the picture did not come to rest in {LONGEST:g} s")
 
     def close(self) -> None:
         """Stop the workers and free the framebuffer."""

@@ -267,14 +267,14 @@ from milkglass.viewer.scene.settings_docs import settings_markdown
 assert "`gaussians`, `table`, `exponential`" in settings_markdown()
 assert "scipy" not in sys.modules
 picture = ["--image-size", "32x24", "--samples", "1", "--transport", "layered", "--output", sys.argv[1]]
-sys.exit(main(["render", "--profile", "exponential", *picture]))
+sys.exit(main(["render", sys.argv[2], "--profile", "exponential", *picture]))
 """
 
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_a_profile_in_the_registry_is_in_help_and_pictures(tmp_path):
-    command = [sys.executable, "-c", NEW_PROFILE, str(tmp_path / "a.exr")]
+def test_a_profile_in_the_registry_is_in_help_and_pictures(model, tmp_path):
+    command = [sys.executable, "-c", NEW_PROFILE, str(tmp_path / "a.exr"), str(model)]
     run = subprocess.run(command, cwd=Path(__file__).parents[3], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert read_channels(tmp_path / "a.exr")["exitance.R"].max() > 0.0

@@ -12,6 +12,7 @@ from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.live.draft import Cost
 from milkglass.viewer.scene.scene import apply_set
 from tests.support.driving import PICTURE, headless_picture, write_knot
+from tests.support.waiting import DEADLINE
 
 PIXELS = {"gbuffer", "composite", "exposure", "tone map"}
 VOLUME = {"convolution", "layer volume"} | PIXELS
@@ -145,7 +146,7 @@ def test_old_volume_keeps_the_picture_alive_until_the_new_one_is_there(driver, m
     scatter = live.renderer.scatter
 
     def slow(lit, *how):
-        gate.wait(20.0)
+        gate.wait(DEADLINE)
         return scatter(lit, *how)
 
     monkeypatch.setattr(live.renderer, "scatter", slow)
@@ -224,7 +225,7 @@ def test_a_dragged_material_leaves_the_processor_to_the_worker_until_its_volume_
     scatter = live.renderer.scatter
 
     def slow(lit, *how):
-        gate.wait(20.0)
+        gate.wait(DEADLINE)
         return scatter(lit, *how)
 
     driver.picture()

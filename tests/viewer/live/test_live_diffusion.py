@@ -196,7 +196,7 @@ def test_another_model_ends_a_solution_at_once_and_draws_nothing_of_it(driver, m
     driver.frames(2)
     job = live.job
     steps.go(1)
-    job.future.result(10.0)
+    job.future.result(DEADLINE)
     assert len(steps.residuals) == 2
     driver.frames(1)
     assert live.finished is before

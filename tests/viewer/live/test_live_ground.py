@@ -13,7 +13,7 @@ RAYS = {"rays from the ground", "emitters before the ground"}
 
 
 @pytest.fixture
-def lit_by_probe(context, model):
+def lit_by_probe(context, few_rays, model):
     planes = dict(zip("RGB", np.moveaxis(sky(height=32), -1, 0), strict=True))
     write_exr(model.with_name("sky.exr"), planes)
     settings = [f"environment.path={model.with_name('sky.exr')}", "display.background=environment"]

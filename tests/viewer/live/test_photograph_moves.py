@@ -17,6 +17,7 @@ from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.scene import START, Change, changed
 from milkglass.viewer.scene.settings import TABLES, PhotoSettings
 from tests.support.photographing import ball_photo, small_photo
+from tests.support.waiting import DEADLINE
 
 SETTINGS = {
     f"{name}.{key}": declared
@@ -41,7 +42,7 @@ class Desk:
         """Draw a scene; returns the parts that ran."""
         before = self.work.object
         self.work.update(scene)
-        self.work.wait(60.0)
+        self.work.wait(DEADLINE)
         self.work.update(scene)
         renderer, placed = self.renderer, self.work.placed(scene)
         renderer.stages.begin()

@@ -238,7 +238,7 @@ def test_a_frame_is_exposed_for_the_object_alone(renderer_of):
 
 
 @pytest.mark.slow
-def test_the_background_does_not_touch_the_object(renderer_of, tmp_path):
+def test_the_background_does_not_touch_the_object(renderer_of, few_rays, tmp_path):
     pixels = np.random.default_rng(2).random((16, 32, 3), np.float32)
     write_exr(tmp_path / "probe.exr", dict(zip("RGB", np.moveaxis(pixels, -1, 0), strict=True)))
     renderer = renderer_of("knot")

@@ -118,7 +118,7 @@ def test_a_file_that_is_rendered_to_exr(tmp_path):
 
 
 @pytest.mark.slow
-def test_an_environment_lights_every_body(context, tmp_path):
+def test_an_environment_lights_every_body(context, few_rays, tmp_path):
     probe = tmp_path / "even.exr"
     images.write_exr(probe, {c: np.ones((16, 32), np.float32) for c in "RGB"})
     mesh = plates(0.4, 0.5)

@@ -287,8 +287,8 @@ def test_the_python_interface_of_the_readme(context, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_image_alone_is_the_frames_image_and_writes_png_only(context, tmp_path):
-    scene = scene_of("display.image_size=[64, 48]", "display.background=transparent")
+def test_the_image_alone_is_the_frames_image_and_writes_png_only(context, model, tmp_path):
+    scene = scene_of("display.image_size=[64, 48]", "display.background=transparent", f"model.path={model}")
     still, frame = render_image(scene, samples=2), render(scene, samples=2)
     np.testing.assert_array_equal(still.image, frame.image)
     assert still.quality == frame.quality

@@ -68,7 +68,7 @@ def test_every_command_runs_on_a_model_or_says_why_not(driver, tmp_path, command
 
 
 @pytest.mark.slow
-def test_what_means_nothing_to_a_photograph_is_said(context, tmp_path):
+def test_what_means_nothing_to_a_photograph_is_said(context, few_rays, tmp_path):
     driver = Driver(small_scene(tmp_path), SIZE, photo=PhotoWork(small_photo(tmp_path)))
     driver.app.commands.run("toggle_measure")
     driver.frames(2)

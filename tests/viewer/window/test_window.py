@@ -28,7 +28,7 @@ from tests.support.waiting import DEADLINE, wait_until
 
 pytestmark = pytest.mark.window
 
-SIZE = (760, 560)
+SIZE = (640, 560)
 FRAMES = 2  # that show what an event did: ImGui lays out in the first what the second draws
 STATUS = 40  # rows at the foot of the view that hold its line of text
 NAMES = {"Ctrl": "ctrl", "Shift": "shift", "Enter": "Return"}  # xdotool's
@@ -56,6 +56,8 @@ class RealWindow:
 
     def __init__(self, display: str, folder: Path, *options: str, program: tuple[str, ...] = VIEW) -> None:
         self.folder, self.recording = folder, folder / "record.jsonl"
+        self._events: list[dict[str, dict[str, object]]] = []
+        self._read = 0  # bytes of the recording
         self.environment = environment_of(display, folder)
         command = [sys.executable, *program, *options]
         if "--play" not in options:
@@ -85,8 +87,13 @@ class RealWindow:
 
     def events(self) -> list[dict[str, dict[str, object]]]:
         """What the window has seen and drawn so far, by line of the recording."""
-        lines = self.recording.read_text(encoding="utf-8").splitlines(keepends=True) if self.recording.exists() else []
-        return [json.loads(line) for line in lines[1:] if line.endswith("\n")]
+        if self.recording.exists():
+            with self.recording.open("rb") as file:
+                file.seek(self._read)
+                whole = file.read().rpartition(b"\n")[0].splitlines(keepends=True)
+            self._events += map(json.loads, whole[self._read == 0 :])  # the first line is no event
+            self._read += sum(map(len, whole)) + bool(whole)
+        return self._events
 
     def act(self, *words: object, seen: Callable[[list[dict[str, dict[str, object]]]], bool]) -> None:
         """Do something, and wait until the window has seen it and drawn what comes of it.

@@ -16,6 +16,7 @@ from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.window.curves.axes import Axes, axes_for, dashes, plotted, round_down, round_up
 from milkglass.viewer.window.curves.curves import CurvesJob, Wish, curves_of
 from milkglass.viewer.window.curves.marks import Mark
+from tests.support.waiting import DEADLINE
 
 TABLE = "0,0.1,0.08,0\n1,0.05,0.04,0\n2,0.01,0.01,0\n3,0,0,0\n"
 NAMES = [*PROFILES][:-1]
@@ -90,8 +91,8 @@ def test_the_worker_makes_each_once_and_the_newest_last():
     try:
         assert job.follow((first, second), unread) == [None, None]
         assert job.busy
-        job.wait(10.0)
-        assert woken.wait(10.0)
+        job.wait(DEADLINE)
+        assert woken.wait(DEADLINE)
         made = job.follow((first, second), unread)
         assert [one.totals.tolist() for one in made] == [
             [float(p.total(0.0)) for p in profiles(wish.material.resolve())] for wish in (first, second)

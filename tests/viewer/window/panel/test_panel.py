@@ -254,7 +254,7 @@ def test_exposure_lock_holds_the_exposure(driver):
 
 
 @pytest.mark.slow
-def test_probe_lights_and_shows_and_is_removed(driver, tmp_path):
+def test_probe_lights_and_shows_and_is_removed(driver, few_rays, tmp_path):
     from milkglass.viewer.files.images import write_exr
 
     rng = np.random.default_rng(4)

@@ -38,7 +38,7 @@ def test_a_section_is_a_class_and_a_line_of_the_list(context, model, monkeypatch
 
 
 @pytest.mark.slow
-def test_a_photograph_has_a_section_and_lacks_those_of_a_model(context, tmp_path):
+def test_a_photograph_has_a_section_and_lacks_those_of_a_model(context, few_rays, tmp_path):
     driver = Driver(small_scene(tmp_path), photo=PhotoWork(small_photo(tmp_path)))
     assert titles(driver) == [section.title for section in SECTIONS if section.title not in OF_MODEL]
     driver.close()

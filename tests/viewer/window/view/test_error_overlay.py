@@ -13,7 +13,7 @@ from milkglass.viewer.window.app import read_pixels
 from milkglass.viewer.window.panel.error import rows, verdict
 from tests.support.driving import Driver, small_scene
 
-SIZE = (900, 700)
+SIZE = (720, 520)
 POINTS = 20  # far enough apart that most dots lie alone
 
 
