@@ -25,6 +25,7 @@ def digest(arrays: Arrays) -> str:
     return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
 
 
+@pytest.mark.slow
 def test_is_one_closed_outward_solid(made: Arrays) -> None:
     vertices, faces, _ = made
     assert find_flaws(vertices, faces).solid

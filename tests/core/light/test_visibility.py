@@ -69,6 +69,7 @@ def test_a_closed_cavity_is_dark():
     assert shares[~inside].min() == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("eta", "limit"), [(1.0, 0.035), (1.3, 0.03), (1.5, 0.03), (2.0, 0.03)])
 def test_irradiance_is_that_of_rays_whatever_eta(knot, eta, limit):
     (mesh, visibility, places), probe = knot, Probe.from_pixels(sky_pixels())
@@ -80,6 +81,7 @@ def test_irradiance_is_that_of_rays_whatever_eta(knot, eta, limit):
     assert rms(unoccluded, expected) > 0.15  # there is something to find
 
 
+@pytest.mark.slow
 def test_flux_into_the_object_is_that_of_rays(knot):
     (mesh, visibility, _), probe = knot, Probe.from_pixels(sky_pixels())
     places = Places(mesh, 400)

@@ -63,7 +63,7 @@ def test_a_thousandfold_range_of_sizes(context, size):
         scene_of(lights=(DirectionalLight(FRONT),)), transport=DEFAULT, material=MaterialSettings(name="marble")
     )
     scene = replace(scene, transport=DEFAULT)
-    content = error_report(MeshRenderer(context, mesh), scene, points=100).content
+    content = error_report(MeshRenderer(context, mesh), scene, points=60).content
     assert content["error"]["rms_together"] < 0.02
     assert max(content["error"]["rms"]) < max(0.02, content["transport"]["predicted_error_lit"])
 

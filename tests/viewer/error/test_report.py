@@ -206,6 +206,7 @@ def of_transport(renderer_of):
     return {method: measured(method) for method in ("diffusion", "ewald")}
 
 
+@pytest.mark.slow
 def test_diffusion_is_near_photons_and_the_dipole_is_not(of_transport):
     found = {method: content["transport_error"] for method, content in of_transport.items()}
     assert max(found["diffusion"]["rms"]) < 0.08
@@ -260,6 +261,7 @@ def test_wide_lamps_and_surroundings_are_compared_with_photons(renderer_of, ligh
     assert max(np.abs(error["bias"])) < 0.05
 
 
+@pytest.mark.slow
 def test_equation_1_is_no_error_of_diffusion(of_transport):
     assert "error" in of_transport["ewald"]
     assert "difference" not in of_transport["ewald"]
@@ -267,6 +269,7 @@ def test_equation_1_is_no_error_of_diffusion(of_transport):
     assert max(of_transport["diffusion"]["difference"]["rms"]) > 0.1
 
 
+@pytest.mark.slow
 def test_lines_on_the_terminal_say_which_error_is_which(of_transport, report):
     def lines(content):
         return summary(replace(report, content=content), "a.json").splitlines()

@@ -119,6 +119,7 @@ def test_one_light_leaves_the_entry_of_the_others_alone(driver):
     assert driver.stages() == set()
 
 
+@pytest.mark.slow
 def test_a_solution_on_the_way_shows_once_it_may_be_seen_and_is_no_rest(driver, monkeypatch):
     live = driver.view.live
     before, steps = live.finished, Steps(monkeypatch, live)
@@ -180,6 +181,7 @@ def test_coming_back_to_light_that_was_interrupted_solves_it(driver, monkeypatch
     assert is_as_rendered(driver)
 
 
+@pytest.mark.slow
 def test_another_model_ends_a_solution_at_once_and_draws_nothing_of_it(driver, monkeypatch, tmp_path):
     live = driver.view.live
     other = tmp_path / "other.ply"

@@ -43,6 +43,7 @@ def low(renderer: MeshRenderer) -> float:
     return float(renderer.model.mesh.bounds[0, 1])
 
 
+@pytest.mark.slow
 def test_a_ground_in_the_open_returns_its_share_of_a_uniform_sky(renderer):
     scene = on_ground(scene_of(*ABOVE, *BLACK, lights=()), reflectance=0.5, color=(1.0, 0.5, 0.25))
     scene = replace(scene, environment=EnvironmentSettings(probe=MIDNIGHT, occluded=False))
@@ -140,6 +141,7 @@ def test_the_ground_goes_on_before_and_behind_the_object(renderer, orthographic)
     assert frame.alpha[object_rows[0] - 2, 64] > 0.1
 
 
+@pytest.mark.slow
 def test_a_ground_is_picked_as_nothing_and_shown_with_radiance_alone(context):
     renderer = Renderer(context)
     scene = on_ground(apply_set(scene_of(method="ewald"), ["model.size_mm=20", "transport.resolution=16"]))

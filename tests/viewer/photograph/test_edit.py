@@ -38,6 +38,7 @@ def beyond(photo: Photo) -> np.ndarray:
     return ~binary_dilation(photo.mask > 0, iterations=3)
 
 
+@pytest.mark.slow
 def test_the_surface_is_where_the_photograph_shows_it(edited) -> None:
     shown, mask = edited.coverage > 0.5, edited.geometry.coverage > 0.5
     assert not (mask & ~shown).any()  # the mask cuts it, not the other way round
@@ -96,6 +97,7 @@ def test_light_by_hand_is_as_bright_as_the_photograph(context, edited) -> None:
     assert 0.7 < mine / theirs < 1.4
 
 
+@pytest.mark.slow
 def test_the_command_keeps_bits_and_writes_depth(context, tmp_path: Path) -> None:
     picture, mask, _ = ball_photo(64)
     photo, painted = map(str, write_photo(tmp_path, picture, mask, bits=16))

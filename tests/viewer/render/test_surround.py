@@ -150,6 +150,7 @@ def test_highlights_against_direct_integrals(renderer_of, tmp_path, model, shini
     assert np.all(relative_rms(found, expected) < (0.08 if shininess < 10 else 0.03))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shininess", [80, 600, 5000])
 def test_a_white_furnace_mirrors_what_does_not_enter(renderer_of, tmp_path, shininess):
     """F_r + F_t = 1 up to the rim: with strength 1 a normalized highlight has the share that Fresnel keeps out."""

@@ -37,6 +37,7 @@ def dots(driver: Driver) -> np.ndarray:
     return np.array([left, top]) + places * [right - left, bottom - top]
 
 
+@pytest.mark.slow
 def test_the_key_measures_opens_the_section_and_shows_the_map(driver):
     driver.settle()
     plain = view_pixels(driver)
@@ -90,6 +91,7 @@ def test_the_map_can_be_hidden_and_stays_only_with_the_camera(driver):
     assert drawn
 
 
+@pytest.mark.slow
 def test_a_dot_says_what_was_found_there(driver, monkeypatch):
     read = []
     monkeypatch.setattr("milkglass.viewer.window.view.error_overlay.read_dot", lambda measured, i: read.append(i))

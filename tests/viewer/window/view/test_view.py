@@ -103,6 +103,7 @@ def test_the_model_is_framed_when_it_comes_and_keeps_its_distance_in_an_orbit(dr
     assert driver.session.scene.camera.azimuth_deg == camera.azimuth_deg
 
 
+@pytest.mark.slow
 def test_another_size_is_seen_as_before_and_another_model_is_framed(driver, tmp_path):
     driver.scroll(CENTRE, 1.0)
     before = driver.session.scene.camera
@@ -118,6 +119,7 @@ def test_another_size_is_seen_as_before_and_another_model_is_framed(driver, tmp_
     assert driver.session.scene.camera == camera
 
 
+@pytest.mark.slow
 def test_keys_look_from_the_sides_and_reset(driver):
     for keys, expected in (
         (("_1",), (0.0, 0.0)),
@@ -178,6 +180,7 @@ def test_cheat_sheet_and_dialog_open_and_close(driver):
     assert not driver.app.actions.dialog.is_open
 
 
+@pytest.mark.slow
 def test_saved_scene_renders_to_the_very_pixels_seen(driver, tmp_path):
     driver.session.edit("material", name="ketchup")
     driver.drag(CENTRE, (20.0, 10.0))
@@ -216,6 +219,7 @@ def test_screenshots_show_the_window_or_the_object_alone(driver, tmp_path):
     assert any("milkglass-002.png" in text for text in driver.app.messages)
 
 
+@pytest.mark.slow
 def test_split_shows_both_states_at_one_exposure(driver):
     driver.key("k")
     driver.session.edit("material", name="ketchup")
@@ -232,6 +236,7 @@ def test_split_shows_both_states_at_one_exposure(driver):
     assert driver.session.view.split is None
 
 
+@pytest.mark.slow
 def test_sizes_of_all_kinds(driver, context):
     for size, pixels, scale in (
         ((0, 0), (0, 0), 1.0),
@@ -246,6 +251,7 @@ def test_sizes_of_all_kinds(driver, context):
     assert driver.picture().shape[0] == SIZE[1]
 
 
+@pytest.mark.slow
 def test_recent_files_are_offered_and_opened_again(driver, model, tmp_path):
     other = write_knot(tmp_path / "again.ply")
     driver.drop(other)
