@@ -81,6 +81,8 @@ class Stage(StrEnum):
 
     MODEL = "model", Part.SHAPE
 
+    THICKNESS = "thickness", Part.SHAPE
+
     FIND_BODIES = "find bodies", Part.BODIES
     BODY_MARKS = "body marks", Part.BODIES
 
@@ -102,6 +104,7 @@ class Stage(StrEnum):
     PROBE_SOURCE = "probe source", Part.LIGHT
     PROBE_SOURCE_SHADOW = "shadow of probe source", Part.LIGHT
     HIGHLIGHT_LOBES = "highlight lobes", Part.LIGHT
+    SURROUNDINGS = "surroundings of rays", Part.LIGHT
 
     VISIBILITY = "visibility", Part.OCCLUSION
     EXCHANGE_RAYS = "rays between parts", Part.OCCLUSION
@@ -174,6 +177,10 @@ class Stage(StrEnum):
     GBUFFER = "gbuffer", Part.VIEW
     DETAIL_TARGETS = "detail targets", Part.VIEW
 
+    PATH_SURFACE = "surface for rays", Part.LOOK
+    PATHS = "rays of sight", Part.LOOK
+    PATH_EXITANCE = "exitance for rays", Part.LOOK
+    PATH_TARGETS = "ray targets", Part.LOOK
     REENTRY_TARGETS = "targets of reentry", Part.LOOK
     REENTRY_BUFFERS = "buffers of reentry", Part.LOOK
     REENTRY_PIXELS = "reentry at pixels", Part.LOOK

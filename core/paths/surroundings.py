@@ -1,7 +1,6 @@
 """What rays see that leave the object: an environment, and lamps with a size."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,43 +10,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.light.maps import Radiance
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import ALL, NONE, Rays
-
-LEAST_ANGLE_DEG = 0.25  # angular diameter of a lamp as rays see it: they would never meet a point
-DISC, BALL, PANEL = range(3)
-EVERYWHERE = (-2.0, -1.0)  # cosines of a cone outside which, and inside which, all directions are
-
-Vector = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Lamp:
-    """A lamp of even radiance, as rays see it.
-
-    Attributes
-    ----------
-    shape : int
-        `DISC` far away, `BALL`, or `PANEL` that shines from its front.
-    place : (3,)
-        Unit direction towards a disc; centre of the others, mm.
-    radiance : (3,)
-    size : float
-        Cosine of the angular radius of a disc, radius of a ball in mm; of a panel nothing.
-    width, height : (3,)
-        Half sides of a panel, mm.
-    forward : (3,)
-        Unit: from the front of a panel, along the cone of a ball.
-    cone : (2,)
-        Cosines to `forward` at which the radiance of a ball has faded to nothing, and from which on it is whole.
-    """
-
-    shape: int
-    place: Vector
-    radiance: Vector
-    size: float = 0.0
-    width: Vector = (0.0, 0.0, 0.0)
-    height: Vector = (0.0, 0.0, 0.0)
-    forward: Vector = (0.0, 0.0, 0.0)
-    cone: tuple[float, float] = EVERYWHERE
+from milkglass.core.paths.lamps import BALL, DISC, Lamp
 
 
 class Lamps(NamedTuple):
@@ -64,7 +27,7 @@ class Lamps(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """Radiance that arrives from all around.
+    """Radiance that arrives from all around; compared by identity.
 
     Attributes
     ----------
@@ -82,6 +45,12 @@ class Surroundings(NamedTuple):
     turn: Float32
     intensity: float
     lamps: Lamps
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
 
     @classmethod
     def of(

@@ -50,16 +50,22 @@ class Sight:
     directions: Float32
     bodies: Int32
 
+    def part(self, chosen: slice) -> "Sight":
+        """Return a part of the rays."""
+        return Sight(self.points[chosen], self.normals[chosen], self.directions[chosen], self.bodies[chosen])
+
 
 class Seen(NamedTuple):
     """Radiance of k rays of sight, (k, 3) float32 each.
 
     Attributes
     ----------
-    mirror, unscattered : (k, 3)
-        Surroundings by way of the first mirror, but for lamps that it shows itself; and by way of the inside.
+    mirror : (k, 3)
+        All that the first mirror shows, but for lamps that are seen in it alone.
+    unscattered : (k, 3)
+        Surroundings by way of the inside.
     scattered : (k, 3)
-        The glow inside, and the surface's exitance where the path meets it again.
+        By way of the inside, its glow, and the surface's exitance where the path meets it again.
     """
 
     mirror: Float32
@@ -80,8 +86,8 @@ class Tree:
     glow : Glow, optional
     leaving : (n, 3) float32, optional
         M / (pi T) at the surface's vertices.
-    clear : bool
-        Whether rays go on inside; else all is absorbed there, and the object is mirrors alone.
+    mirrors, clear : bool
+        Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
         After how many meetings with the surface a path ends.
     """
@@ -91,6 +97,7 @@ class Tree:
     surroundings: Surroundings
     glow: Glow | None = None
     leaving: Float32 | None = None
+    mirrors: bool = True
     clear: bool = True
     events: int = EVENTS
 
@@ -109,34 +116,33 @@ class Tree:
             if not go_on():
                 raise PathsSuperseded
             batch = slice(start, start + BATCH)
-            for values, of_batch in zip(seen, self._trace(sight, batch), strict=True):
+            for values, of_batch in zip(seen, self._trace(sight.part(batch)), strict=True):
                 values[batch] = of_batch
 
         pool_map(trace, range(0, k, BATCH))
         return seen
 
-    def _trace(self, sight: Sight, batch: slice) -> tuple[Float32, Float32, Float32]:
+    def _trace(self, sight: Sight) -> tuple[Float32, Float32, Float32]:
         surface, faces = self.surface, self.surface.faces
-        first = _first(sight, batch)
-        k = len(first.points)
+        first = _first(sight)
         mirrored, refracted, _ = part(surface, first, 1, self.events)
-        rays = _two(mirrored, refracted if self.clear else none(refracted))
-        unscattered, scattered = np.zeros((2 * k, 3), np.float32), np.zeros((k, 3), np.float32)
+        rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if self.clear else none(refracted))
+        unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
             if self.glow is not None:
                 self.glow.add(event.chords, self.extinction, faces.etas, scattered)
             if self.leaving is not None:
                 _add_leaving(event.meetings, event.mirrored, faces.corners, self.leaving, scattered)
-        return unscattered[0::2], unscattered[1::2], scattered
+        return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
 
 
-def _first(sight: Sight, batch: slice) -> Meetings:
-    """Return the first meetings of a part of the rays of sight, numbered from 0."""
-    points, directions = (np.array(values[batch], np.float32) for values in (sight.points, sight.directions))
+def _first(sight: Sight) -> Meetings:
+    """Return the first meetings of rays of sight, numbered from 0."""
+    points, directions = np.array(sight.points, np.float32), np.array(sight.directions, np.float32)
     k = len(points)
-    facing = np.einsum("ij,ij->i", sight.normals[batch], directions)
-    normals = np.where(facing > 0.0, -1.0, 1.0)[:, None].astype(np.float32) * sight.normals[batch]
+    facing = np.einsum("ij,ij->i", sight.normals, directions)
+    normals = np.where(facing > 0.0, -1.0, 1.0)[:, None].astype(np.float32) * sight.normals
     return Meetings(
         points=points,
         directions=directions,
@@ -146,13 +152,13 @@ def _first(sight: Sight, batch: slice) -> Meetings:
         inside=np.zeros(k, bool),
         faces=np.full(k, -1, np.int32),
         places=np.zeros((k, 2), np.float32),
-        bodies=np.array(sight.bodies[batch], np.int32),
+        bodies=np.array(sight.bodies, np.int32),
         sources=np.arange(k, dtype=np.int32),
         parents=np.full(k, -1, np.int32),
     )
 
 
-def _two(mirrored: Rays, refracted: Rays) -> Rays:
+def _numbered(mirrored: Rays, refracted: Rays) -> Rays:
     """Return both branches with sources 2 n of mirrored and 2 n + 1 of refracted rays, n those before."""
     sources = np.concatenate([2 * mirrored.sources, 2 * refracted.sources + 1])
     return joined(mirrored, refracted)._replace(sources=sources)
@@ -163,7 +169,7 @@ def _add_leaving(meetings: Meetings, mirrored: Float32, corners: Int32, leaving:
     for i in range(len(mirrored)):
         if meetings.inside[i]:
             continue
-        pixel, (a, b, c), (u, v) = meetings.sources[i] // 2, corners[meetings.faces[i]], meetings.places[i]
+        pixel, (a, b, c), (u, v) = meetings.sources[i], corners[meetings.faces[i]], meetings.places[i]
         for channel in range(3):
             value = (1 - u - v) * leaving[a, channel] + u * leaving[b, channel] + v * leaving[c, channel]
             radiance[pixel, channel] += meetings.weights[i, channel] * (1 - mirrored[i]) * value

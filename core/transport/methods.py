@@ -39,6 +39,8 @@ class Method:
         Whether bodies scatter light each alone if not asked to be joined.
     exchanges : bool
         Whether light that leaves the object meets it again and enters, if not asked otherwise.
+    follows_sight : bool
+        Whether rays of sight are followed, mirrored at the surface and refracted through the object (`core.paths`).
     on_open_surface : str, optional
         Method that takes the place of one that needs a closed surface; None where any surface will do.
     shapes_a_body : int
@@ -61,6 +63,7 @@ class Method:
     takes_each_light: bool = False
     separates_bodies: bool = False
     exchanges: bool = False
+    follows_sight: bool = False
     on_open_surface: str | None = None
     shapes_a_body: int = 3
     draft_seconds: float = 0.1
@@ -81,6 +84,7 @@ METHODS = {
         takes_each_light=True,
         separates_bodies=True,
         exchanges=True,
+        follows_sight=True,
         on_open_surface="ewald",
         shapes_a_body=8,  # R, G, B and no absorption, on two grids
         draft_seconds=1.0,  # another grid takes half a second by itself

@@ -30,6 +30,9 @@ uniform sampler2D t_lobe;       // visible share of the highlight of an environm
 uniform bool u_occluded_lobe;   // whether it is there
 uniform float u_surround_strength;  // see highlights.glsl
 uniform bool u_fresnel;
+uniform sampler2DArray t_traced;  // what rays of sight found, see viewer/passes/composite.py
+uniform float u_traced;           // factor on it; 0: none were followed
+uniform float u_mirror_strength;
 uniform mat4 u_world_to_clip;
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
@@ -48,6 +51,7 @@ layout(location = 3) out vec4 o_irradiance;
 layout(location = 4) out vec4 o_exitance;
 layout(location = 5) out vec4 o_subsurface;
 layout(location = 6) out vec4 o_specular;
+layout(location = 7) out vec4 o_unscattered;
 
 // Sigg and Hadwiger 2005, Fast Third-Order Texture Filtering, of quadratic B-splines (TSC): 27 nodes by 8 filtered
 // fetches, nodes i - 1 and i share one, i + 1 has its own.
@@ -176,6 +180,10 @@ vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float e
     return u_surround_strength * mirrored * blocked * radiance;
 }
 
+vec3 traced(ivec2 pixel, int layer) {
+    return u_traced > 0.0 ? u_traced * texelFetch(t_traced, ivec3(pixel, layer), 0).rgb : vec3(0.0);
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
@@ -189,11 +197,15 @@ void main() {
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
     vec3 subsurface = entering * exitance / u_exit_normalisation;
     vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
-    o_radiance = u_weight * vec4(subsurface + highlight, 1.0);
+    highlight += u_mirror_strength * traced(pixel, 0);
+    vec3 unscattered = traced(pixel, 1);
+    subsurface += traced(pixel, 2);
+    o_radiance = u_weight * vec4(subsurface + highlight + unscattered, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);
     o_irradiance = u_weight * vec4(irradiance.rgb, 1.0);
     o_exitance = u_weight * vec4(exitance, 1.0);
     o_subsurface = u_weight * vec4(subsurface, 1.0);
     o_specular = u_weight * vec4(highlight, 1.0);
+    o_unscattered = u_weight * vec4(unscattered, 1.0);
 }

@@ -51,5 +51,5 @@ def show_frame(frame: "Frame | Still") -> None:
         table.add_row(stage, f"{milliseconds:.1f}")
     console = Console()
     console.print(table)
-    for sentence in (frame.quality.summary, *frame.remarks):
+    for sentence in (frame.quality.summary, *frame.parts, *frame.remarks):
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)

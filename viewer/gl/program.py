@@ -145,7 +145,7 @@ class Program:
         for name, value in values.items():
             uniform = self.program[name]
             assert isinstance(uniform, moderngl.Uniform)
-            if isinstance(value, moderngl.Texture | moderngl.Texture3D):
+            if isinstance(value, moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray):
                 value.use(unit)
                 uniform.value = unit
                 unit += 1

@@ -112,7 +112,11 @@ class Live:
         if not (detail.draft and looks == self._looks and self.picture is not None):
             try:
                 request = PictureRequest(
-                    pixel_offsets(detail.samples), show, exposure_for=exposure_for, quick=not detail.at_once
+                    pixel_offsets(detail.samples),
+                    show,
+                    exposure_for=exposure_for,
+                    quick=not detail.at_once,
+                    paths=not detail.draft,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
             except Unfinished:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import moderngl
 
 from milkglass.core.threads import computed_once
-from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.context import checked, draw_over_object, float_targets, over_object
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
 from milkglass.viewer.passes.gather import Gather
@@ -13,7 +13,8 @@ from milkglass.viewer.passes.gbuffer import GBuffer
 from milkglass.viewer.passes.irradiance import Highlights, PixelLight
 from milkglass.viewer.scene.camera import Camera
 
-OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular")
+OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular", "unscattered")
+TREE_LAYERS = 3  # of `Traced.texture`
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +28,29 @@ class Composite:
     framebuffer: moderngl.Framebuffer
 
 
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """Radiance that rays of sight found at every pixel, as an array texture of three layers.
+
+    Attributes
+    ----------
+    texture : moderngl.TextureArray
+        What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way.
+    weight : float
+        Of this sample's, against the composite's.
+    """
+
+    texture: moderngl.TextureArray
+    weight: float
+
+
 class CompositePass:
     """Draws the radiance that leaves the surface towards the eye, (7) and highlights."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._plain = self._variant(detail=False)
+        self._not_traced = Traced(self.traced_texture((1, 1)), 0.0)
 
     @computed_once
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
@@ -41,6 +59,15 @@ class CompositePass:
     def _variant(self, *, detail: bool) -> tuple[Program, moderngl.VertexArray]:
         program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
         return program, self._context.vertex_array(program.program, [])
+
+    def traced_texture(self, size: tuple[int, int]) -> moderngl.TextureArray:
+        """Allocate the texture of `Traced` for (width, height) pixels."""
+        purpose = f"rays of {size[0]} x {size[1]} pixels"
+        texture = checked(
+            self._context, lambda: self._context.texture_array((*size, TREE_LAYERS), 3, dtype="f4"), purpose
+        )
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return texture
 
     def targets(self, size: tuple[int, int], *, parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
         """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""
@@ -57,8 +84,10 @@ class CompositePass:
         camera: Camera,
         weight: float,
         target: Composite,
+        traced: Traced | None = None,
     ) -> None:
         """Add one sample of every pixel, times `weight`; the caller clears its framebuffer before the first."""
+        traced = traced or self._not_traced
         target.framebuffer.use()
         program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlights.uniforms()
@@ -74,6 +103,9 @@ class CompositePass:
                 "t_lobe": gbuffer.lobe or gbuffer.normal,
                 "u_occluded_lobe": gbuffer.lobe is not None,
                 **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
+                "t_traced": traced.texture,
+                "u_traced": traced.weight,
+                "u_mirror_strength": highlights.mirror_strength,
                 "u_world_to_clip": camera.world_to_clip,
                 "u_eye": tuple(camera.eye),
                 "u_weight": weight,

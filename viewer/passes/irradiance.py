@@ -132,19 +132,35 @@ class Highlights:
     """How a surface mirrors: Phong's lobe, and a lat-long texture of the environment prefiltered with it.
 
     Without an environment, any texture will do.
+
+    Attributes
+    ----------
+    gloss : Gloss
+    environment : moderngl.Texture
+    by_rays : bool
+        Whether rays of sight find what is mirrored, other than lamps, in place of the lobe.
     """
 
     gloss: Gloss
     environment: moderngl.Texture
+    by_rays: bool = False
+
+    @property
+    def mirror_strength(self) -> float:
+        """Factor on what rays of sight find mirrored."""
+        return self.gloss.strength if self.by_rays else 0.0
 
     def uniforms(self) -> dict[str, object]:
         """Return the values for highlights.glsl."""
         gloss = self.gloss
         integral = 2.0 * np.pi / (gloss.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
+        surround = gloss.strength if gloss.normalized else gloss.strength * integral
+        if self.by_rays:
+            surround = 0.0
         return {
             "u_shininess": gloss.shininess,
             "u_lamp_strength": gloss.strength / integral if gloss.normalized else gloss.strength,
-            "u_surround_strength": gloss.strength if gloss.normalized else gloss.strength * integral,
+            "u_surround_strength": surround,
             "u_fresnel": gloss.normalized,
         }
 

@@ -29,6 +29,7 @@ from milkglass.viewer.render.exchange import ExchangeStages
 from milkglass.viewer.render.ground import Ground, GroundStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
+from milkglass.viewer.render.paths import Paths, PathStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.scene import Scene
@@ -55,6 +56,7 @@ class Lighting:
         self._exchanges = ExchangeStages(stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
         self._grounds = GroundStages(stages, assets)
+        self._paths = PathStages(stages, self._surround)
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
         """Run the first half of the pipeline; `say` is told as each long step begins.
@@ -187,6 +189,10 @@ class Lighting:
     def ground(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Ground | None:
         """Return the plane that the object stands on, where a scene has one."""
         return self._grounds.of(scene, lit, self._surround.rest, say) if scene.ground.on else None
+
+    def paths(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Paths | None:
+        """Return the rays of sight of a lit scene, where it needs any."""
+        return self._paths.of(scene, lit, say)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""

@@ -36,6 +36,8 @@ class PictureRequest:
         Whether a single sample of a pixel may see as little of large lights as each of four would.
     develop : bool
         Whether radiance gets exposure and tone map; a photograph has its own.
+    paths : bool
+        Whether rays of sight are followed where a scene needs them.
     """
 
     offsets: tuple[tuple[float, float], ...] = pixel_offsets(1)
@@ -44,6 +46,7 @@ class PictureRequest:
     exposure_for: float | None = None
     quick: bool = False
     develop: bool = True
+    paths: bool = True
 
     @property
     def keeps_parts(self) -> bool:
@@ -68,6 +71,7 @@ class Picture:
     log_average: float  # brightness that the picture itself asks to be exposed for
     remarks: tuple[str, ...] = ()
     ground: moderngl.Texture | None = None  # as without the object, times its share
+    parts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,7 @@ class Still:
     warnings: tuple[str, ...]
     quality: Quality
     remarks: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
         """Write a format of the tone-mapped picture, ``.png``, whole or not at all; otherwise as `Frame.save`."""
@@ -102,8 +107,9 @@ class Frame:
     irradiance, exitance : (H, W, 3) float32
         E that enters and M that leaves, means over the covered part of the pixel.
     subsurface, specular : (H, W, 3) float32
-        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights; they sum to the object's
-        `radiance`.
+        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights.
+    unscattered : (H, W, 3) float32
+        What is seen through the object. With the two before it sums to the object's `radiance`.
     timings : dict
         Stage -> ms, of the stages that ran.
     warnings : tuple of str
@@ -112,6 +118,8 @@ class Frame:
         Method and resolution of transport, with the error to expect.
     remarks : tuple of str
         What transport resolves less finely than the material asks for.
+    parts : tuple of str
+        Which rays of sight were followed, and why.
     """
 
     radiance: Float32
@@ -123,10 +131,12 @@ class Frame:
     exitance: Float32
     subsurface: Float32
     specular: Float32
+    unscattered: Float32
     timings: Timings
     warnings: tuple[str, ...]
     quality: Quality
     remarks: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
 
     def channels(self) -> dict[str, Float32]:
         """Return the channels of an EXR file, (H, W) float32 each, by name."""
@@ -134,7 +144,7 @@ class Frame:
         planes["A"] = self.alpha
         for layer, names in (("position", "XYZ"), ("normal", "XYZ")):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate(names)}
-        for layer in ("irradiance", "exitance", "subsurface", "specular"):
+        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered"):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate("RGB")}
         return planes
 
@@ -184,6 +194,7 @@ def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Fra
         warnings=picture.warnings,
         quality=picture.quality,
         remarks=picture.remarks,
+        parts=picture.parts,
     )
 
 

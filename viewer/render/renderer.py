@@ -26,6 +26,7 @@ from milkglass.viewer.render import memory
 from milkglass.viewer.render.ground import Ground
 from milkglass.viewer.render.lighting import Lighting, Progress
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Still, read_frame, read_image
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import pixel_offsets
@@ -67,7 +68,7 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
     with current(headless_context()):
         picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-        return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks)
+        return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks, picture.parts)
 
 
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:
@@ -146,12 +147,12 @@ class Renderer:
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
-        ground = self._ground(scene, lit, request, say)
+        ground, paths = self._ground(scene, lit, request, say), self._paths(scene, lit, request, say)
         if last:
             lit = self._without_transport(lit)
             memory.give_back()
         say("drawing")
-        return self._shade(scene, lit, gather, request, ground)
+        return self._shade(scene, lit, gather, request, ground, paths)
 
     def _scattered(self, scene: Scene, say: Progress, *, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""
@@ -193,24 +194,37 @@ class Renderer:
     @_in_turn
     def shade(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest = PictureRequest()) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light."""
-        return self._shade(scene, lit, gather, request, self._ground(scene, lit, request))
+        paths = self._paths(scene, lit, request)
+        return self._shade(scene, lit, gather, request, self._ground(scene, lit, request), paths)
 
     def _ground(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
     ) -> Ground | None:
         return self._lighting.ground(scene, lit, say) if request.shows_ground else None
 
+    def _paths(
+        self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
+    ) -> Paths | None:
+        return self._lighting.paths(scene, lit, say) if request.paths else None
+
     def _shade(
-        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, ground: Ground | None
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        request: PictureRequest,
+        ground: Ground | None,
+        paths: Paths | None,
     ) -> Picture:
         is_seen = scene.display.background == "environment"
         behind = self._lighting.probe(scene.environment) if is_seen else None
-        return self._shading.shade(scene, lit, gather, request, behind, ground)
+        return self._shading.shade(scene, lit, gather, request, behind, ground, paths)
 
     @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
-        return self._shading.advance(scene, lit, gather, request, self._ground(scene, lit, request))
+        ground, paths = self._ground(scene, lit, request), self._paths(scene, lit, request)
+        return self._shading.advance(scene, lit, gather, request, ground, paths)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Return the light probe of an environment that has one."""

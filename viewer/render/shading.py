@@ -1,6 +1,7 @@
 """Second half of the pipeline, from the layer volume to the picture: G-buffer, composite, tone map."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import moderngl
 import numpy as np
@@ -21,15 +22,29 @@ from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
+from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.remarks import below_nodes, beyond_object, thin_rims
+from milkglass.viewer.render.tracing import Tracing, is_traced
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from milkglass.core.paths import Tree
+
 LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
+
+
+class Sample(NamedTuple):
+    """A sample of every pixel: its number, among how many a light's sub-lights are shared, and its rays of sight."""
+
+    number: int
+    sharing: int
+    tree: "Tree | None"
 
 
 class Shading:
@@ -47,9 +62,9 @@ class Shading:
         self._reentry = ReentryPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._ground = GroundPass(context)
-        self._ground_lighting = GroundLighting(
-            context, stages, self._ground, self._irradiance, self._composite, self._no_probe
-        )
+        exitance = SurfaceExitance(context, self._irradiance, self._composite, self._no_probe)
+        self._ground_lighting = GroundLighting(context, stages, self._ground, exitance)
+        self._tracing = Tracing(context, stages, self._composite, exitance)
         self._seen: GBuffer | None = None
 
     def shade(
@@ -60,6 +75,7 @@ class Shading:
         request: PictureRequest,
         behind: Probe | None = None,
         ground: Ground | None = None,
+        paths: Paths | None = None,
     ) -> Picture:
         """Draw a scene through its camera and return the picture on the GPU.
 
@@ -74,6 +90,8 @@ class Shading:
             Where an environment is to be seen behind the object.
         ground : Ground, optional
             Where the object stands on one.
+        paths : Paths, optional
+            Rays of sight, where the scene needs any and they are wanted.
 
         Raises
         ------
@@ -81,9 +99,10 @@ class Shading:
             The stages have an allowance, and the pixels take more.
         """
         display, show = scene.display, request.show
-        composite = self._pixels(scene, lit, gather, request)
+        composite = self._pixels(scene, lit, gather, request, paths)
         if not request.develop:
             return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
+        why = () if paths is None else paths.why
         texture = composite.textures[show]
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if request.exposure_for is None else request.exposure_for
@@ -98,7 +117,7 @@ class Shading:
                 texture, exposed, display, background, lit.camera, image, directions=show == "normal", ground=plane
             ),
         )
-        return replace(self._picture(scene, lit, gather, composite, image, average), ground=plane)
+        return replace(self._picture(scene, lit, gather, composite, image, average), ground=plane, parts=why)
 
     def _picture(
         self,
@@ -128,11 +147,17 @@ class Shading:
         return (float(values[0]), float(values[1]), float(values[2])) if values[3] > 0.0 else None
 
     def advance(
-        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, ground: Ground | None = None
+        self,
+        scene: Scene,
+        lit: LitScene,
+        gather: Gather,
+        request: PictureRequest,
+        ground: Ground | None = None,
+        paths: Paths | None = None,
     ) -> bool:
         """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
-            self._pixels(scene, lit, gather, request)
+            self._pixels(scene, lit, gather, request, paths)
             if ground is not None:
                 self._ground_pixels(scene, lit, gather, ground)
         except Unfinished:
@@ -154,10 +179,13 @@ class Shading:
         radiance, position, exitance = (read_rgba(textures[name]) for name in ("radiance", "position", "exitance"))
         return radiance[..., 3], position[..., :3], exitance[..., :3]
 
-    def _pixels(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> Composite:
+    def _pixels(
+        self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest, paths: Paths | None = None
+    ) -> Composite:
         """Shade every pixel once a sample."""
         offsets = request.offsets
         targets, key = self._pixel_work(scene, lit, gather, request)
+        tree = self._tracing.tree(paths, lit, gather)
         large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
         sharing = PARTS if request.quick and large and len(offsets) == 1 else len(offsets)
 
@@ -165,10 +193,10 @@ class Shading:
             for i in range(len(offsets)):
                 if i > 0:
                     yield
-                yield from self._sample(scene, lit, gather, request, i, sharing, targets)
+                yield from self._sample(scene, lit, gather, request, Sample(i, sharing, tree), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        return self._stages.spread(Stage.COMPOSITE, (*key, sharing), shade)
+        return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree), shade)
 
     def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
         """Draw the ground at every pixel."""
@@ -202,13 +230,14 @@ class Shading:
         lit: LitScene,
         gather: Gather,
         request: PictureRequest,
-        i: int,
-        sharing: int,
+        sample: Sample,
         targets: Composite,
     ) -> Steps[None]:
         """Add one sample of every pixel; the first one clears what was there."""
-        run, size, camera = self._run, scene.display.image_size, lit.camera
-        occlusion, behind, lobes = lit.occlusion, self._behind(lit, gather), self._occluded_lobes(scene, lit)
+        run, size, camera, offsets = self._run, scene.display.image_size, lit.camera, request.offsets
+        mirrors = sample.tree is not None and sample.tree.mirrors
+        occlusion, behind = lit.occlusion, self._behind(lit, gather)
+        lobes = None if mirrors else self._occluded_lobes(scene, lit)
         is_occluded, has_lobes = occlusion is not None, lobes is not None
         depth = run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
         gbuffer = self._seen = run(
@@ -217,7 +246,7 @@ class Shading:
             lambda: self._gbuffer.targets(size, occluded=is_occluded, lobes=has_lobes, depth=depth),
         )
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
-        clip = jittered(camera, request.offsets[i], size)
+        clip = jittered(camera, offsets[sample.number], size)
         marks = None if lit.body_marks is None else lit.body_marks.buffer
         surface = lit.surface if gather.reentry is None else gather.reentry.surface
         buffers = lit.model.buffers if surface is None else surface.buffers
@@ -234,11 +263,17 @@ class Shading:
             again = self._drawn_again(gather, gather.reentry, clip, size)
             sources = *sources, gather.reentry.source
         gbuffer = replace(gbuffer, detail=detail, reentry=again)
-        if i == 0:
+        if sample.number == 0:
             targets.framebuffer.clear()
-        highlights = self._highlights(scene, lit)
-        yield from self._irradiance.steps(gbuffer, sources, gather, highlights, camera, light, i, sharing)
-        self._composite.render(gbuffer, light, gather, highlights, camera, 1.0 / len(request.offsets), targets)
+        highlights = Highlights(scene.gloss, self._no_probe, by_rays=True) if mirrors else self._highlights(scene, lit)
+        yield from self._irradiance.steps(
+            gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
+        )
+        traced = None
+        if sample.tree is not None and is_traced(sample.number, len(offsets)):
+            traced = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets))
+        weight = 1.0 / len(offsets)
+        self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
 
     def _drawn_again(
         self, gather: Gather, reentry: Reentry, clip: npt.NDArray[np.float64], size: tuple[int, int]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # fmt: off
 # ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
 
+SMOOTH_SHININESS = 300.0  # from which on highlights fall to half within 4 degrees
 BUILTIN_PROBES = ("studio", "backlight", "window", "overcast")  # of core.light.presets
 
 
@@ -43,6 +44,11 @@ class Gloss:
     shininess: float
     model: str
     normalized: bool
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the surface mirrors as a smooth one does, by rays in place of a lobe, where rays are followed."""
+        return self.normalized and self.strength > 0.0 and self.shininess >= SMOOTH_SHININESS
 
 
 GLOSS = {gloss.model: gloss for gloss in (

@@ -17,7 +17,11 @@ LAMPS = (DirectionalLight(FRONT, (3.0, 2.0, 1.0)), PointLight((-40.0, 30.0, -60.
 CHANNELS = [
     *"RGBA",
     *(f"{layer}.{axis}" for layer in ("position", "normal") for axis in "XYZ"),
-    *(f"{layer}.{colour}" for layer in ("irradiance", "exitance", "subsurface", "specular") for colour in "RGB"),
+    *(
+        f"{layer}.{colour}"
+        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered")
+        for colour in "RGB"
+    ),
 ]
 EDGE_PIXELS = 5e-3  # share of the pixels that rounding may put on the other side of the outline
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
+from milkglass.core.paths.lamps import BALL, LEAST_ANGLE_DEG, Lamp
 from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import check_fields, plain, setting, settings_of
 from milkglass.viewer.scene.lights.sub_lights import PARTS, SubLights, Vector
@@ -148,6 +149,10 @@ class Light(ABC):
     def sub_lights(self, count: int, far: float = np.inf) -> SubLights:
         """Divide the light, in world space, into `count` sub-lights; one farther away than `far` mm as directions."""
 
+    @abstractmethod
+    def seen(self) -> Lamp:
+        """Return the lamp that rays of sight meet, in world space; one without a size has `LEAST_ANGLE_DEG`."""
+
     @classmethod
     def like(cls, light: "Light") -> Self:
         """Return a light of this kind that lights the origin as another one does; keys that both kinds have stay."""
@@ -202,6 +207,17 @@ class NearLight(Light):
     @abstractmethod
     def _divided(self, count: int) -> SubLights:
         """Divide the light into sub-lights at their places."""
+
+    def seen(self) -> Lamp:
+        """See `Light.seen`."""
+        return self._ball(self.half_extent)
+
+    def _ball(self, radius: float) -> Lamp:
+        """Return a ball of even radiance, of no less than the least angular diameter."""
+        least = float(np.linalg.norm(self.position_mm) * np.tan(0.5 * np.radians(LEAST_ANGLE_DEG)))
+        radius = max(radius, least, 1e-6)
+        red, green, blue = (channel / (np.pi * radius**2) for channel in self.intensity)
+        return Lamp(BALL, self.position_mm, (red, green, blue), radius)
 
     @classmethod
     def _values_like(cls, light: Light) -> dict[str, Any]:

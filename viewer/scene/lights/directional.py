@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from milkglass.core.paths.lamps import DISC, LEAST_ANGLE_DEG, Lamp
 from milkglass.viewer.scene.declaration import plain
 from milkglass.viewer.scene.lights.base import DEFAULT_DISTANCE, Light, fixed_to_setting, light_setting, on_setting
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, SubLights, Vector, spiral
@@ -58,6 +59,13 @@ class DirectionalLight(Light):
         cell = float(2.0 * np.sin(0.5 * half) / np.sqrt(count))
         x, y, z = towards.tolist()
         return SubLights(DIRECTIONAL, (x, y, z), cosine[:, None] * towards + offsets, (red, green, blue), cell)
+
+    def seen(self) -> Lamp:
+        """See `Light.seen`."""
+        half = 0.5 * np.radians(max(self.angle_deg, LEAST_ANGLE_DEG))
+        x, y, z = (np.asarray(self.direction, np.float64) / np.linalg.norm(self.direction)).tolist()
+        red, green, blue = (channel / (np.pi * np.sin(half) ** 2) for channel in self.irradiance)
+        return Lamp(DISC, (x, y, z), (red, green, blue), float(np.cos(half)))
 
     @classmethod
     def _values_like(cls, light: Light) -> dict[str, Any]:

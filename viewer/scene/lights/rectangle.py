@@ -6,6 +6,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from milkglass.core.arrays import Array
+from milkglass.core.paths.lamps import PANEL, Lamp
 from milkglass.viewer.scene.lights.base import AimedLight, fixed_to_setting, intensity_setting, light_setting
 from milkglass.viewer.scene.lights.sub_lights import POINT, SHAPE_FACE, SubLights, Vector, lattice
 
@@ -44,6 +45,13 @@ class RectangleLight(AimedLight):
         width, moved = self.axes[0] @ turn, super().turned(turn)
         upright = super(RectangleLight, moved).axes
         return moved.with_values(roll_deg=float(np.degrees(np.arctan2(width @ upright[1], width @ upright[0]))))
+
+    def seen(self) -> Lamp:
+        """See `Light.seen`."""
+        half = 0.5 * np.array([*self.size_mm, 2.0])[:, None] * self.axes
+        width, height, forward = ((float(x), float(y), float(z)) for x, y, z in half)
+        red, green, blue = (channel / (self.size_mm[0] * self.size_mm[1]) for channel in self.intensity)
+        return Lamp(PANEL, self.position_mm, (red, green, blue), 0.0, width, height, forward)
 
     def _divided(self, count: int) -> SubLights:
         width, height, (x, y, z) = self.axes

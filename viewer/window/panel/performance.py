@@ -25,4 +25,6 @@ class PerformanceSection(Section):
                 imgui.table_next_column()
                 write(f"{live.ran.get(stage, milliseconds):.1f} ms")
             imgui.end_table()
+        for sentence in () if live.picture is None else live.picture.parts:
+            self._controls.note(sentence)
         self._controls.note("Bright: ran for the last picture. Grey: kept from before, with the time it took then.")

@@ -1,0 +1,116 @@
+"""Rays of sight in whole pictures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from milkglass.core.light.probe import Probe
+from milkglass.core.material.fresnel import reflectance
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.camera import model_camera
+from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.scene import Scene, apply_set
+from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
+from tests.support import solids
+from tests.support.rendering import inside
+
+CLEAR = ("material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0.02,0.1]")
+OPAQUE = ("material.name=marble",)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return solids.mesh_of(solids.ball(15.0, subdivisions=5))
+
+
+@pytest.fixture(scope="module")
+def renderer(context):
+    return Renderer(context)
+
+
+def in_environment(mesh, radiance, *assignments: str) -> Scene:
+    """Return a scene of a mesh in an environment of radiance (h, 2h, 3), without lamps."""
+    environment = EnvironmentSettings(probe=Probe.from_pixels(radiance))
+    scene = Scene(model=ModelSettings(mesh=mesh), environment=environment, lights=())
+    return apply_set(scene, ["display.image_size=[96, 96]", "transport.resolution=24", *assignments])
+
+
+def white(mesh, *assignments: str) -> Scene:
+    return in_environment(mesh, np.ones((16, 32, 3), np.float32), *assignments)
+
+
+def test_a_clear_ball_in_a_white_furnace_is_as_bright_as_what_it_lets_through(renderer, mesh):
+    """Without absorption it is not to be seen; parts sum to the whole."""
+    frame = renderer.render(white(mesh, *CLEAR), samples=2)
+    seen = inside(frame)
+    np.testing.assert_allclose(frame.radiance[seen][:, 0], 1.0, atol=2e-3)
+    assert np.all(np.diff(frame.radiance[seen].mean(axis=0)) < 0.0)
+    parts = frame.subsurface + frame.specular + frame.unscattered
+    np.testing.assert_allclose(parts, frame.radiance, atol=1e-5)
+    assert not frame.subsurface.any()
+
+
+def test_the_mirror_of_a_smooth_surface_is_fresnels(renderer, mesh):
+    scene = white(mesh, *OPAQUE)
+    frame = renderer.render(scene, samples=1)
+    eye = model_camera(scene.camera, mesh, scene.display.image_size).eye
+    to_eye = eye[:3] - frame.position
+    to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
+    expected = reflectance(scene.material.resolve().eta, np.einsum("ijk,ijk->ij", to_eye, frame.normal))
+    seen = inside(frame)
+    np.testing.assert_allclose(frame.specular[seen], np.repeat(expected[seen][:, None], 3, axis=1), atol=2e-3)
+    halved = renderer.render(apply_set(scene, ["specular.strength=0.5"]), samples=1)
+    np.testing.assert_allclose(halved.specular, 0.5 * frame.specular, atol=1e-5)
+    assert not frame.unscattered[seen].any()
+
+
+def test_what_is_behind_shows_upside_down_through_a_ball(renderer, mesh):
+    sky = np.ones((32, 64, 3), np.float32) * np.linspace(2.0, 0.0, 32)[:, None, None].astype(np.float32)
+    frame = renderer.render(
+        in_environment(mesh, sky, *CLEAR, "camera.elevation_deg=0", "material.eta=1.5", "specular.strength=0"),
+        samples=1,
+    )
+    upper, lower = (
+        frame.unscattered[rows][frame.alpha[rows] == 1.0].mean(axis=0) for rows in (slice(0, 40), slice(56, 96))
+    )
+    assert np.all(upper < 0.8 * lower)
+
+
+def test_a_lamp_is_seen_through_the_ball(renderer, mesh):
+    """Behind a ball of the index of air, a disc as bright as its irradiance over its solid angle; once, not twice."""
+    lamp = DirectionalLight((0.0, 0.0, -1.0), (1.0, 2.0, 3.0), angle_deg=6.0)
+    scene = apply_set(white(mesh, *CLEAR), ["camera.azimuth_deg=0", "camera.elevation_deg=0", "material.eta=1"])
+    scene = apply_set(scene, ["camera.view_angle_deg=30", "material.sigma_a=[0,0,0]"])
+    scene = replace(scene, lights=(lamp,), environment=EnvironmentSettings())
+    frame = renderer.render(scene, samples=1)
+    radiance = np.array(lamp.irradiance) / (np.pi * np.sin(np.radians(3.0)) ** 2)
+    np.testing.assert_allclose(frame.unscattered[48, 48], radiance, rtol=1e-3)
+    assert not frame.unscattered[frame.alpha > 0.0].min()
+
+
+@pytest.mark.parametrize("method", ["ewald", "layered"])
+def test_the_papers_methods_follow_no_rays(renderer, mesh, method):
+    frame = renderer.render(white(mesh, *OPAQUE, f"transport.method={method}"), samples=1)
+    assert not frame.unscattered.any()
+    assert frame.parts == ()
+
+
+def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, mesh):
+    def parts(*assignments: str, lamps: bool = False) -> list[str]:
+        scene = white(mesh, *assignments)
+        if lamps:
+            scene = replace(scene, environment=EnvironmentSettings(), lights=(DirectionalLight((0.0, 0.0, 1.0)),))
+        return [why.split(",")[0].split(" (")[0] for why in renderer.render(scene, samples=1).parts]
+
+    assert parts(*OPAQUE, lamps=True) == ["mirror: highlights of lamps alone", "inside: none"]
+    assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", "inside: none"]
+    assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", "inside: none"]
+    assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "inside: rays"]
+    assert parts(*CLEAR, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays"]
+
+
+def test_more_samples_than_rays_are_the_same_picture(renderer, mesh):
+    few, many = (renderer.render(white(mesh, *CLEAR), samples=samples) for samples in (4, 10))
+    seen = inside(few) & inside(many)
+    np.testing.assert_allclose(few.unscattered[seen], many.unscattered[seen], atol=0.02)

@@ -1,0 +1,157 @@
+"""Trees of rays of sight in a picture: which parts of them it needs, and what they are traced in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.rays import RayMesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.light.probe import Probe
+from milkglass.core.material.library import CHANNELS
+from milkglass.core.stages import Stage, Stages
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.sources import Surround, shines
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import SMOOTH_SHININESS, EnvironmentSettings
+
+if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
+    from milkglass.core.paths import Surface, Surroundings, Tree
+
+# Share of light that crosses thin parts, below which none is followed: of an environment; and of lamps alone, of which
+# no more than specks are seen through the object.
+LEAST_CROSSING, LEAST_OF_LAMPS = 0.002, 0.05
+THIN_QUANTILE = 0.05  # of the surface's thickness
+THICKNESS_RAYS = 2000
+START = 1e-4  # radii of the bounding sphere below the surface at which these start
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Rays of sight of a scene, but for the exitance of its surface; compared by identity.
+
+    Attributes
+    ----------
+    tree : Tree, optional
+        Where the scene needs any rays.
+    meets_itself : bool
+        Whether rays that leave the object meet it again.
+    why : tuple of str
+        As of `PathParts`.
+    """
+
+    tree: "Tree | None"
+    meets_itself: bool
+    why: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PathParts:
+    """Which rays of sight a picture needs, and why.
+
+    Attributes
+    ----------
+    mirrors : bool
+        Whether the surface is smooth, and mirrors an environment by rays.
+    clear : bool
+        Whether light crosses the object unscattered.
+    why : tuple of str
+        A sentence on each, for those who ask what a picture costs.
+    """
+
+    mirrors: bool
+    clear: bool
+    why: tuple[str, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, lit: LitScene, thin: float) -> "PathParts":
+        """Return the parts that a scene needs, whose object is so thick in its thin parts, mm."""
+        gloss, around = scene.gloss, shines(scene.environment)
+        mirrors = gloss.is_smooth and around
+        smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
+        if mirrors:
+            mirror = f"mirror: rays, of an environment ({smooth})"
+        elif not around:
+            mirror = "mirror: highlights of lamps alone, without an environment"
+        else:
+            mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
+        left = [float(np.exp(-medium.sigma_t_prime * thin)) for medium in lit.media]
+        least = LEAST_CROSSING if around else LEAST_OF_LAMPS
+        clear = max(left) >= least
+        shares = ", ".join(f"{channel} {100.0 * share:.2g} %" for channel, share in zip(CHANNELS, left, strict=True))
+        crossing = f"of light that crosses thin parts of {thin:.3g} mm unscattered there is left {shares}"
+        inside = f"inside: {'rays' if clear else 'none'}, {crossing}; followed from {100.0 * least:g} % on"
+        return cls(mirrors, clear, (mirror, inside))
+
+
+class PathStages:
+    """Makes what rays of sight are traced in, each step only when what it depends on has changed."""
+
+    def __init__(self, stages: Stages, surround: Surround) -> None:
+        self._run, self._surround = stages.run, surround
+
+    def of(self, scene: Scene, lit: LitScene, say: Callable[[str], None]) -> Paths | None:
+        """Return the rays of sight of a lit scene; None where its transport follows none."""
+        if not lit.quality.facts.follows_sight:
+            return None
+        mesh, samples = lit.model.mesh, lit.samples
+        parts = PathParts.of(scene, lit, self._run(Stage.THICKNESS, [mesh], lambda: thin_part(mesh, samples)))
+        if not (parts.mirrors or parts.clear):
+            return Paths(None, meets_itself=False, why=parts.why)
+        say("preparing rays through the object")
+        from milkglass.core.paths import Tree
+
+        surface = self._run(Stage.PATH_SURFACE, [mesh, lit.eta, lit.bodies], lambda: _surface(lit))
+        around, mirrors, clear = self._surroundings(scene), parts.mirrors, parts.clear
+
+        def make() -> Tree:
+            extinction = np.array([medium.sigma_t_prime for medium in lit.media], np.float32)
+            of_bodies = np.tile(extinction, (len(surface.faces.etas), 1))
+            return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear)
+
+        tree = self._run(Stage.PATHS, [surface, around, lit.media, mirrors, clear], make)
+        return Paths(tree, meets_itself=lit.exchange is not None, why=parts.why)
+
+    def _surroundings(self, scene: Scene) -> "Surroundings":
+        environment, lamps = scene.environment, scene.effective_lights()
+        probe = rest = None
+        if shines(environment):
+            probe, rest = self._surround.probe(environment), self._surround.rest(environment)
+        turned = replace(environment, path=None, builtin=None, probe=None)  # the probe itself stands for these
+        return self._run(
+            Stage.SURROUNDINGS, [probe, rest, turned, lamps], lambda: _surroundings(environment, probe, rest, lamps)
+        )
+
+
+def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
+    """Return how thick a mesh is in its thin parts: a quantile of what rays along the normal tell, by area, mm."""
+    areas = samples.areas.astype(np.float64)
+    chosen = np.random.default_rng(0).choice(len(samples), THICKNESS_RAYS, p=areas / areas.sum())
+    inwards = -samples.normals[chosen]
+    starts = samples.points[chosen] + START * mesh.radius * inwards
+    face, distance = RayMesh(mesh.vertices, mesh.faces).first(starts, inwards)
+    met = face >= 0
+    return float(np.quantile(distance[met], THIN_QUANTILE)) if met.any() else 2.0 * mesh.radius
+
+
+def _surface(lit: LitScene) -> "Surface":
+    from milkglass.core.paths import Surface
+
+    bodies = lit.bodies if lit.body_marks is not None else None
+    if bodies is None:
+        return Surface.of(lit.model.mesh, lit.eta)
+    return Surface.of(lit.model.mesh, np.full(bodies.count, lit.eta), bodies.of_face)
+
+
+def _surroundings(
+    environment: EnvironmentSettings, probe: Probe | None, rest: Probe | None, lights: tuple[Light, ...]
+) -> "Surroundings":
+    from milkglass.core.paths import Surroundings
+
+    lamps = [light.seen() for light in lights]
+    if probe is None or rest is None:
+        return Surroundings.of(lamps=lamps)
+    return Surroundings.of(probe.latlong, rest.latlong, environment.rotation_deg, environment.intensity, lamps)

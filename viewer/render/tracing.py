@@ -1,0 +1,108 @@
+"""Rays of sight traced for the pixels of a G-buffer, batch by batch."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.stages import Stage, Stages, Steps
+from milkglass.viewer.gl.context import current
+from milkglass.viewer.passes.composite import TREE_LAYERS, CompositePass, Traced
+from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.passes.gbuffer import GBuffer
+from milkglass.viewer.render.exitance import SurfaceExitance
+from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.paths import Paths
+
+if TYPE_CHECKING:
+    from milkglass.core.paths import Sight, Tree
+
+MOST_SAMPLES = 4  # of a pixel, whose rays are followed
+RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
+
+
+class Tracing:
+    """Traces rays of sight for pictures in one OpenGL context."""
+
+    def __init__(
+        self, context: moderngl.Context, stages: Stages, composite: CompositePass, exitance: SurfaceExitance
+    ) -> None:
+        self._context, self._run = context, stages.run
+        self._composite, self._exitance = composite, exitance
+
+    def tree(self, paths: Paths | None, lit: LitScene, gather: Gather) -> "Tree | None":
+        """Return what rays are traced in, with the exitance of the surface where they meet it again."""
+        tree = None if paths is None else paths.tree
+        if paths is None or tree is None or not paths.meets_itself:
+            return tree
+        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
+        key = tree, lit.model, lit.detail, *lit.sources, *volume
+        return self._run(Stage.PATH_EXITANCE, key, lambda: replace(tree, leaving=self._leaving(lit, gather)))
+
+    def _leaving(self, lit: LitScene, gather: Gather) -> Float32:
+        """Return M / (pi T) at the vertices of the object."""
+        mesh = lit.model.mesh
+        of_vertex = np.zeros(len(mesh.vertices), np.int32)
+        of_vertex[mesh.faces] = np.arange(len(mesh.faces), dtype=np.int32)[:, None]
+        areas = np.full(len(mesh.vertices), mesh.area / max(len(mesh.vertices), 1), np.float32)
+        vertices = SurfaceSamples(mesh.vertices, mesh.normals, areas, of_vertex)
+        exitance = self._exitance.at(vertices, lit, gather)
+        return np.ascontiguousarray(exitance / gather.exit_normalisation, np.float32)
+
+    def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int) -> Steps[Traced]:
+        """Trace the rays of all pixels of a G-buffer and return what they found, to be added by the composite.
+
+        Parameters
+        ----------
+        tree : Tree
+        gbuffer : GBuffer
+            With the relief of the surface, where it has any.
+        eye : (4,)
+            As of `viewer.scene.camera.Camera`.
+        samples : int
+            Of a pixel, of which `is_traced` tells those whose rays are followed.
+        """
+        width, height = gbuffer.position.size
+        texture = self._run(
+            Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_texture((width, height))
+        )
+        found = np.zeros((TREE_LAYERS, height * width, 3), np.float32)
+        with current(self._context):
+            pixels, sight = seen_first(gbuffer, eye)
+        for start in range(0, len(pixels), RAYS_A_STEP):
+            if start > 0:
+                yield
+            chosen = slice(start, start + RAYS_A_STEP)
+            for layer, radiance in zip(found, tree.trace(sight.part(chosen)), strict=True):
+                layer[pixels[chosen]] = radiance
+        texture.write(found)
+        return Traced(texture, samples / min(samples, MOST_SAMPLES))
+
+
+def is_traced(i: int, samples: int) -> bool:
+    """Tell whether the rays of a pixel's sample are followed: of every one, or of so many evenly among them."""
+    return samples <= MOST_SAMPLES or (i * MOST_SAMPLES) // samples != ((i - 1) * MOST_SAMPLES) // samples
+
+
+def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[np.ndarray, "Sight"]:
+    """Return the pixels that show the object, (k,), numbered as OpenGL does, and where their rays meet it."""
+    from milkglass.core.paths import Sight
+
+    position, normal = (_values(texture) for texture in (gbuffer.position, gbuffer.normal))
+    pixels = np.flatnonzero(position[:, 3] > 0.0)
+    points, normals, bodies = position[pixels, :3], normal[pixels, :3], normal[pixels, 3].astype(np.int32)
+    if gbuffer.detail is not None:
+        normals = _values(gbuffer.detail[1].shading)[pixels, :3]
+    directions = np.float32(eye[3]) * points - eye[:3].astype(np.float32)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return pixels, Sight(points, normals, directions, bodies)
+
+
+def _values(texture: moderngl.Texture) -> Float32:
+    """Read the RGBA of all pixels, (n, 4), row by row from the bottom."""
+    values = np.empty((texture.size[0] * texture.size[1], 4), np.float32)
+    texture.read_into(values)
+    return values
