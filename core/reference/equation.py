@@ -90,7 +90,7 @@ class Occluder:
         points, normals = np.asarray(points, np.float64), np.asarray(normals, np.float64)
         directions = np.broadcast_to(np.asarray(directions, np.float64), points.shape)
         origins = (points + self._offset * normals).astype(np.float32)
-        hits = self._scene.run(origins, np.ascontiguousarray(directions, np.float32))
+        hits = self._scene.run(origins, np.ascontiguousarray(directions, np.float32), query="OCCLUDED")
         return np.asarray(hits < 0)
 
     def reached(self, points: npt.ArrayLike, normals: npt.ArrayLike, position: npt.ArrayLike) -> npt.NDArray[np.bool_]:

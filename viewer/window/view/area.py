@@ -71,6 +71,7 @@ class ViewArea:
         self.subject = subject
         self._kept_live: Live | None = None  # of the kept state
         self._key: object = None
+        self._framed = False  # whether the last frame gave the camera a zoom, which the next one draws with
         self._changed_at = -1e9
         self._dragged = False
         self._scale = 1.0
@@ -104,6 +105,8 @@ class ViewArea:
         """Seconds until the picture gets better by itself, None if it does not."""
         if self.working:
             return None  # it wakes us
+        if self._framed:
+            return 0.0
         age = now - self._changed_at
         if self.detail.draft:
             return max(0.0, DRAFT_UNTIL - age)
@@ -129,7 +132,7 @@ class ViewArea:
         scene = self._sized(self._session.scene)
         if self.subject.busy or scene is None:
             return not self.subject.busy
-        if self.detail.samples < SAMPLES or not self.live.is_settled(scene):
+        if self._framed or self.detail.samples < SAMPLES or not self.live.is_settled(scene):
             return False
         return self._session.view.split is None or self._kept_live is None or not self._kept_live.working
 
@@ -173,7 +176,7 @@ class ViewArea:
             first = self._key is None
             self._key, self._changed_at = key, now
             self._dragged = not first and (any(imgui.get_io().mouse_down[:3]) or imgui.get_io().mouse_wheel != 0.0)
-        self.refining = False
+        self.refining = self._framed = False
         age = now - self._changed_at
         was_draft = self.detail.draft
         # Still a draft while the worker is at it: the old volume in full quality would hold up the new one.
@@ -237,6 +240,7 @@ class ViewArea:
         camera, lit = self._session.scene.camera, self.live.lit
         if self.subject.moves_camera and camera.zoom is None and lit is not None:
             self._session.frame(framed(camera, lit.model.mesh, self.size))
+            self._framed = True
 
     def _warn(self) -> None:
         """Say what is wrong with the model, and what it cannot have for that, once."""

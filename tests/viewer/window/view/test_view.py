@@ -1,6 +1,7 @@
 """The view: mouse, keys, screenshots, comparison, sizes, recordings."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -234,6 +235,21 @@ def test_split_shows_both_states_at_one_exposure(driver):
     assert driver.session.view.split == pytest.approx(0.5 + 60.0 / (right - left), abs=0.03)
     driver.key("v")
     assert driver.session.view.split is None
+
+
+def test_a_model_that_is_framed_late_is_no_rest(driver):
+    """Where frames take long, a picture is antialiased before it is framed; the next frame draws with the new zoom."""
+    scene, view = driver.session.scene, driver.view
+    with patch.object(view, "_frame", lambda: None):
+        driver.session.put(replace(scene, camera=replace(scene.camera, zoom=None, target_mm=None)))
+        driver.settle()
+    driver.frame()
+    assert driver.session.scene.camera.zoom is not None
+    assert not view.at_rest()
+    assert driver.app.next_frame() == 0.0
+    driver.settle()
+    driver.frames(2)
+    assert view.detail.samples == 4
 
 
 @pytest.mark.slow
