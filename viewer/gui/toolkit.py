@@ -76,8 +76,8 @@ class Gui:
 
     @property
     def has_events(self) -> bool:
-        """Whether events wait for another frame."""
-        return bool(self._queue)
+        """Whether events wait for another frame, here or in ImGui, which takes a letter and a key one after another."""
+        return bool(self._queue) or len(self._context.input_events_queue) > 0
 
     def _feed_frame(self) -> None:
         """Pass events on to ImGui, as many as one frame may see.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from milkglass.viewer.files.images import read_image
-from milkglass.viewer.gui.events import Focused, Key, MouseButton, MouseMoved, Resized
+from milkglass.viewer.gui.events import Focused, Key, MouseButton, MouseMoved, Resized, Typed
 from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DEFAULT_LIGHTS, CameraSettings
@@ -235,6 +235,19 @@ def test_split_shows_both_states_at_one_exposure(driver):
     assert driver.session.view.split == pytest.approx(0.5 + 60.0 / (right - left), abs=0.03)
     driver.key("v")
     assert driver.session.view.split is None
+
+
+def test_what_is_typed_faster_than_frames_come_arrives(driver, tmp_path):
+    other = write_knot(tmp_path / "other.ply")
+    driver.key("left_ctrl", "o")
+    for letter in other.name:
+        name = "period" if letter == "." else letter
+        for event in (Key(name, True), Typed(letter), Key(name, False)):
+            driver.app.handle(event)
+    for event in (Key("enter", True), Key("enter", False)):
+        driver.app.handle(event)
+    driver.settle()
+    assert driver.session.scene.model.path == other
 
 
 def test_a_model_that_is_framed_late_is_no_rest(driver):
