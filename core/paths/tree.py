@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from milkglass.core.arrays import Float32, Int32
+from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import EVENTS, Meetings, Rays, follow, joined, none, part
 from milkglass.core.paths.glow import Glow
@@ -50,7 +50,7 @@ class Sight:
     directions: Float32
     bodies: Int32
 
-    def part(self, chosen: slice) -> "Sight":
+    def part(self, chosen: slice | Ints) -> "Sight":
         """Return a part of the rays."""
         return Sight(self.points[chosen], self.normals[chosen], self.directions[chosen], self.bodies[chosen])
 

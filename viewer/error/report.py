@@ -209,7 +209,7 @@ def error_report(
     InputError
         As `Renderer.render`; if the picture does not show the object.
     """
-    picture = renderer.draw(scene, PictureRequest(parts=True, paths=False), tinted=False)
+    picture = renderer.draw(scene, PictureRequest(parts=True, path_step=0), tinted=False)
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)
     start = time.perf_counter()

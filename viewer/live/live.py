@@ -15,9 +15,9 @@ from milkglass.core.stages import Part, Timings, Unfinished
 from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
-from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, scene_sources, turn_deg
+from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, radiance_of, scene_sources, turn_deg
 from milkglass.viewer.live.developer import Developer, ToneMap
-from milkglass.viewer.live.draft import Cost, Detail, allowance, draft_resolution
+from milkglass.viewer.live.draft import DRAFT_PATH_STEP, Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.lit_scene import LitScene
@@ -70,6 +70,7 @@ class Live:
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._looks: Key = ()  # what the last picture depends on, but for its quality
+        self._traced: Key = ()  # what its radiance does
         self._lit: LitScene | None = None
         self._lit_for: LitFor | None = None
         self._shadows: Key | None = None  # what all of the sub-lights there are were cast for
@@ -110,21 +111,33 @@ class Live:
         looks: Key = (*looks_of(drawn, lit), self.finished, show, exposure_for)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
+            radiance = *radiance_of(drawn, lit), self.finished
+            step = self._path_step(drawn, lit, detail, radiance)
             try:
                 request = PictureRequest(
                     pixel_offsets(detail.samples),
                     show,
                     exposure_for=exposure_for,
                     quick=not detail.at_once,
-                    paths=not detail.draft,
+                    path_step=step,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
+                self._traced = radiance
+                unfinished = step > 1 and not detail.draft
             except Unfinished:
+                unfinished = True
+            if unfinished:
                 looks = ()
                 self._go_on()
         self._looks = looks
         self._count(self.renderer.stages.timings)
         return self.picture
+
+    def _path_step(self, scene: Scene, lit: LitScene, detail: Detail, radiance: Key) -> int:
+        """Return how finely a frame follows rays of sight: few show at once what all will, several frames later."""
+        if detail.at_once or (self._traced == radiance and not detail.draft):
+            return 1
+        return DRAFT_PATH_STEP if self.renderer.traces(scene, lit) else 1
 
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
         """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""

@@ -61,10 +61,10 @@ class PhotographDeveloper:
     ) -> Picture:
         """Draw the photograph, or the parts that the object's radiance is made of alone."""
         if request.keeps_parts:
-            return self._parts.develop(renderer, scene, lit, finished, replace(request, paths=False))
+            return self._parts.develop(renderer, scene, lit, finished, replace(request, path_step=0))
         shown, behind, run = self._work.object_of(lit.model.mesh), scene.photo.behind, renderer.stages.run
         assert shown is not None
-        bare = replace(request, exposure_for=None, develop=False, paths=False)
+        bare = replace(request, exposure_for=None, develop=False, path_step=0)
         picture = renderer.shade(scene, lit, finished.gather, bare)
         exposure, radiance = exposure_of(shown, scene, finished.lit), picture.composite.textures["radiance"]
         textures = run(Stage.PHOTO_TEXTURES, [shown], lambda: self._pass.upload(shown))

@@ -137,7 +137,7 @@ def edit(
     is_lit_by_photo = placed.environment.probe is light and placed.environment.intensity > 0.0
     picture = renderer.draw(
         placed,
-        PictureRequest(pixel_offsets(samples), parts=parts or not is_lit_by_photo, develop=parts, paths=False),
+        PictureRequest(pixel_offsets(samples), parts=parts or not is_lit_by_photo, develop=parts, path_step=0),
         progress=progress,
         last=True,
     )

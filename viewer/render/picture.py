@@ -36,8 +36,8 @@ class PictureRequest:
         Whether a single sample of a pixel may see as little of large lights as each of four would.
     develop : bool
         Whether radiance gets exposure and tone map; a photograph has its own.
-    paths : bool
-        Whether rays of sight are followed where a scene needs them.
+    path_step : int
+        Side of the squares of pixels that share the rays of sight of one of them, where a scene needs any; 0 for none.
     """
 
     offsets: tuple[tuple[float, float], ...] = pixel_offsets(1)
@@ -46,7 +46,7 @@ class PictureRequest:
     exposure_for: float | None = None
     quick: bool = False
     develop: bool = True
-    paths: bool = True
+    path_step: int = 1
 
     @property
     def keeps_parts(self) -> bool:

@@ -197,6 +197,11 @@ class Renderer:
         paths = self._paths(scene, lit, request)
         return self._shade(scene, lit, gather, request, self._ground(scene, lit, request), paths)
 
+    def traces(self, scene: Scene, lit: LitScene) -> bool:
+        """Tell whether pictures of a scene follow rays of sight."""
+        paths = self._lighting.paths(scene, lit)
+        return paths is not None and paths.tree is not None
+
     def _ground(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
     ) -> Ground | None:
@@ -205,7 +210,7 @@ class Renderer:
     def _paths(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
     ) -> Paths | None:
-        return self._lighting.paths(scene, lit, say) if request.paths else None
+        return self._lighting.paths(scene, lit, say) if request.path_step > 0 else None
 
     def _shade(
         self,

@@ -196,7 +196,8 @@ class Shading:
                 yield from self._sample(scene, lit, gather, request, Sample(i, sharing, tree), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree), shade)
+        step = 0 if tree is None else request.path_step
+        return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree, step), shade)
 
     def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
         """Draw the ground at every pixel."""
@@ -271,7 +272,7 @@ class Shading:
         )
         traced = None
         if sample.tree is not None and is_traced(sample.number, len(offsets)):
-            traced = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets))
+            traced = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets), request.path_step)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
 

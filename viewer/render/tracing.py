@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import current
@@ -52,7 +52,7 @@ class Tracing:
         exitance = self._exitance.at(vertices, lit, gather)
         return np.ascontiguousarray(exitance / gather.exit_normalisation, np.float32)
 
-    def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int) -> Steps[Traced]:
+    def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int, step: int) -> Steps[Traced]:
         """Trace the rays of all pixels of a G-buffer and return what they found, to be added by the composite.
 
         Parameters
@@ -64,6 +64,8 @@ class Tracing:
             As of `viewer.scene.camera.Camera`.
         samples : int
             Of a pixel, of which `is_traced` tells those whose rays are followed.
+        step : int
+            Side of the squares of pixels that share the rays of one of them.
         """
         width, height = gbuffer.position.size
         texture = self._run(
@@ -72,12 +74,15 @@ class Tracing:
         found = np.zeros((TREE_LAYERS, height * width, 3), np.float32)
         with current(self._context):
             pixels, sight = seen_first(gbuffer, eye)
-        for start in range(0, len(pixels), RAYS_A_STEP):
+        chosen, of_pixel = in_squares(pixels, width, step)
+        radiance = np.empty((TREE_LAYERS, len(chosen), 3), np.float32)
+        for start in range(0, len(chosen), RAYS_A_STEP):
             if start > 0:
                 yield
-            chosen = slice(start, start + RAYS_A_STEP)
-            for layer, radiance in zip(found, tree.trace(sight.part(chosen)), strict=True):
-                layer[pixels[chosen]] = radiance
+            rays = slice(start, start + RAYS_A_STEP)
+            for layer, values in zip(radiance, tree.trace(sight.part(chosen[rays])), strict=True):
+                layer[rays] = values
+        found[:, pixels] = radiance[:, of_pixel]
         texture.write(found)
         return Traced(texture, samples / min(samples, MOST_SAMPLES))
 
@@ -87,7 +92,20 @@ def is_traced(i: int, samples: int) -> bool:
     return samples <= MOST_SAMPLES or (i * MOST_SAMPLES) // samples != ((i - 1) * MOST_SAMPLES) // samples
 
 
-def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[np.ndarray, "Sight"]:
+def in_squares(pixels: Ints, width: int, step: int) -> tuple[Ints, Ints]:
+    """Return which of some pixels stands for those in its square, (m,), and the number among these for each, (k,).
+
+    `pixels` (k,) are numbered row by row, `width` in a row; squares have a side of `step`.
+    """
+    columns = -(-width // step)
+    squares = pixels // width // step * columns + pixels % width // step
+    first = np.full(squares.max(initial=-1) + 1, -1)
+    first[squares[::-1]] = np.arange(len(pixels))[::-1]
+    used = first >= 0
+    return first[used], (np.cumsum(used) - 1)[squares]
+
+
+def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[Ints, "Sight"]:
     """Return the pixels that show the object, (k,), numbered as OpenGL does, and where their rays meet it."""
     from milkglass.core.paths import Sight
 

@@ -13,6 +13,7 @@ from milkglass.core.transport.diffusion.solver import TOLERANCE
 from milkglass.viewer.error.report import error_report
 from milkglass.viewer.live.draft import Cost, Detail
 from milkglass.viewer.live.job import PRESENTABLE
+from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import apply_set
@@ -414,3 +415,18 @@ def test_light_that_comes_back_in_a_drag_is_solved_after_all(driver, monkeypatch
     live.draw(moved, Detail())
     assert live.is_settled(moved)
     assert max(live.finished.scattered.residuals) <= TOLERANCE
+
+
+def test_what_is_seen_through_a_clear_object_is_there_while_it_turns(driver):
+    """A few rays stand for the pixels around them; at rest each has its own."""
+    clear = "material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0.02,0.1]"
+    put(driver, *clear, "environment.builtin=studio", "lights=[]", "display.background=#000000")
+    driver.settle()
+    put(driver, "camera.azimuth_deg=60")
+    live, scene = driver.view.live, driver.view.shown
+    drafted = read_image(live.draw(scene, Detail(draft=True), exposure_for=1.0)).astype(int)
+    assert is_as_rendered(driver)
+    full = read_image(live.draw(scene, Detail(samples=4), exposure_for=1.0)).astype(int)
+    seen = full.any(axis=2)
+    assert drafted[seen].mean() == pytest.approx(full[seen].mean(), rel=0.2)
+    assert 1.0 < np.abs(drafted - full)[seen].mean() < 0.5 * full[seen].mean()
