@@ -37,6 +37,7 @@ EVENTS = 16  # surfaces that a path meets; then it goes on to the surroundings
 NEGLIGIBLE_SHARE = 0.01  # below which light that crosses parts is left out
 NEGLIGIBLE_CHANNEL = 0.003  # ... in a channel beside others
 MUCH, FEW_RAYS = 0.05, 32  # below, fewer rays do: their noise is 8 % of the share
+USUAL_ETA = 1.4  # of materials; the share that crosses depends little on it
 LEAST_ALBEDO = 0.02  # of a medium in which what enters matters
 REACH_STEP = 4.0  # to which lengths are rounded: paths of any length take twice as long as those that jade needs
 LEAST_CROSSING = 2e-3  # factor of a medium below which a path is left out
@@ -274,9 +275,9 @@ class Needed:
         )
 
 
-def few_crossings(mesh: Mesh, eta: float) -> Crossings:
-    """Follow a few paths, which tell how much light crosses a mesh's matter; arguments of `cast_crossings`."""
-    return cast_crossings(mesh, eta, rays=TEST_RAYS, chosen=representative_vertices(mesh))
+def few_crossings(mesh: Mesh) -> Crossings:
+    """Follow a few paths through a mesh's matter, which tell how much light crosses it, whatever the index."""
+    return cast_crossings(mesh, USUAL_ETA, rays=TEST_RAYS, chosen=representative_vertices(mesh))
 
 
 def cast_crossings(

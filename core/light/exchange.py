@@ -113,16 +113,26 @@ class Pattern:
         self._hits = hits
         columns = np.where(hits.faces >= 0, emitters[hits.faces], -1)
         self._used = columns >= 0
-        # Rays are in the order of rows.
-        self._rows = np.concatenate([[0], np.cumsum(self._used.sum(axis=1))])[hits.first].astype(np.int32)
-        self._columns, self._shape = columns[self._used].astype(np.int32), (len(hits.first) - 1, count)
+        # Rays are in the order of rows, and those of a row that meet the same emitter are one entry.
+        rows = np.concatenate([[0], np.cumsum(self._used.sum(axis=1))])[hits.first].astype(np.int32)
+        self._shape, entries = (len(hits.first) - 1, count), columns[self._used].astype(np.int32)
+        sorting = csr_array((np.arange(len(entries)), entries, rows), shape=self._shape)
+        sorting.sort_indices()
+        starts = np.ones(len(entries), bool)
+        starts[1:] = sorting.indices[1:] != sorting.indices[:-1]
+        starts[rows[:-1][np.diff(rows) > 0]] = True
+        self._order, self._starts = sorting.data.astype(np.int32), np.flatnonzero(starts)
+        self._columns = sorting.indices[self._starts]
+        self._rows = np.searchsorted(self._starts, rows).astype(np.int32)
 
     def matrix(self, eta: float) -> csr_array:
         """Return the matrix for an index of refraction."""
         entering, mirrored = self._hits.factors(eta)
         arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
         values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
-        return csr_array((values[self._used], self._columns, self._rows), shape=self._shape)
+        values = values[self._used][self._order]
+        sums = np.add.reduceat(values, self._starts) if len(values) else values
+        return csr_array((sums, self._columns, self._rows), shape=self._shape)
 
 
 def cast_hits(

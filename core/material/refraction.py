@@ -50,7 +50,10 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
     chord = np.minimum(np.asarray(chord, np.float64), LONGEST_CHORD)
     at, table = _table()
     bounded = chord / (1.0 + chord)
-    shares = np.stack([np.interp(bounded, at, column) for column in table], axis=-1)
+    steps = bounded * ((TABLE_SIZE - 1) / at[-1])
+    first_step = np.minimum(steps.astype(np.int64), TABLE_SIZE - 2)
+    rest = (steps - first_step)[:, None]
+    shares = (1.0 - rest) * table[first_step] + rest * table[first_step + 1]
     depths = shares[..., :2] * bounded[..., None]
     first = shares[..., 2] * -np.expm1(-chord)
     return depths, np.stack([first, -np.expm1(-chord) - first], axis=-1)
@@ -58,7 +61,7 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
 
 @functools.cache
 def _table() -> tuple[Array, Array]:
-    """Return x = chord / (1 + chord), (TABLE_SIZE,), and over it both depths / x and the first node's share."""
+    """Return x = chord / (1 + chord), (n,) for n of TABLE_SIZE; both depths / x and the first node's share, (n, 3)."""
     at = np.linspace(0.0, LONGEST_CHORD / (1.0 + LONGEST_CHORD), TABLE_SIZE)
     chord = np.maximum(at / (1.0 - at), 1e-6)
     nodes, weights = np.polynomial.legendre.leggauss(64)
@@ -73,4 +76,4 @@ def _table() -> tuple[Array, Array]:
     root = np.sqrt(skew * skew + variance)  # nodes: the roots of t^2 - (third / variance) t - variance
     lower, upper = skew - root, skew + root
     bounded = chord / (1.0 + chord)
-    return at, np.stack([(mean + lower) / bounded, (mean + upper) / bounded, upper / (upper - lower)])
+    return at, np.stack([(mean + lower) / bounded, (mean + upper) / bounded, upper / (upper - lower)], axis=1)

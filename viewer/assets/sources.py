@@ -331,13 +331,12 @@ class FewCrossingsOf:
     CASTING: ClassVar[str] = "light through thin parts"
 
     mesh: Mesh
-    eta: float
     progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
     cancelled: threading.Event | None = field(default=None, compare=False)
 
     def load(self, assets: "Assets") -> Crossings | None:
         """Follow the paths; None where the mesh does not see itself."""
-        return few_crossings(assets.get(RefinedOf(self.mesh)).mesh, self.eta) if assets.get(HitsOf(self.mesh)) else None
+        return few_crossings(assets.get(RefinedOf(self.mesh)).mesh) if assets.get(HitsOf(self.mesh)) else None
 
 
 @dataclass(frozen=True)

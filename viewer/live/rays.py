@@ -104,7 +104,7 @@ class RaysJob:
 
     def _through(self, mesh: Mesh, matter: Sequence[Medium]) -> list[RaySource]:
         """Return a few rays through matter and, once they are there, the many that they ask for."""
-        test = FewCrossingsOf(mesh, matter[0].eta)
+        test = FewCrossingsOf(mesh)
         through = CrossingsOf.of(mesh, matter, self._assets.get(test)) if self._assets.has(test) else None
         return [test] if through is None else [test, through]
 

@@ -74,7 +74,7 @@ class ExchangeStages:
 
     def _crossings(self, mesh: Mesh, media: Sequence[Medium], say: Callable[[str], None]) -> Crossings | None:
         """Return paths through matter, None where too little light has any, or they are not there yet."""
-        test, bakes = FewCrossingsOf(mesh, media[0].eta), self._assets.bakes
+        test, bakes = FewCrossingsOf(mesh), self._assets.bakes
         if not (bakes or self._assets.has(test)):
             return None
         source = CrossingsOf.of(mesh, media, self._run(Stage.FEW_CROSSINGS, [test], lambda: self._assets.get(test)))

@@ -4,7 +4,7 @@ Q lies where light first scatters, exp(-z) along the refracted ray, not on the s
 ray the exitance of a sphere would be off by 6 to 14 %.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -86,10 +86,15 @@ class Second:
     reflected: Array
 
 
-def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float) -> Entry:
-    """Return a light refracted into the patches that it reaches; `eta` is the relative index, >= 1."""
+def enter(light: EnteringLight, boundary: Boundary, depths: Depths, eta: float, around: Entry | None = None) -> Entry:
+    """Return a light refracted into the patches that it reaches.
+
+    `eta` is the relative index, >= 1; `around` any light from all around, whose rays another such light has too.
+    """
     patches = boundary.patches
     flux = (patches.sums @ light.flux).astype(np.float64)
+    if around is not None and light.direction is None and light.position is None:
+        return replace(around, flux=flux[around.patches])
     lit = np.flatnonzero(flux.any(axis=1))
     normals, stretch = patches.normals[lit], 1.0
     if light.direction is not None:

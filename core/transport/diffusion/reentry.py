@@ -67,6 +67,13 @@ class SurfaceExchange:
     depths : Depths
     eta : float
         Relative index of refraction, >= 1.
+
+    Attributes
+    ----------
+    entry : Entry
+        Of light from all around.
+    share : float
+        Of light that leaves everywhere alike, what enters again but for what crosses matter.
     """
 
     def __init__(self, geometry: ExchangeGeometry, depths: Depths, eta: float) -> None:
@@ -76,7 +83,7 @@ class SurfaceExchange:
         self._to_vertices = geometry.pattern.matrix(eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
-        self._entry = enter(everywhere, self.boundary, depths, eta)
+        self.entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
         self._sources: dict[Medium, Scattering] = {}
         self._across: dict[float, csr_array | None] = {}
@@ -126,7 +133,7 @@ class SurfaceExchange:
         """Return the sources of light from all around in a medium, for a window of width s, mm; kept for the next."""
         with self._lock:
             found = self._sources.pop(medium, None)
-        found = found or scattering(self._entry, self.boundary, medium, s)
+        found = found or scattering(self.entry, self.boundary, medium, s)
         with self._lock:
             self._sources[medium] = found
             while len(self._sources) > KEPT_MEDIA:

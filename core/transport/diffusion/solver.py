@@ -234,14 +234,6 @@ class DiffusionTransport:
         media, eta = problem.media, problem.media[0].eta
         boundary, depths = self._surface(problem, stages)
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
-        entries = [
-            stages.run(
-                Stage.ENTRY.of(i),
-                (boundary, light, eta),
-                lambda light=light: enter(light, boundary, depths, eta),  # type: ignore[misc]
-            )
-            for i, light in enumerate(problem.lights, start=1)
-        ]
         exchange, between = problem.exchange, None
         if exchange is not None:
             geometry = stages.run(
@@ -255,6 +247,15 @@ class DiffusionTransport:
             if (crossings := exchange.crossings) is not None:
                 alone = between
                 between = stages.run(Stage.SURFACE_CROSSING, (alone, crossings), lambda: alone.through(crossings))
+        around = None if between is None else between.entry
+        entries = [
+            stages.run(
+                Stage.ENTRY.of(i),
+                (boundary, light, eta, around),
+                lambda light=light: enter(light, boundary, depths, eta, around),  # type: ignore[misc]
+            )
+            for i, light in enumerate(problem.lights, start=1)
+        ]
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))
         sources = Sources(boundary, depths, entries, between)

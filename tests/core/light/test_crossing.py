@@ -97,7 +97,7 @@ def test_reach_ends_paths_that_matter_has_put_out(roofed):
 
 
 def test_paths_are_needed_where_light_crosses():
-    few = few_crossings(refined(plates(thickness=0.2), 2.0).mesh, ETA)
+    few = few_crossings(refined(plates(thickness=0.2), 2.0).mesh)
     assert Needed.of(few, (60.0, 40.0)) is None
     some, much = Needed.of(few, (15.0,)), Needed.of(few, (15.0, 1.0))
     assert some.rays < much.rays
