@@ -31,6 +31,7 @@ UFFIZI, GALILEO = (DATA / "hdr" / f"{name}.hdr" for name in ("uffizi_latlong_120
 PHOTO, MASK = DATA / "image" / "buddha_head.png", DATA / "image" / "buddha_head_mask.png"
 ON_GROUND = ("--set", "ground.on=true", "--set", "ground.reflectance=0.15", "--background", "#2a2d30")
 FIGURES = ROOT / "tests" / "figures"
+PROGRAM = "milkglass.viewer.commands.cli"
 PLAIN = ("--background", "#000000")
 
 
@@ -48,7 +49,7 @@ class Studio:
         sized = () if command == "edit" or "--scene" in options else ("--image-size", f"{size[0]}x{size[1]}")
         words = [command, *map(str, options), *sized, "--samples", "16", "--output", str(path)]
         environment = {**os.environ, "PYTHONPATH": str(PACKAGES)}
-        subprocess.run([sys.executable, "-m", "milkglass.viewer.commands.cli", *words], check=True, env=environment)
+        subprocess.run([sys.executable, "-m", PROGRAM, *words], check=True, env=environment)
         return picture(path, size)
 
     def mesh(self, name: str, model: trimesh.Trimesh) -> Path:
@@ -72,6 +73,13 @@ Drawing = Callable[[Studio], Pixels]
 def beside(*tiles: Pixels) -> Pixels:
     """Return tiles in a row."""
     return np.concatenate(tiles, axis=1)
+
+
+def hero(studio: Studio) -> Pixels:
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    environment["PYTHONPATH"] = str(PACKAGES)
+    subprocess.run([sys.executable, "-m", PROGRAM], check=True, env=environment, cwd=studio.folder)
+    return picture(studio.folder / "milkglass.png", (1024, 1024))
 
 
 def gallery(model: Path, name: str) -> Drawing:
@@ -190,7 +198,18 @@ def occlusion(studio: Studio) -> Pixels:
 
 
 def highlights(studio: Studio) -> Pixels:
-    options = DRAGON, "--material", "jade", "--size-mm", 60, "--environment", UFFIZI, *PLAIN
+    options = (
+        DRAGON,
+        "--material",
+        "jade",
+        "--size-mm",
+        60,
+        "--environment",
+        UFFIZI,
+        *PLAIN,
+        "--set",
+        "specular.shininess=60",
+    )
     return beside(
         *[studio.tile((560, 420), *options, "--set", f"environment.occluded={on}") for on in ("false", "true")]
     )
@@ -237,7 +256,7 @@ def row(*tiles: Drawing) -> Drawing:
 
 
 PICTURES: dict[str, Drawing] = {
-    "hero.png": lambda studio: studio.tile((1024, 1024)),
+    "hero.png": hero,
     "dragon_marble.png": gallery(DRAGON, "marble"),
     "buddha_skimmilk.png": gallery(BUDDHA, "skim milk"),
     "bunny_wax.png": gallery(BUNNY, "wax"),
