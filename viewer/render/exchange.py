@@ -112,10 +112,12 @@ class ExchangeStages:
             Light from all around, without what shines as lamps.
         media : of R, G and B
         """
+        if not lamps and around is None:
+            return None
         parts, eta, crossings = [], media[0].eta, exchange.crossings
         extinctions = tuple(medium.sigma_t_prime for medium in media)
+        mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
         for i, (light, entering) in enumerate(lamps, start=1):
-            mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
             rays = self._run(
                 Stage.LAMP_RAYS.of(i),
                 [mirror, samples, light, entering, eta],
@@ -125,7 +127,7 @@ class ExchangeStages:
                 self._run(
                     Stage.MIRRORED_LAMP.of(i),
                     [mirror, *rays],
-                    lambda mirror=mirror, rays=rays: mirror.irradiance(mirror.mirrored(*rays, eta)),  # type: ignore[misc]
+                    lambda rays=rays: mirror.irradiance(mirror.mirrored(*rays, eta=eta)),  # type: ignore[misc]
                 )
             )
             if crossings is None:
@@ -133,13 +135,13 @@ class ExchangeStages:
             received = self._run(
                 Stage.CROSSING_LAMP.of(i),
                 [mirror, *rays, crossings.reach],
-                lambda mirror=mirror, rays=rays: mirror.crossing(*rays, eta, crossings.reach),  # type: ignore[misc]
+                lambda rays=rays: mirror.crossing(*rays, eta=eta, reach=crossings.reach),  # type: ignore[misc]
             )
             parts.append(
                 self._run(
                     Stage.CROSSED_LAMP.of(i),
                     [received, *extinctions],
-                    lambda mirror=mirror, received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
+                    lambda received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
                 )
             )
         if around is not None:
@@ -150,13 +152,13 @@ class ExchangeStages:
                 return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
 
             light_around = [probe, environment.rotation_deg, environment.intensity]
-            key = [exchange.hits, *light_around, eta]
-            parts.append(self._run(Stage.MIRRORED, key, lambda: exchange.hits.mirrored(eta, radiance)))
+            key = [mirror, exchange.hits, *light_around, eta]
+            parts.append(self._run(Stage.MIRRORED, key, lambda: mirror.averaged(exchange.hits.mirrored(eta, radiance))))
             if crossings is not None:
-                key = [crossings, *light_around, *extinctions]
-                parts.append(self._run(Stage.CROSSED, key, lambda: crossings.irradiance(radiance, extinctions)))
-        if not parts:
-            return None
+                key = [mirror, crossings, *light_around, *extinctions]
+                parts.append(
+                    self._run(Stage.CROSSED, key, lambda: mirror.averaged(crossings.irradiance(radiance, extinctions)))
+                )
         return self._run(Stage.UNSCATTERED, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
 
     def flux(self, exchange: Exchange, unscattered: Float32, surface: SampledSurface) -> Float32:
