@@ -71,10 +71,10 @@ def turn_deg(a: CameraSettings, b: CameraSettings) -> float:
     return max(min(turn, 360.0 - turn), abs(a.elevation_deg - b.elevation_deg), abs(a.roll_deg - b.roll_deg))
 
 
-def radiance_of(scene: Scene, lit: LitScene, *others: Part) -> Key:
-    """Return all that the radiance of pixels depends on, but for its volume and its size; and `others`."""
+def radiance_of(scene: Scene, lit: LitScene, *further: Part) -> Key:
+    """Return all that the radiance of pixels depends on, but for its volume and its size; and `further` parts."""
     sized = replace(scene, display=replace(scene.display, image_size=(16, 16)))
-    return *sized.moving(Part.VIEW, Part.LOOK, *others), lit.model, lit.detail, lit.sources
+    return *sized.moving(Part.VIEW, Part.LOOK, *further), lit.model, lit.detail, lit.sources
 
 
 def looks_of(scene: Scene, lit: LitScene) -> Key:
