@@ -7,7 +7,8 @@ exp(-sigma_t' l), l the length of all chords, with the reduced extinction sigma_
 is followed, chosen at random by Fresnel's factors, so that a path keeps its weight; both sides of a surface have the
 same factors, and radiance over the squared index of refraction stays, so that uniform light stays uniform.
 
-Paths are those of a mesh and an index of refraction; a medium attenuates them.
+Paths are those of a mesh and an index of refraction; a medium attenuates them, one for all bodies. Colours of the
+surface are left out where a path crosses it between its ends.
 """
 
 import threading
