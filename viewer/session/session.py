@@ -28,6 +28,7 @@ SHOWN = {
     "exitance": "exitance",
     "subsurface": "subsurface",
     "highlight": "specular",
+    "unscattered": "unscattered",
     "normal": "normal",
     "layer in": "",
     "layer out": "",

@@ -11,6 +11,7 @@ TIPS = {
     "exitance": "light that leaves, M",
     "subsurface": "light from inside towards the eye",
     "highlight": "the gloss alone",
+    "unscattered": "what is seen through the object",
     "normal": "direction of the surface",
     "layer in": "light that was put on one layer",
     "layer out": "light that one layer gives",
