@@ -1,7 +1,7 @@
 """Run a stage only when something that it depends on has changed, and keep the time that it took."""
 
 import time
-from collections.abc import Callable, Generator, Hashable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum, unique
@@ -131,6 +131,10 @@ class Stage(StrEnum):
     EXCHANGE_SAMPLES = "interpolation at samples", Part.IRRADIANCE
     UNSCATTERED_FLUX = "flux of unscattered light", Part.IRRADIANCE
     OCCLUDED_SAMPLES = "occluded samples", Part.IRRADIANCE
+    BALL = "ball around the object", Part.IRRADIANCE
+    BEAMS_OF_LIGHT = "beams of light", Part.IRRADIANCE
+    BEAMS_AROUND = "beams from all around", Part.IRRADIANCE
+    BEAMS = "beams", Part.IRRADIANCE
     IRRADIANCE = "irradiance of light", Part.IRRADIANCE
     FLUX = "flux", Part.IRRADIANCE
     LIGHT_FLUX = "flux of light", Part.IRRADIANCE
@@ -148,6 +152,7 @@ class Stage(StrEnum):
     BODIES = "bodies", Part.TRANSPORT
     BODY_LIGHT_FLUX = "body flux of light", Part.TRANSPORT
     SECOND_PASS = "second pass", Part.TRANSPORT
+    BODY_BEAMS = "beams through bodies", Part.TRANSPORT
     BODY_EXCHANGE = "exchange between bodies", Part.TRANSPORT
     BODY_INTERPOLATION = "interpolation in bodies", Part.TRANSPORT
     COARSE_SOLUTION = "coarse solution", Part.TRANSPORT
@@ -160,6 +165,12 @@ class Stage(StrEnum):
     SOURCES_R = "sources of R", Part.TRANSPORT
     SOURCES_G = "sources of G", Part.TRANSPORT
     SOURCES_B = "sources of B", Part.TRANSPORT
+    FILLED = "filled cells", Part.TRANSPORT
+    RETURNS = "light that the surface sends back", Part.TRANSPORT
+    FIRST_VOLUME = "first scattering", Part.TRANSPORT
+    SECOND_VOLUME = "second scattering", Part.TRANSPORT
+    FLUENCE = "fluence within", Part.TRANSPORT
+    RESOLVED = "glow within", Part.TRANSPORT
     SOLUTION = "solution", Part.TRANSPORT
     LAYER_VOLUME = "layer volume", Part.TRANSPORT
     PIXEL_TERMS = "pixel terms", Part.TRANSPORT
@@ -177,7 +188,7 @@ class Stage(StrEnum):
     GBUFFER = "gbuffer", Part.VIEW
     DETAIL_TARGETS = "detail targets", Part.VIEW
 
-    PATH_SURFACE = "surface for rays", Part.LOOK
+    PATH_SURFACE = "surface for rays", Part.IRRADIANCE
     PATHS = "rays of sight", Part.LOOK
     PATH_EXITANCE = "exitance for rays", Part.LOOK
     PATH_TARGETS = "ray targets", Part.LOOK
@@ -404,4 +415,9 @@ def alike(a: tuple[object, ...], b: tuple[object, ...]) -> bool:
 
 
 def _same(a: object, b: object) -> bool:
-    return a is b or (isinstance(a, Hashable) and isinstance(b, Hashable) and a == b)
+    if a is b:
+        return True
+    try:
+        return hash(a) == hash(b) and a == b
+    except TypeError:
+        return isinstance(a, tuple) and isinstance(b, tuple) and alike(a, b)

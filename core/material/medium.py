@@ -49,6 +49,9 @@ class BoundaryConditionConstants:
         "ball",
         "plate",
     )
+    anisotropy_within: float = fitted(
+        0.4, "growth of A over sqrt(1 - a') where light that has scattered once is apart", "ball"
+    )
     convex_share: float = fitted(0.6, "share of curvature's effect on a convex surface that is nearly flat", "ball")
     sharpest_edge: float = fitted(
         0.8, "curvature of an edge times mean free path at which second order ends", "cube", "cylinder", "cone"
@@ -69,11 +72,14 @@ class Medium:
         Reduced scattering and absorption, 1/mm, >= 0.
     eta : float
         Relative index of refraction, >= 1.
+    anisotropy : float
+        Growth of A over sqrt(1 - a').
     """
 
     sigma_s_prime: float
     sigma_a: float
     eta: float
+    anisotropy: float = BOUNDARY_CONDITION.anisotropy
 
     @property
     def is_black(self) -> bool:
@@ -108,7 +114,7 @@ class Medium:
     @property
     def extrapolation_factor(self) -> float:
         """A >= 1 of a flat surface: the extrapolation length is z_b = 2 A D."""
-        return extrapolation_factor(self.eta) * float(1.0 + BOUNDARY_CONDITION.anisotropy * np.sqrt(1.0 - self.albedo))
+        return extrapolation_factor(self.eta) * float(1.0 + self.anisotropy * np.sqrt(1.0 - self.albedo))
 
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
         """Return b > 0, the extrapolation length on a curved surface over that on a flat one.

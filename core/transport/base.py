@@ -7,7 +7,7 @@ point adds what they are too coarse for. The methods are rows of `core.transport
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,10 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import Stages
 from milkglass.core.transport.pixels import PixelTables
+
+if TYPE_CHECKING:  # compiled loops take half a second to import
+    from milkglass.core.paths.beams import Beams
+    from milkglass.core.paths.resolved import Resolved
 
 Bools = npt.NDArray[np.bool_]
 Vector = tuple[float, float, float]
@@ -98,6 +102,8 @@ class EnteringFlux:
     profiles, media : R, G and B
     exchange : Exchange, optional
         Where light that leaves the object meets it again, and enters.
+    beams : Beams, optional
+        The lights' beams through the object.
     """
 
     solid: Solid
@@ -108,6 +114,7 @@ class EnteringFlux:
     profiles: Profiles
     media: tuple[Medium, ...]
     exchange: Exchange | None = None
+    beams: "Beams | None" = None
 
 
 # What comes of it
@@ -214,6 +221,10 @@ class Scattered(Protocol):
         tables : PixelTables
             Its own, or those of a whole object of which this is one body.
         """
+
+    @property
+    def resolved(self) -> "Resolved | None":
+        """Return what matter sends out along rays, in channels whose free paths the nodes resolve; None for none."""
 
     @property
     def reentering(self) -> Float32 | None:

@@ -173,7 +173,7 @@ class NodeExitance:
     volume: Float32
     reentering: Float32 | None = None
 
-    windows = None
+    windows = resolved = None
     residuals = 0.0, 0.0, 0.0
     convolutions = 0, 0, 0
     is_solved = True

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,10 @@ from milkglass.core.transport.base import (
     Transport,
 )
 from milkglass.core.transport.pixels import PixelTables
+
+if TYPE_CHECKING:
+    from milkglass.core.paths.beams import Beams
+    from milkglass.core.paths.resolved import Resolved
 
 Ints = npt.NDArray[np.int64]
 
@@ -179,6 +184,13 @@ class ScatteredInBodies:
         found = [part.reentering for part in self.lit_parts if part.reentering is not None]
         return np.sum(found, axis=0, dtype=np.float32) if found else None
 
+    @computed_once
+    def resolved(self) -> "Resolved | None":
+        """Return what the matter of all bodies sends out along rays; None for none."""
+        found = [None if part is None else part.resolved for part in self.parts]
+        lit = [part for part in found if part is not None]
+        return lit[0].together(found, self.atlas.first, self.grid) if lit else None
+
     def on_layers(self) -> Float32:
         """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""
         return self.atlas.summed(self.filled([None if part is None else part.on_layers() for part in self.parts]))
@@ -260,7 +272,11 @@ class OfBodies:
         exchange, of_bodies = lit.exchange, [lit.exchange] * len(self._bodies)
         if exchange is not None:
             of_bodies = stages.run(Stage.BODY_EXCHANGE, (self, exchange), lambda: self._exchanges(exchange))
-        key = self, atlas, places, fluxes, *shares, *self.material(lit), exchange
+        beams = lit.beams
+        crossing: list[Beams | None] = [None] * len(self._bodies)
+        if beams is not None:
+            crossing = stages.run(Stage.BODY_BEAMS, (self, beams), lambda: self._crossing(beams))
+        key = self, atlas, places, fluxes, *shares, *self.material(lit), exchange, beams
         if stages.has(Stage.BODIES, key):
             return stages.run(Stage.BODIES, key, lambda: self._dark(lit))
         entering = [
@@ -272,9 +288,10 @@ class OfBodies:
                 flux=flux,
                 lights=tuple(filter(None, lights)),
                 exchange=of_body,
+                beams=across,
             )
-            for body, crop, place, flux, of_body, *lights in zip(
-                self._bodies, atlas.crops, places, fluxes, of_bodies, *shares, strict=True
+            for body, crop, place, flux, of_body, across, *lights in zip(
+                self._bodies, atlas.crops, places, fluxes, of_bodies, crossing, *shares, strict=True
             )
         ]
         for body in self._bodies:
@@ -298,7 +315,7 @@ class OfBodies:
 
     def _scatter(self, lit: EnteringFlux, entering: Sequence[EnteringFlux], go_on: GoOn | None) -> ScatteredInBodies:
         """Scatter body by body, all of them on coarse nodes first where somebody looks."""
-        shining = [i for i, part in enumerate(entering) if part.flux.any()]
+        shining = [i for i, part in enumerate(entering) if part.flux.any() or part.beams]
         parts: dict[int, Scattered] = {}
         newest = replace(self._dark(lit), waiting=bool(shining))
 
@@ -396,6 +413,10 @@ class OfBodies:
         """Return what each body has of a light; None where it is dark."""
         fluxes = (light.flux[body.chosen] for body in self._bodies)
         return [replace(light, flux=flux) if flux.any() else None for flux in fluxes]
+
+    def _crossing(self, beams: "Beams") -> "list[Beams | None]":
+        """Return the beams through each body; None where none is."""
+        return [beams.of_body(i) or None for i in range(len(self._bodies))]
 
     def _crop(self, i: int) -> Callable[[LayerGrid], LayerGrid]:
         return lambda grid: self.atlas(grid).crops[i]

@@ -32,6 +32,7 @@ uniform float u_surround_strength;  // see highlights.glsl
 uniform bool u_fresnel;
 uniform sampler2DArray t_traced;  // what rays of sight found, see viewer/passes/composite.py
 uniform float u_traced;           // factor on it; 0: none were followed
+uniform vec3 u_left_to_surface;   // share of exitance that they do not find
 uniform float u_mirror_strength;
 uniform mat4 u_world_to_clip;
 
@@ -195,7 +196,7 @@ void main() {
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
-    vec3 subsurface = entering * exitance / u_exit_normalisation;
+    vec3 subsurface = u_left_to_surface * entering * exitance / u_exit_normalisation;
     vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
     highlight += u_mirror_strength * traced(pixel, 0);
     vec3 unscattered = traced(pixel, 1);

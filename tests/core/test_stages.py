@@ -133,3 +133,10 @@ def test_spread_work_that_failed_begins_anew() -> None:
     with pytest.raises(ZeroDivisionError):
         stages.spread(Stage.DEPOSIT, [0], failing)
     assert stages.spread(Stage.DEPOSIT, [0], lambda: counted(1, [])) == 1
+
+
+def test_arrays_in_tuples_are_compared_by_identity():
+    stages, array = Stages(), np.zeros(3)
+    kept = stages.run(Stage.SAMPLES, [(array, 1)], object)
+    assert stages.run(Stage.SAMPLES, [(array, 1)], object) is kept
+    assert stages.run(Stage.SAMPLES, [(np.zeros(3), 1)], object) is not kept

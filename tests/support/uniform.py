@@ -25,7 +25,7 @@ class UniformlyScattered:
     grid: LayerGrid
     volume: np.ndarray
 
-    windows = None
+    windows = resolved = None
     residuals = 0.0, 0.0, 0.0
     convolutions = 0, 0, 0
     is_solved = True

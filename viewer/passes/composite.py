@@ -1,6 +1,6 @@
 """Composite: exitance gathered from the layers (7), Fresnel and highlights, summed over the samples of a pixel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 
@@ -38,10 +38,13 @@ class Traced:
         What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way.
     weight : float
         Of this sample's, against the composite's.
+    left : of R, G and B
+        Share of exitance that such rays do not find, in this sample of a pixel or another one.
     """
 
     texture: moderngl.TextureArray
     weight: float
+    left: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
 class CompositePass:
@@ -51,6 +54,10 @@ class CompositePass:
         self._context = context
         self._plain = self._variant(detail=False)
         self._not_traced = Traced(self.traced_texture((1, 1)), 0.0)
+
+    def not_traced(self, left: tuple[float, ...]) -> Traced:
+        """Return what stands for rays of a sample of which none are followed; `left` as of `Traced`."""
+        return replace(self._not_traced, left=left)
 
     @computed_once
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
@@ -105,6 +112,7 @@ class CompositePass:
                 **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
                 "t_traced": traced.texture,
                 "u_traced": traced.weight,
+                "u_left_to_surface": traced.left,
                 "u_mirror_strength": highlights.mirror_strength,
                 "u_world_to_clip": camera.world_to_clip,
                 "u_eye": tuple(camera.eye),

@@ -1,6 +1,7 @@
 """What transport leaves for the pixels to gather, on the GPU."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -9,6 +10,9 @@ import numpy.typing as npt
 from milkglass.core.transport.pixels import PixelTables
 from milkglass.viewer.gl.context import clamped_texture, table_texture, volume_texture
 from milkglass.viewer.passes.reentry import Reentry
+
+if TYPE_CHECKING:
+    from milkglass.core.paths.resolved import Resolved
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +64,8 @@ class Gather:
         Where the volume is an atlas of bodies: `core.grid.atlas.Atlas.windows`, three texels a body.
     reentry : Reentry, optional
         Light that left the object and enters it again.
+    resolved : Resolved, optional
+        What matter sends out along rays, in place of exitance where these are followed.
     """
 
     volume: moderngl.Texture3D
@@ -71,6 +77,12 @@ class Gather:
     exit_normalisation: float
     windows: moderngl.Texture | None = None
     reentry: Reentry | None = None
+    resolved: "Resolved | None" = None
+
+    @property
+    def left_to_surface(self) -> tuple[float, ...]:
+        """Return the share of each channel's exitance that pixels show where rays are followed."""
+        return (1.0,) * 3 if self.resolved is None else tuple(1.0 - share for share in self.resolved.shares)
 
     def light_uniforms(self) -> dict[str, object]:
         """Return values for sheet.glsl, entry.glsl and bodies.glsl."""

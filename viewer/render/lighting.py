@@ -23,6 +23,7 @@ from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.passes.light_source import LightSource, reentering
 from milkglass.viewer.passes.reentry import Reentry
+from milkglass.viewer.render.beams import BeamStages
 from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
 from milkglass.viewer.render.detail import DetailStages
 from milkglass.viewer.render.exchange import ExchangeStages
@@ -56,6 +57,7 @@ class Lighting:
         self._exchanges = ExchangeStages(stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
         self._grounds = GroundStages(stages, assets)
+        self._beams = BeamStages(stages, self._surround)
         self._paths = PathStages(stages, self._surround)
 
     def light(self, scene: Scene, say: Progress, draft: bool = False) -> LitScene:
@@ -148,9 +150,15 @@ class Lighting:
             if quality.facts.takes_each_light:
                 lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
+        beams = None
+        if quality.facts.follows_sight and detail is None:
+            alone = bodies if count > 1 else None
+            beams = self._beams.of(scene, environment, model.mesh, alone, matter, grid, draft=draft)
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles
-        return LitScene(model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined)
+        return LitScene(
+            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams
+        )
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what transport has scattered, for pixels to gather."""
@@ -163,9 +171,8 @@ class Lighting:
         if tables.solves:
             fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
         placed = scattered.world_to_texture, lit.transport.smooth, lit.eta, lit.quality.exit_normalisation(lit.eta)
-        return Gather(
-            volume, fluence, textures, *placed, self._windows(scattered.windows), self._reentry(lit, scattered)
-        )
+        windows, reentry = self._windows(scattered.windows), self._reentry(lit, scattered)
+        return Gather(volume, fluence, textures, *placed, windows, reentry, scattered.resolved)
 
     def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
         """Return the light that enters again, of an exchange that knows of any."""

@@ -1,6 +1,7 @@
 """A scene that has been lit: what transport and shading need of it."""
 
 from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.bodies import BodyMarks
 from milkglass.viewer.scene.camera import Camera
+
+if TYPE_CHECKING:
+    from milkglass.core.paths.beams import Beams
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,8 @@ class LitScene:
         Irradiance at the exchange's vertices of light that has met the surface before, mirrored or through thin parts.
     surface : RefinedSurface, optional
         Where light or its occlusion is known at the vertices of a refined mesh.
+    beams : Beams, optional
+        Of all lights through the object, where it needs them.
     """
 
     model: Model
@@ -95,6 +101,7 @@ class LitScene:
     exchange: Exchange | None = None
     unscattered: Float32 | None = None
     surface: RefinedSurface | None = field(default=None, compare=False)
+    beams: "Beams | None" = None
 
     @property
     def occlusion(self) -> Occlusion | None:
@@ -106,7 +113,7 @@ class LitScene:
         """Return the light that enters the object, as transport takes it."""
         solid = WholeObject(self.model.mesh, self.samples)
         placed = solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media
-        return EnteringFlux(*placed, self.exchange)
+        return EnteringFlux(*placed, self.exchange, self.beams)
 
     def entering_again(self, scattered: Scattered) -> Float32 | None:
         """Return the irradiance that meets the surface again, (n, 3) at the exchange's vertices; None for none."""

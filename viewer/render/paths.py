@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
+from milkglass.core.paths.resolution import RESOLVED, resolved_share
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.sources import Surround, shines
@@ -80,11 +82,11 @@ class PathParts:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
         left = [float(np.exp(-medium.sigma_t_prime * thin)) for medium in lit.media]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
-        clear = max(left) >= least
+        clear = max(left) >= least or lit.beams is not None
         shares = ", ".join(f"{channel} {100.0 * share:.2g} %" for channel, share in zip(CHANNELS, left, strict=True))
         crossing = f"of light that crosses thin parts of {thin:.3g} mm unscattered there is left {shares}"
         inside = f"inside: {'rays' if clear else 'none'}, {crossing}; followed from {100.0 * least:g} % on"
-        return cls(mirrors, clear, (mirror, inside))
+        return cls(mirrors, clear, (mirror, inside, _scattering(lit)))
 
 
 class PathStages:
@@ -104,7 +106,8 @@ class PathStages:
         say("preparing rays through the object")
         from milkglass.core.paths import Tree
 
-        surface = self._run(Stage.PATH_SURFACE, [mesh, lit.eta, lit.bodies], lambda: _surface(lit))
+        bodies = None if lit.body_marks is None else lit.bodies
+        surface = self._run(Stage.PATH_SURFACE, [mesh, bodies, lit.eta], lambda: surface_of(mesh, bodies, lit.eta))
         around, mirrors, clear = self._surroundings(scene), parts.mirrors, parts.clear
 
         def make() -> Tree:
@@ -126,6 +129,18 @@ class PathStages:
         )
 
 
+def _scattering(lit: LitScene) -> str:
+    """Return a sentence on which channels' light is followed from collision to collision, and why."""
+    shares = [resolved_share(medium, lit.grid) if lit.beams is not None else 0.0 for medium in lit.media]
+    followed = ", ".join(
+        f"{channel} {100.0 * share:.3g} %" for channel, share in zip(CHANNELS, shares, strict=True) if share > 0.0
+    )
+    ends = f"mean free paths of {RESOLVED.least_path:g} to {RESOLVED.full_path:g} cells of {lit.grid.texel:.3g} mm"
+    if not followed:
+        return f"scattering: by diffusion (from the first collision on, {ends})"
+    return f"scattering: from the first collision on (in {followed}; {ends})"
+
+
 def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
     """Return how thick a mesh is in its thin parts: a quantile of what rays along the normal tell, by area, mm."""
     areas = samples.areas.astype(np.float64)
@@ -137,13 +152,13 @@ def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
     return float(np.quantile(distance[met], THIN_QUANTILE)) if met.any() else 2.0 * mesh.radius
 
 
-def _surface(lit: LitScene) -> "Surface":
+def surface_of(mesh: Mesh, bodies: Bodies | None, eta: float) -> "Surface":
+    """Return the surface of a mesh for rays: of one body, or of several that scatter light each alone."""
     from milkglass.core.paths import Surface
 
-    bodies = lit.bodies if lit.body_marks is not None else None
     if bodies is None:
-        return Surface.of(lit.model.mesh, lit.eta)
-    return Surface.of(lit.model.mesh, np.full(bodies.count, lit.eta), bodies.of_face)
+        return Surface.of(mesh, eta)
+    return Surface.of(mesh, np.full(bodies.count, eta), bodies.of_face)
 
 
 def _surroundings(

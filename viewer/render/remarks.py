@@ -13,17 +13,15 @@ RIM_SPACINGS = 1.2  # width of the frame along a thin part's rim, in distances o
 
 
 def beyond_object(scene: Scene) -> str | None:
-    """Return a sentence if the mean free path is longer than the object, with what the picture then misses."""
-    size, method = scene.model.size_mm, scene.transport.facts
-    material = _material(scene, method)
+    """Return a sentence if the mean free path is longer than the object, with what is missed without rays of sight."""
+    if scene.transport.facts.follows_sight:
+        return None
+    size, material = scene.model.size_mm, _material(scene, scene.transport.facts)
     if material is None or not (named := _named(material, material.mean_free_path > size)):
         return None
-    lacks = "the picture lacks that: what shows through, refracted, and what scatters once"
-    if method.follows_sight:
-        lacks = "what shows through is drawn; what scatters once is drawn as if it had scattered often"
     return (
         f"the mean free path is longer than the object of {size:.3g} mm in {named}: most light crosses it without "
-        f"scattering, and {lacks}"
+        "scattering, and the picture lacks that: what shows through, refracted, and what scatters once"
     )
 
 

@@ -169,7 +169,9 @@ class Renderer:
         free_dropped(self.context)
         none = np.empty((0, 3), np.float32)
         samples = SurfaceSamples(none, none, none[:, 0])
-        return replace(lit, coordinates=none, flux=none, lights=(), samples=samples, exchange=None, unscattered=None)
+        return replace(
+            lit, coordinates=none, flux=none, lights=(), samples=samples, exchange=None, unscattered=None, beams=None
+        )
 
     @_in_turn
     def light(self, scene: Scene, progress: Progress = lambda _: None, *, draft: bool = False) -> LitScene:

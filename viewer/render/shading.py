@@ -271,8 +271,13 @@ class Shading:
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
         )
         traced = None
-        if sample.tree is not None and is_traced(sample.number, len(offsets)):
-            traced = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets), request.path_step)
+        if sample.tree is not None:
+            traced = self._composite.not_traced(gather.left_to_surface)
+            if is_traced(sample.number, len(offsets)):
+                found = yield from self._tracing.steps(
+                    sample.tree, gbuffer, camera.eye, len(offsets), request.path_step
+                )
+                traced = replace(found, left=traced.left)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
 

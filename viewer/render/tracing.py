@@ -36,11 +36,16 @@ class Tracing:
     def tree(self, paths: Paths | None, lit: LitScene, gather: Gather) -> "Tree | None":
         """Return what rays are traced in, with the exitance of the surface where they meet it again."""
         tree = None if paths is None else paths.tree
-        if paths is None or tree is None or not paths.meets_itself:
+        if paths is None or tree is None or not (paths.meets_itself or gather.resolved):
             return tree
         volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
-        key = tree, lit.model, lit.detail, *lit.sources, *volume
-        return self._run(Stage.PATH_EXITANCE, key, lambda: replace(tree, leaving=self._leaving(lit, gather)))
+        key = tree, lit.model, lit.detail, *lit.sources, *volume, gather.resolved, paths.meets_itself
+
+        def lit_tree() -> "Tree":
+            glow = None if gather.resolved is None else gather.resolved.glow
+            return replace(tree, glow=glow, leaving=self._leaving(lit, gather) if paths.meets_itself else None)
+
+        return self._run(Stage.PATH_EXITANCE, key, lit_tree)
 
     def _leaving(self, lit: LitScene, gather: Gather) -> Float32:
         """Return M / (pi T) at the vertices of the object."""
@@ -49,7 +54,7 @@ class Tracing:
         of_vertex[mesh.faces] = np.arange(len(mesh.faces), dtype=np.int32)[:, None]
         areas = np.full(len(mesh.vertices), mesh.area / max(len(mesh.vertices), 1), np.float32)
         vertices = SurfaceSamples(mesh.vertices, mesh.normals, areas, of_vertex)
-        exitance = self._exitance.at(vertices, lit, gather)
+        exitance = self._exitance.at(vertices, lit, gather) * gather.left_to_surface
         return np.ascontiguousarray(exitance / gather.exit_normalisation, np.float32)
 
     def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int, step: int) -> Steps[Traced]:

@@ -8,6 +8,7 @@ table, and its errors against photons apart for shapes that appear here and shap
 from dataclasses import dataclass
 
 from milkglass.core.material.medium import BOUNDARY_CONDITION, BoundaryConditionConstants
+from milkglass.core.paths.resolution import RESOLVED, ResolvedConstants
 from milkglass.core.provenance import chosen, fitted
 
 CONVEX_EDGES = "cube", "cylinder", "cone"
@@ -113,6 +114,7 @@ class DiffusionConstants:
     last_flight: LastFlightConstants = LastFlightConstants()
     sheets: SheetConstants = SheetConstants()
     regularisation: RegularisationConstants = RegularisationConstants()
+    resolved: ResolvedConstants = RESOLVED
 
 
 CONSTANTS = DiffusionConstants()

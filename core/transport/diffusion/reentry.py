@@ -85,7 +85,7 @@ class SurfaceExchange:
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
         self.entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
-        self._sources: dict[Medium, Scattering] = {}
+        self._sources: dict[tuple[float, float], Scattering] = {}
         self._across: dict[float, csr_array | None] = {}
         areas = self.boundary.patches.areas
         alone = self._to_vertices @ np.ones(len(areas), np.float32)
@@ -131,11 +131,12 @@ class SurfaceExchange:
 
     def sources(self, medium: Medium, s: float) -> Scattering:
         """Return the sources of light from all around in a medium, for a window of width s, mm; kept for the next."""
+        matter = medium.sigma_s_prime, medium.sigma_a  # the boundary condition is nothing to them
         with self._lock:
-            found = self._sources.pop(medium, None)
+            found = self._sources.pop(matter, None)
         found = found or scattering(self.entry, self.boundary, medium, s)
         with self._lock:
-            self._sources[medium] = found
+            self._sources[matter] = found
             while len(self._sources) > KEPT_MEDIA:
                 del self._sources[next(iter(self._sources))]
         return found

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from milkglass.core.transport.diffusion.points import point_exitance
 from milkglass.core.transport.diffusion.reentry import SurfaceExchange
 from milkglass.core.transport.pixels import PixelTables
 
+if TYPE_CHECKING:
+    from milkglass.core.paths.resolved import Resolved
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -42,6 +46,10 @@ class Solution:
         Relative residual at which a channel is solved.
     exchange : SurfaceExchange, optional
         By which light that leaves enters again.
+    resolved : Resolved, optional
+        What matter sends out along rays.
+    lacks_light_within : bool
+        Whether that is yet to be found.
     """
 
     boundary: Boundary
@@ -50,6 +58,8 @@ class Solution:
     window: float
     tolerance: float
     exchange: SurfaceExchange | None = None
+    resolved: "Resolved | None" = None
+    lacks_light_within: bool = False
 
     windows = None
 

@@ -14,6 +14,7 @@ A surface point's own value follows from the volume O = G_L * (Q - double layer)
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,7 @@ from milkglass.core.grid.layers import LayerGrid, fit_nodes, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.light.exchange import Exchange
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.paths.resolution import needs_beams
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
@@ -43,10 +45,15 @@ from milkglass.core.transport.diffusion.reentry import ExchangeGeometry, Surface
 from milkglass.core.transport.diffusion.solution import Solution as Solution, reached, same_flux
 from milkglass.core.transport.pixels import PixelTables
 
+if TYPE_CHECKING:  # compiled loops take half a second to import, and dense matter does without
+    from milkglass.core.paths.beams import Beams
+    from milkglass.core.transport.diffusion.within import Within
+
 SOURCES = Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B
 WINDOW = 1.25  # of the smooth part, in spacings
 TOLERANCE = 3e-4  # relative residual at which the steps end; at 3e-3 deep shadows are yet stained with colours
 MOST_PRODUCTS = 40
+WITHIN_TOLERANCE, WITHIN_PRODUCTS = 2e-3, 16  # of light within clear matter, of which little is diffuse
 ROUND_PRODUCTS = 2  # of a channel between two looks at the solution: two threads share those of three evenly
 NESTED = 44  # nodes from which on half of them are solved first
 COARSE_TOLERANCE = 1e-3
@@ -69,6 +76,8 @@ class Problem:
     media : R, G and B
     exchange : Exchange, optional
         By which light that leaves enters again.
+    beams : Beams, optional
+        The lights' beams through the object, where light within is to be followed too.
     """
 
     mesh: Mesh
@@ -77,11 +86,12 @@ class Problem:
     lights: Sequence[EnteringLight]
     media: Sequence[Medium]
     exchange: Exchange | None = None
+    beams: "Beams | None" = None
 
     @property
     def key(self) -> tuple[object, ...]:
         """Return all that the solution depends on but the grid, as a key of stages."""
-        return self.mesh, self.samples, *self.lights, *self.media, self.exchange
+        return self.mesh, self.samples, *self.lights, *self.media, self.exchange, self.beams
 
 
 @dataclass(eq=False)
@@ -115,6 +125,7 @@ class DiffusionTransport:
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
     _last: End | None = field(default=None, init=False, repr=False)
     _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
+    _within: "Within | None" = field(default=None, init=False, repr=False)
     _rays: Callable[[Mesh], Depths] = field(default=Depths, init=False, repr=False)  # of half the nodes: those of all
 
     def grid(self, mesh: Mesh, rotation: npt.NDArray[np.float64]) -> LayerGrid:
@@ -153,7 +164,7 @@ class DiffusionTransport:
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
-        problem = Problem(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, lit.exchange)
+        problem = Problem(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, lit.exchange, lit.beams)
         return self.solve(problem, stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
@@ -202,15 +213,36 @@ class DiffusionTransport:
                 width = self.window_width(boundary.grid)
                 return reached(boundary, problem.media, channels, iterations, width, self.tolerance, exchange)
 
-            solution = _advanced(newest, iterations, go_on)
+            solution, is_over = _advanced(newest, iterations, go_on)
             iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
             self._last = End(boundary, tuple(channels), iterates, ended)
+            if problem.beams is not None and is_over:
+                is_wanted = functools.partial(go_on, solution) if go_on is not None else lambda: True
+                return self._with_light_within(solution, problem, problem.beams, stages, is_wanted)
             return solution
 
         solution = stages.run(Stage.SOLUTION, (self, problem.grid, *problem.key), anew)
-        if not solution.is_solved or solution.grid != problem.grid:
+        if not solution.is_solved or solution.lacks_light_within or solution.grid != problem.grid:
             stages.forget(Stage.SOLUTION)  # to go on from there
         return solution
+
+    def _with_light_within(
+        self, solution: Solution, problem: Problem, beams: "Beams", stages: Stages, is_wanted: Callable[[], bool]
+    ) -> Solution:
+        """Return a solution that knows what matter sends out along rays, where nodes resolve free paths."""
+        boundary, _ = self._surface(problem, stages)
+        if not any(needs_beams(medium, boundary.grid) for medium in problem.media):
+            return solution
+        from milkglass.core.transport.diffusion.within import Body, Within
+
+        tolerance = max(self.tolerance, WITHIN_TOLERANCE)
+        self._within = self._within or Within(self.kernels, self.shape, tolerance, WITHIN_PRODUCTS)
+        kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in problem.media]
+        green = self.kernels.spectra(kernels, self._maker(boundary.grid))
+        body = Body(problem.mesh, problem.samples, boundary, solution.exchange)
+        width = self.window_width(boundary.grid)
+        resolved = self._within.resolved(beams, problem.media, body, width, green, stages, is_wanted)
+        return replace(solution, resolved=resolved, lacks_light_within=resolved is None)
 
     def _coarse_solution(self, problem: Problem, stages: Stages, go_on: Callable[[Solution], bool]) -> Solution | None:
         """Return the solution on half the nodes, a picture at once, from which few products are left."""
@@ -220,10 +252,10 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)))
+        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None)
         return stages.run(
             Stage.COARSE_SOLUTION,
-            (coarse, *problem.key),
+            (coarse, *on_coarse.key),
             lambda: coarse.solve(on_coarse, self._coarse_stages, go_on),
         )
 
@@ -283,7 +315,7 @@ class DiffusionTransport:
     def release(self) -> None:
         """Release the kernels and the last surface and solution."""
         self.kernels.release()
-        self._coarse = self._placed = self._last = None
+        self._coarse = self._placed = self._last = self._within = None
         self._coarse_stages.clear()
 
     def _surface(self, problem: Problem, stages: Stages) -> tuple[Boundary, Depths]:
@@ -340,13 +372,14 @@ def _advanced(
     newest: Callable[[], Solution],
     iterations: Mapping[Channel, Iteration],
     go_on: Callable[[Solution], bool] | None,
-) -> Solution:
-    """Return the solution after rounds of steps of all channels."""
-    solution = newest()
-    while not solution.is_solved and (go_on is None or go_on(solution)):
+) -> tuple[Solution, bool]:
+    """Return the solution after rounds of steps of all channels, and whether no more of them are wanted."""
+    solution, is_wanted = newest(), True
+    while not solution.is_solved:
+        is_wanted = go_on is None or go_on(solution)
         # All of them: each takes its steps.
-        if not any(pool_map(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
+        if not is_wanted or not any(pool_map(Iteration.advance, [*iterations.values()] * ROUND_PRODUCTS)):
             break
         solution = newest()
     pool_map(Reached.settle, {at for at in solution.channels if at is not None})
-    return solution
+    return solution, is_wanted

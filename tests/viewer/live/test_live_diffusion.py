@@ -430,3 +430,14 @@ def test_what_is_seen_through_a_clear_object_is_there_while_it_turns(driver):
     seen = full.any(axis=2)
     assert drafted[seen].mean() == pytest.approx(full[seen].mean(), rel=0.2)
     assert 1.0 < np.abs(drafted - full)[seen].mean() < 0.5 * full[seen].mean()
+
+
+@pytest.mark.slow
+def test_matter_seen_by_rays_is_at_rest_as_rendered(driver):
+    """Light within is found after the surface's, and by a window as by a renderer that never saw the matter before."""
+    put(driver, "material.eta=1.33", "material.sigma_s_prime=[0.03,0.05,0.4]", "material.sigma_a=[0.001,0.002,0.003]")
+    assert is_as_rendered(driver)
+    assert driver.view.live.finished.gather.resolved is not None
+    put(driver, "material.name=marble")
+    assert is_as_rendered(driver)
+    assert driver.view.live.finished.gather.resolved is None

@@ -103,11 +103,14 @@ def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, me
             scene = replace(scene, environment=EnvironmentSettings(), lights=(DirectionalLight((0.0, 0.0, 1.0)),))
         return [why.split(",")[0].split(" (")[0] for why in renderer.render(scene, samples=1).parts]
 
-    assert parts(*OPAQUE, lamps=True) == ["mirror: highlights of lamps alone", "inside: none"]
-    assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", "inside: none"]
-    assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", "inside: none"]
-    assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "inside: rays"]
-    assert parts(*CLEAR, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays"]
+    diffuse, followed = "scattering: by diffusion", "scattering: from the first collision on"
+    assert parts(*OPAQUE, lamps=True) == ["mirror: highlights of lamps alone", "inside: none", diffuse]
+    assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", "inside: none", diffuse]
+    assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", "inside: none", diffuse]
+    assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "inside: rays", diffuse]
+    assert parts(*CLEAR, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays", diffuse]
+    murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,0.01]"
+    assert parts(*murky, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays", followed]
 
 
 def test_more_samples_than_rays_are_the_same_picture(renderer, mesh):

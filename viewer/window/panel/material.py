@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from milkglass.core.material import library as materials, single_scattering
 from milkglass.core.material.library import Material
 from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import imgui
-from milkglass.viewer.live.live import solves
+from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.render.remarks import beyond_object
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
@@ -103,7 +105,7 @@ class MaterialSection(Section):
         self._mixture.draw()
         self._profile.chooser(no_profile)
         self._controls.setting("model.size_mm", "Object size")
-        self._derived(has_profile=no_profile is None)
+        self._derived(seen.live, has_profile=no_profile is None)
 
     def _library(self) -> None:
         controls, session = self._controls, self._session
@@ -183,7 +185,7 @@ class MaterialSection(Section):
         if new is not None:
             session.edit("material", eta=new)
 
-    def _derived(self, *, has_profile: bool) -> None:
+    def _derived(self, live: Live, *, has_profile: bool) -> None:
         """Draw mean free path, reflectance and share of single scattering of the whole mixture."""
         settings = self._session.scene.material
         material = settings.resolve()
@@ -210,7 +212,9 @@ class MaterialSection(Section):
         imgui.end_table()
         for note in materials.validity_notes(material):
             self._controls.note(note)
-        if single_scattering.share(material).max() > single_scattering.NOTABLE_SHARE:
+        resolved = None if live.finished is None else live.finished.scattered.resolved
+        lacking = 1.0 if resolved is None else 1.0 - np.array(resolved.shares)
+        if np.max(lacking * single_scattering.share(material)) > single_scattering.NOTABLE_SHARE:
             self._controls.note(f"single scattering is missing: {single_scattering.statement(material)}", warning=True)
         if (missed := beyond_object(self._session.scene)) is not None:
             self._controls.note(missed, warning=True)

@@ -1,0 +1,84 @@
+"""Light along chords inside an object, where it first meets matter, assigned to the nodes of a grid by tents."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from milkglass.core.arrays import Float32
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.paths.beams import Beams
+from milkglass.core.paths.compiled import compiled
+
+
+def collided(beams: Beams, extinctions: Sequence[float], grid: LayerGrid) -> Float32:
+    """Return the power of light that collides for the first time, at the nodes: (3, n_layers, height, width).
+
+    Parameters
+    ----------
+    beams : Beams
+    extinctions : of R, G and B
+        1/mm.
+    grid : LayerGrid
+        Along world axes; encloses the chords.
+    """
+    volume = np.zeros((*grid.shape, 3), np.float32)
+    chords = beams.starts, beams.ends, beams.lengths, beams.before, beams.power
+    _deposit(*chords, np.asarray(extinctions, np.float32), *affine(grid), volume)
+    return np.ascontiguousarray(np.moveaxis(volume, -1, 0))
+
+
+def affine(grid: LayerGrid) -> tuple[Float32, Float32]:
+    """Return the scale and the shift, (3,) each, of coordinates in a grid along world axes."""
+    matrix = np.asarray(grid.world_to_grid)
+    return np.diag(matrix)[:3].astype(np.float32), matrix[3, :3].astype(np.float32)
+
+
+@compiled
+def _deposit(  # noqa: PLR0913  (arrays of a compiled loop)
+    starts: Float32,
+    ends: Float32,
+    lengths: Float32,
+    before: Float32,
+    arriving: Float32,
+    extinctions: Float32,
+    scale: Float32,
+    shift: Float32,
+    volume: Float32,
+) -> None:
+    """Walk along the chords in steps of a cell; what collides within a step does so at a random point of it."""
+    depth, height, width = volume.shape[:3]
+    one = np.float32(1.0)
+    power, fall, place = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    along = np.empty(3, np.float32)
+    for k in range(len(lengths)):
+        cells = np.float32(0.0)
+        for i in range(3):
+            along[i] = (ends[k, i] - starts[k, i]) * scale[i]
+            cells += along[i] * along[i]
+        count = int(np.sqrt(cells)) + 1
+        for i in range(3):
+            power[i] = arriving[k, i] * np.exp(-extinctions[i] * before[k])
+            fall[i] = -np.expm1(-extinctions[i] * lengths[k] / np.float32(count))
+        random = np.uint32(k) * np.uint32(747796405) + np.uint32(2891336453)
+        for n in range(count):
+            random = np.uint32(random * np.uint32(1664525) + np.uint32(1013904223))
+            t = (np.float32(n) + np.float32(random >> np.uint32(8)) * np.float32(2.0**-24)) / np.float32(count)
+            for i in range(3):
+                place[i] = starts[k, i] * scale[i] + shift[i] + t * along[i]
+            column = min(max(int(place[0]), 0), width - 2)
+            row = min(max(int(place[1]), 0), height - 2)
+            layer = min(max(int(place[2]), 0), depth - 2)
+            u, v, w = place[0] - np.float32(column), place[1] - np.float32(row), place[2] - np.float32(layer)
+            red, green, blue = power[0] * fall[0], power[1] * fall[1], power[2] * fall[2]
+            power[0] -= red
+            power[1] -= green
+            power[2] -= blue
+            for c in range(2):
+                at_z = w if c == 1 else one - w
+                for b in range(2):
+                    at_yz = at_z * (v if b == 1 else one - v)
+                    for a in range(2):
+                        share = at_yz * (u if a == 1 else one - u)
+                        volume[layer + c, row + b, column + a, 0] += share * red
+                        volume[layer + c, row + b, column + a, 1] += share * green
+                        volume[layer + c, row + b, column + a, 2] += share * blue

@@ -1,0 +1,38 @@
+"""Where the nodes of a grid resolve the free paths of light, and light is followed from collision to collision."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.material.medium import Medium
+from milkglass.core.provenance import chosen
+
+
+@dataclass(frozen=True)
+class ResolvedConstants:
+    """Where free paths are long enough for nodes, and what the fluence lacks next to the boundary."""
+
+    least_path: float = chosen(1.5, "mean free paths over a cell up to which nodes do not resolve them", "ball")
+    full_path: float = chosen(2.5, "mean free paths over a cell from which on nodes resolve them", "ball")
+    least_albedo: float = chosen(0.02, "albedo below which light that scatters twice is left out", "ball")
+    least_gain: float = chosen(1.08, "factor on light that scatters twice and more, at least", "ball")
+    clear_escape: float = chosen(
+        0.2, "share of what scatters once that leaves, from which on the gain follows from the light's balance", "ball"
+    )
+
+
+RESOLVED = ResolvedConstants()
+
+
+def resolved_share(medium: Medium, grid: LayerGrid) -> float:
+    """Return by how much nodes resolve a medium's free paths, [0, 1]; those that are not evenly spaced do not."""
+    if grid.layer_distance != grid.texel:
+        return 0.0
+    cells = medium.mean_free_path / grid.texel
+    return float(np.clip((cells - RESOLVED.least_path) / (RESOLVED.full_path - RESOLVED.least_path), 0.0, 1.0))
+
+
+def needs_beams(medium: Medium, grid: LayerGrid) -> bool:
+    """Return whether a medium scatters light that nodes resolve."""
+    return not medium.is_black and resolved_share(medium, grid) > 0.0

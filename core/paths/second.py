@@ -1,0 +1,132 @@
+"""Light that collides for the next time: its flight inside the object, and what the surface sends back of it.
+
+Power that scatters flies through an unbounded medium, which is right inside (`core.paths.flight`). What arrives at the
+surface is gathered along fixed directions from some places of it, of a density mu F_r(mu) as what is reflected there
+has, most of it totally. Directions come in pairs, each the mirror image of the other: light that arrives along one
+goes back along the other, and on from where that ends, mirrored and refracted as beams are.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.geometry.normals import across
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.material.fresnel import internal_moment, reflectance
+from milkglass.core.material.medium import Medium
+from milkglass.core.paths.beams import Beams, Courses, followed
+from milkglass.core.paths.deposit import collided
+from milkglass.core.paths.events import Chords
+from milkglass.core.paths.filled import Filled
+from milkglass.core.paths.glow import Glow
+from milkglass.core.paths.resolved import Volumes, origin_of
+from milkglass.core.paths.surface import Surface
+from milkglass.core.threads import pool_map
+
+SIDES = 2  # of a pair of directions
+MOST_PLACES = 8000
+COSINES = 1024  # of their table
+EVENTS = 16  # after which paths end: most of the light that goes back is totally reflected, often again and again
+
+
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """Where the surface sends light back into an object, along n directions, the second half mirroring the first.
+
+    Attributes
+    ----------
+    flux : (n,) float64
+        Reflected light of a unit of radiance that arrives along the mirror image, mm^2 sr.
+    courses : Courses
+        Of the n rays; their first chords first.
+    """
+
+    flux: Array
+    courses: Courses
+
+
+def returns(points: Array, normals: Array, areas: Array, surface: Surface, offset: float) -> Returns:
+    """Return where a surface sends light back, at most at `MOST_PLACES` of k places.
+
+    Parameters
+    ----------
+    points, normals : (k, 3) float64
+        On faces of the surface, mm; unit, of the faces, outward.
+    areas : (k,) float64
+        mm^2.
+    surface : Surface
+    offset : float
+        Below the surface at which rays start, mm.
+    """
+    random, eta, total = np.random.default_rng(0), float(surface.faces.etas[0]), float(areas.sum())
+    count = min(len(points), MOST_PLACES)
+    along = (np.arange(count) + random.random(count)) / count
+    chosen = np.searchsorted(np.cumsum(areas) / total, along).clip(0, len(areas) - 1)
+    cosines = (np.arange(COSINES) + 0.5) / COSINES
+    density = np.cumsum(cosines * reflectance(1.0 / eta, cosines))
+    mu = np.interp(random.random(count), density / max(density[-1], np.finfo(np.float64).tiny), cosines)
+    turn = 2.0 * np.pi * random.random(count)
+    first, second = across(-normals[chosen])
+    sine = np.sqrt(1.0 - mu * mu)
+    aside = (sine * np.cos(turn))[:, None] * first + (sine * np.sin(turn))[:, None] * second
+    directions = np.concatenate([aside, -aside]) - np.tile(mu[:, None] * normals[chosen], (SIDES, 1))
+    starts = np.tile(points[chosen] - offset * normals[chosen], (SIDES, 1))
+    courses = followed(surface, starts.astype(np.float32), directions.astype(np.float32), 1, EVENTS)
+    flux = np.full(SIDES * count, np.pi * internal_moment(eta, 1) * total / (SIDES * count))
+    return Returns(flux, courses)
+
+
+def arriving(scattered: Volumes, media: Sequence[Medium], fill: Filled, back: Returns, grid: LayerGrid) -> Float32:
+    """Return the radiance of scattered light where it arrives at the surface, (n, 3), along the directions back."""
+    dark, n = np.zeros(grid.shape, np.float32), len(back.flux)
+    density = np.stack([dark if power is None else power for power in scattered])
+    density /= np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
+    glow = Glow.of(density, origin_of(grid), grid.texel)
+    found, courses = np.zeros((n, 3), np.float32), back.courses
+    first = courses.before == 0.0
+    count = int(first.sum())
+    light, no_parent = np.ones((count, 3), np.float32), np.full(count, -1, np.int32)
+    placed = courses.starts[first], courses.ends[first], courses.lengths[first]
+    chords = Chords(*placed, light, np.zeros(count, np.int32), courses.sources[first], no_parent)
+    extinction = np.array([[medium.sigma_t_prime for medium in media]], np.float32)
+    glow.add(chords, extinction, np.ones(1, np.float32), found)
+    return found
+
+
+def collided_again(
+    scattered: Volumes,
+    radiance: Float32,
+    media: Sequence[Medium],
+    fill: Filled,
+    back: Returns,
+    grid: LayerGrid,
+    fly: Callable[[int, Float32], Float32],
+) -> Volumes:
+    """Return the power of light that meets matter for the next time, at the nodes.
+
+    Parameters
+    ----------
+    scattered : Volumes
+        Power that scatters.
+    radiance : (n, 3) float32
+        Where it arrives at the surface, from `arriving`.
+    media : R, G and B
+    fill : Filled
+    back : Returns
+    grid : LayerGrid
+    fly : callable
+        Convolution of a channel with the kernel of `core.paths.flight`.
+    """
+    courses = back.courses
+    sent = (back.flux[:, None] * np.roll(radiance, len(radiance) // SIDES, axis=0)).astype(np.float32)
+    power = courses.weights[:, None] * sent[courses.sources]
+    beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
+    returned = collided(beams, [medium.sigma_t_prime for medium in media], grid)
+
+    def met(i: int) -> Float32 | None:
+        part = scattered[i]
+        return None if part is None else returned[i] + fill.share * np.maximum(fly(i, part), np.float32(0.0))
+
+    return pool_map(met, range(len(media)))

@@ -1,0 +1,102 @@
+"""What fills the cells of a grid, one flight of light from cell to cell, and beams that collide in them."""
+
+import numpy as np
+import pytest
+
+from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
+from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.light.maps import texel_solid_angles
+from milkglass.core.material.fresnel import transmittance
+from milkglass.core.paths.beams import traced
+from milkglass.core.paths.deposit import collided
+from milkglass.core.paths.emission import Ball, diverging, parallel, surrounding
+from milkglass.core.paths.filled import filled
+from milkglass.core.paths.flight import flight_spectrum
+from milkglass.core.paths.surface import Surface
+from tests.support.solids import ball, block, mesh_of
+
+ETA, RADIUS, BEAMS = 1.33, 10.0, 8000
+THICK = (5.0,) * 3  # 1/mm: all that enters collides
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    return mesh_of(ball(RADIUS, subdivisions=5))
+
+
+@pytest.mark.parametrize("mesh", [mesh_of(ball(RADIUS)), mesh_of(block((10.0, 7.0, 3.0)))])
+def test_filled_cells_have_the_volume_of_the_mesh(mesh):
+    grid = fit_nodes(mesh.bounds, 40)
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    volume = np.linalg.det(corners).sum() / 6.0 / grid.texel**3
+    found = filled(mesh, grid)
+    outside = found.weight <= 0.03
+    assert found.share.sum() == pytest.approx(volume, rel=0.01)
+    assert found.weight[~outside].sum() == pytest.approx(volume, rel=0.01)
+
+
+def test_the_weight_of_a_node_is_what_even_points_inside_assign_to_it():
+    mesh = mesh_of(ball(5.0, subdivisions=4))
+    grid = fit_nodes(mesh.bounds, 12)
+    along = (np.arange(100) + 0.5) / 10.0 - 5.0
+    points = np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3)
+    inside = points[np.linalg.norm(points, axis=1) < 4.99]
+    density = 10.0**3 * grid.texel**3
+    counts = np.asarray(tent_matrix(grid, grid.coordinates(inside)).sum(axis=1)).reshape(grid.shape) / density
+    np.testing.assert_allclose(filled(mesh, grid).weight, np.maximum(counts, 0.03), atol=0.03)
+
+
+@pytest.mark.parametrize(("k", "expected"), [(0.1, 0.9966865), (1.0, 0.7853982), (10.0, 0.1471128)])
+def test_the_spectrum_of_a_flight(k, expected):
+    """(1 / k) arctan k, of means over cells: less by their own transform."""
+    step = 0.1 if k > 1.0 else 0.4
+    size = 2 * int(np.ceil(9.0 / step))
+    grid = LayerGrid(4, 4, 4, step, step, tuple(map(tuple, np.eye(4).tolist())))
+    shape = ConvolutionShape(*grid.shape, padding=(size,) * 3)
+    period = shape.padded_width * step
+    nearest = max(1, round(k * period / (2.0 * np.pi)))
+    at = 2.0 * np.pi * nearest / period
+    found = float(flight_spectrum(1.0, grid, shape)[0, 0, nearest]) / np.sinc(at * step / (2.0 * np.pi))
+    assert np.arctan(k) / k == pytest.approx(expected, abs=1e-6)
+    assert found == pytest.approx(np.arctan(at) / at, rel=0.02)
+
+
+def test_all_that_enters_collides(sphere):
+    surface, grid, around = Surface.of(sphere, ETA), fit_nodes(sphere.bounds, 24), Ball.around(sphere)
+    mu = (np.arange(4000) + 0.5) / 4000
+    entering = transmittance(ETA, mu)
+
+    def entered(light):
+        return collided(traced(surface, light), THICK, grid).sum(axis=(1, 2, 3))
+
+    even = 2.0 * np.pi * RADIUS**2 * np.mean(entering * mu)
+    np.testing.assert_allclose(
+        entered(parallel((0, 0, 1), (1.0, 2.0, 3.0), around, BEAMS)), even * np.array([1, 2, 3]), rtol=5e-3
+    )
+    lamp = np.array([0.0, 0.0, 50.0])
+    height = RADIUS * (2.0 * mu - 1.0)
+    square = RADIUS**2 + 50.0**2 - 100.0 * height
+    cosine = np.maximum((50.0 * height / RADIUS - RADIUS) / np.sqrt(square), 0.0)
+    near = 4.0 * np.pi * RADIUS**2 * np.mean(cosine * transmittance(ETA, cosine) / square)
+    light = diverging(lamp, lambda points: 1.0 / np.square(points - lamp).sum(axis=1), (1.0, 1.0, 1.0), around, BEAMS)
+    np.testing.assert_allclose(entered(light), near, rtol=5e-3)
+    sky = surrounding(np.ones((16, 32, 3)), np.eye(3), around, BEAMS)
+    np.testing.assert_allclose(entered(sky), np.pi * 4.0 * even, rtol=5e-3)
+
+
+def test_light_from_all_around_has_the_power_of_a_probe(sphere):
+    """Of two halves and a small sun, none of which a sphere keeps from itself."""
+    probe = np.zeros((32, 64, 3))
+    probe[:, :32], probe[3, 9] = (1.0, 0.5, 0.0), 300.0
+    light = surrounding(probe, np.eye(3), Ball.around(sphere), BEAMS)
+    expected = np.pi * RADIUS**2 * (texel_solid_angles(probe)[:, None, None] * probe).sum(axis=(0, 1))
+    np.testing.assert_allclose(light.power.sum(axis=0), expected, rtol=0.01)
+
+
+def test_unscattered_light_of_a_sphere(sphere):
+    """Shares of what has entered that cross spheres of 0.3, 1 and 3 mean free paths without a collision."""
+    beams = traced(Surface.of(sphere, ETA), parallel((0, 0, 1), (1.0,) * 3, Ball.around(sphere), BEAMS))
+    grid = fit_nodes(sphere.bounds, 24)
+    entered = collided(beams, THICK, grid).sum(axis=(1, 2, 3))
+    left = collided(beams, (0.3 / RADIUS, 1.0 / RADIUS, 3.0 / RADIUS), grid).sum(axis=(1, 2, 3))
+    np.testing.assert_allclose(1.0 - left / entered, [0.5876, 0.1768, 0.0066], atol=3e-3)

@@ -1,0 +1,102 @@
+"""Beams of a scene's lights through the object, where its matter is clear enough for nodes to resolve free paths."""
+
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from milkglass.core.geometry.bodies import Bodies
+from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.probe import Probe
+from milkglass.core.material.medium import Medium
+from milkglass.core.paths.resolution import needs_beams
+from milkglass.core.stages import Stage, Stages
+from milkglass.viewer.render.paths import surface_of
+from milkglass.viewer.render.sources import Surround, shines
+from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.lights import Light
+from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import EnvironmentSettings
+
+if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
+    from milkglass.core.paths.beams import Beams
+    from milkglass.core.paths.emission import Ball
+    from milkglass.core.paths.surface import Surface
+
+BEAMS, DRAFT_BEAMS = 30_000, 8_000  # of all lights together
+SUB_LIGHTS = 16  # of a lamp with a size
+
+
+class BeamStages:
+    """Casts the beams of lights, light by light, each only when it or the surface has changed; no material does."""
+
+    def __init__(self, stages: Stages, surround: Surround) -> None:
+        self._run, self._surround = stages.run, surround
+
+    def of(
+        self, scene: Scene, environment: EnvironmentSettings, mesh: Mesh, bodies: Bodies | None,
+        media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
+    ) -> "Beams | None":  # fmt: skip
+        """Return the beams of a scene's lights, None where no channel needs them; fewer as a `draft`.
+
+        `environment` is the scene's, perhaps with its strong sources left in it; `bodies` are those that scatter alone.
+        """
+        if not any(needs_beams(medium, grid) for medium in media):
+            return None
+        from milkglass.core.paths.beams import joined
+        from milkglass.core.paths.emission import Ball
+
+        run, eta = self._run, media[0].eta
+        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta], lambda: surface_of(mesh, bodies, eta))
+        around = run(Stage.BALL, [mesh], lambda: Ball.around(mesh))
+        lamps = *scene.effective_lights(), *self._surround.lamps(environment)
+        count = (DRAFT_BEAMS if draft else BEAMS) // max(len(lamps) + shines(environment), 1)
+        parts = [
+            run(
+                Stage.BEAMS_OF_LIGHT.of(i),
+                [surface, light, count],
+                lambda light=light: lamp_beams(light, surface, around, count),  # type: ignore[misc]
+            )
+            for i, light in enumerate(lamps, start=1)
+        ]
+        if shines(environment):
+            rest, turn, factor = self._surround.rest(environment), environment.rotation_deg, environment.intensity
+            parts.append(
+                run(
+                    Stage.BEAMS_AROUND,
+                    [surface, rest, turn, factor, count],
+                    lambda: probe_beams(rest, turn, factor, surface, around, count),
+                )
+            )
+        return run(Stage.BEAMS, parts, lambda: joined(parts)) if parts else None
+
+
+def lamp_beams(light: Light, surface: "Surface", around: "Ball", count: int) -> "Beams":
+    """Return about `count` beams of a lamp, shared out among its sub-lights."""
+    from milkglass.core.paths.beams import joined, traced
+    from milkglass.core.paths.emission import diverging, parallel
+
+    lights = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
+    n = len(lights)
+    share, colour = count // n, np.array(lights.colour) / n
+    if lights.kind == DIRECTIONAL:
+        emitted = [parallel(towards, colour, around, share) for towards in lights.vectors]
+    else:
+        emitted = [
+            diverging(place, functools.partial(lights.emission, i), colour, around, share)
+            for i, place in enumerate(lights.vectors)
+        ]
+    return joined([traced(surface, part) for part in emitted])
+
+
+def probe_beams(
+    probe: Probe, rotation_deg: float, intensity: float, surface: "Surface", around: "Ball", count: int
+) -> "Beams":
+    """Return `count` beams of an environment."""
+    from milkglass.core.paths.beams import traced
+    from milkglass.core.paths.emission import surrounding
+
+    return traced(surface, surrounding(intensity * probe.latlong, world_to_probe(rotation_deg), around, count))
