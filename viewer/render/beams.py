@@ -26,7 +26,8 @@ if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictu
     from milkglass.core.paths.emission import Ball
     from milkglass.core.paths.surface import Surface
 
-BEAMS, DRAFT_BEAMS = 30_000, 8_000  # of all lights together
+# Of all lights together. Under Uffizi 30,000 leave mottles where free paths are a few cells, 120,000 next to none.
+BEAMS, DRAFT_BEAMS = 120_000, 30_000
 SUB_LIGHTS = 16  # of a lamp with a size
 
 
@@ -53,7 +54,9 @@ class BeamStages:
         surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta], lambda: surface_of(mesh, bodies, eta))
         around = run(Stage.BALL, [mesh], lambda: Ball.around(mesh))
         lamps = *scene.effective_lights(), *self._surround.lamps(environment)
-        count = (DRAFT_BEAMS if draft else BEAMS) // max(len(lamps) + shines(environment), 1)
+        # Half for lamps, half for what comes from all around, where there are both.
+        share = (DRAFT_BEAMS if draft else BEAMS) // max(bool(lamps) + shines(environment), 1)
+        count = share // max(len(lamps), 1)
         parts = [
             run(
                 Stage.BEAMS_OF_LIGHT.of(i),
@@ -67,8 +70,8 @@ class BeamStages:
             parts.append(
                 run(
                     Stage.BEAMS_AROUND,
-                    [surface, rest, turn, factor, count],
-                    lambda: probe_beams(rest, turn, factor, surface, around, count),
+                    [surface, rest, turn, factor, share],
+                    lambda: probe_beams(rest, turn, factor, surface, around, share),
                 )
             )
         return run(Stage.BEAMS, parts, lambda: joined(parts)) if parts else None

@@ -9,7 +9,7 @@ from milkglass.core.grid.layers import fit_nodes
 from milkglass.core.paths.deposit import collided
 from milkglass.core.paths.emission import Ball
 from milkglass.core.paths.surface import Surface
-from milkglass.viewer.render.beams import BEAMS, lamp_beams
+from milkglass.viewer.render.beams import lamp_beams
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, as_kind
 from milkglass.viewer.scene.scene import apply_set
 from tests.support.rendering import inside, scene_of
@@ -27,7 +27,7 @@ def test_lamps_of_all_kinds_send_the_power_that_a_distant_one_does(kind):
     if kind == "rectangle":
         light = light.with_values(size_mm=(20.0, 20.0))
     entered, expected = (
-        collided(lamp_beams(lamp, surface, around, BEAMS), (5.0,) * 3, grid).sum(axis=(1, 2, 3))
+        collided(lamp_beams(lamp, surface, around, 30_000), (5.0,) * 3, grid).sum(axis=(1, 2, 3))
         for lamp in (light, SUN)
     )
     np.testing.assert_allclose(entered, expected, rtol=0.03)
