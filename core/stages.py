@@ -81,12 +81,11 @@ class Stage(StrEnum):
 
     MODEL = "model", Part.SHAPE
 
-    THICKNESS = "thickness", Part.SHAPE
-
     FIND_BODIES = "find bodies", Part.BODIES
     BODY_MARKS = "body marks", Part.BODIES
 
     ROUGHNESS = "roughness", Part.SAMPLES
+    THICKNESS = "thickness", Part.SAMPLES
     SAMPLES = "samples", Part.SAMPLES
 
     DETAIL = "detail", Part.SURFACE

@@ -47,7 +47,7 @@ def first_scattering(chord: npt.ArrayLike) -> tuple[Array, Array]:
     depths, weights : (n, 2) float64
         Depths in mean free paths; weights sum to 1 - exp(-chord).
     """
-    chord = np.minimum(np.asarray(chord, np.float64), LONGEST_CHORD)
+    chord = np.clip(np.asarray(chord, np.float64), 0.0, LONGEST_CHORD)
     at, table = _table()
     bounded = chord / (1.0 + chord)
     steps = bounded * ((TABLE_SIZE - 1) / at[-1])

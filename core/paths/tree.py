@@ -141,8 +141,10 @@ def _first(sight: Sight) -> Meetings:
     """Return the first meetings of rays of sight, numbered from 0."""
     points, directions = np.array(sight.points, np.float32), np.array(sight.directions, np.float32)
     k = len(points)
-    facing = np.einsum("ij,ij->i", sight.normals, directions)
-    normals = np.where(facing > 0.0, -1.0, 1.0)[:, None].astype(np.float32) * sight.normals
+    # At outlines a smooth normal may face away. Turned round it would have rays start inside the object; mirrored
+    # across the ray it keeps its cosine, by which pixels have what the surface lets out.
+    away = np.maximum(np.einsum("ij,ij->i", sight.normals, directions), 0.0)
+    normals = sight.normals - 2.0 * away[:, None] * directions
     return Meetings(
         points=points,
         directions=directions,

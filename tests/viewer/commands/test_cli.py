@@ -41,6 +41,7 @@ def rendered(monkeypatch):
             warnings=rendered.warnings,
             quality=SimpleNamespace(summary="layered, 8 layers"),
             remarks=("coarse",),
+            parts=("rays: none",),
         )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
@@ -154,7 +155,7 @@ def test_render_writes_every_output_and_passes_its_options(rendered, capsys, tmp
     out, err = capsys.readouterr()
     assert "layers" in out
     assert "1.2" in out
-    assert out.endswith("layered, 8 layers\ncoarse\n")
+    assert out.endswith("layered, 8 layers\nrays: none\ncoarse\n")
     assert err == "milkglass: warning: m.ply is not closed.\n"
 
 

@@ -1,9 +1,10 @@
-"""Rays of sight in the window: none while something moves, and at rest the picture that `render` draws."""
+"""Rays of sight in the window: few while something moves, and at rest the picture that `render` draws."""
 
 import numpy as np
 import pytest
 
 from milkglass.viewer.files.images import write_exr
+from milkglass.viewer.live.draft import DRAFT_PATH_STEP
 from milkglass.viewer.render.tracing import Tracing
 from milkglass.viewer.scene.scene import apply_set
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
@@ -23,12 +24,12 @@ def clear(context, few_rays, model):
 
 
 @pytest.mark.slow
-def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_without_rays(clear, monkeypatch):
+def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_with_few_rays(clear, monkeypatch):
     driver, traced = clear, []
     steps = Tracing.steps
 
     def counted(self, *arguments):
-        traced.append(driver.view.detail.draft)
+        traced.append((driver.view.detail.draft, arguments[-1]))
         return steps(self, *arguments)
 
     monkeypatch.setattr(Tracing, "steps", counted)
@@ -38,5 +39,5 @@ def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_without_
     turned = driver.picture()
     assert (turned != first).any()
     np.testing.assert_array_equal(turned, headless_picture(driver.session.scene, PICTURE))
-    assert traced
-    assert not any(traced)
+    assert {step for is_draft, step in traced if is_draft} == {DRAFT_PATH_STEP}
+    assert {step for is_draft, step in traced if not is_draft} == {1}
