@@ -18,8 +18,12 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from milkglass.core.material.library import lookup
+from milkglass.core.material.library import library, lookup
 from milkglass.core.reference.photons import walk
+from milkglass.viewer.render.picture import PictureRequest, read_image
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.scene.camera import pixel_offsets
+from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.half_space import HalfSpace
 from tests.support.paths import PACKAGES, ROOT
 
@@ -32,6 +36,7 @@ PHOTO, MASK = DATA / "image" / "buddha_head.png", DATA / "image" / "buddha_head_
 ON_GROUND = ("--set", "ground.on=true", "--set", "ground.reflectance=0.15", "--background", "#2a2d30")
 FIGURES = ROOT / "tests" / "figures"
 PROGRAM = "milkglass.viewer.commands.cli"
+MEASURED = "JMLH01", "NGD06"  # sources of the library
 PLAIN = ("--background", "#000000")
 
 
@@ -152,7 +157,8 @@ def photon_table(path: Path, name: str) -> Path:
         found = walk(rings, 1.0, (scattering / extinction,), medium.eta, (0.0, 0.0, -1.0), 400_000, seed=1)
         share = found.scattered[:, :-1, 0].mean(axis=0) / found.entered.sum()
         columns.append(np.minimum.accumulate(np.maximum(share / rings.areas[:-1], 1e-9)) * extinction**2)
-    np.savetxt(path, np.stack(columns, axis=1), "%.8g", ",", header="radius_mm, R, G, B", comments="")
+    rows = np.vstack([np.stack(columns, axis=1), [1.2 * edges[-1], 0.0, 0.0, 0.0]])
+    np.savetxt(path, rows, "%.8g", ",", header="radius_mm, R, G, B", comments="")
     return path
 
 
@@ -225,6 +231,28 @@ def galileo(studio: Studio) -> Pixels:
     return beside(*[studio.tile((420, 320), *options, *kind) for kind in kinds])
 
 
+def measured(_: Studio) -> Pixels:
+    """Draw every measured material, all at one exposure, its name below it."""
+    found = [item for item in library() if item.source in MEASURED]
+    renderer, side, columns = Renderer(), 148, 8
+    common = [
+        f"model.path={BUNNY}", "model.size_mm=60", f"environment.path={UFFIZI}", "display.background=environment",
+        "display.background_blur_deg=4", f"display.image_size=[{2 * side},{2 * side}]", "lights=[]",
+    ]  # fmt: skip
+    tiles, exposure = [], None
+    for item in found:
+        request = PictureRequest(pixel_offsets(4), exposure_for=exposure)
+        drawn = renderer.draw(apply_set(Scene(), [*common, f"material.name={item.name}"]), request)
+        exposure = drawn.log_average if exposure is None else exposure
+        image = cv2.cvtColor(read_image(drawn), cv2.COLOR_RGB2BGR)
+        tile = cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA)
+        label = np.full((18, side, 3), 24, np.uint8)
+        cv2.putText(label, item.name, (3, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (230, 230, 230), 1, cv2.LINE_AA)
+        tiles.append(np.concatenate([tile, label]))
+    tiles += [np.full_like(tiles[0], 24)] * (-len(tiles) % columns)
+    return np.concatenate([beside(*tiles[i : i + columns]) for i in range(0, len(tiles), columns)])
+
+
 def environments(studio: Studio) -> Pixels:
     options = (
         "--material", "jade", "--background", "environment", "--set", "display.background_blur_deg=15",
@@ -269,6 +297,7 @@ PICTURES: dict[str, Drawing] = {
     "highlights.png": highlights,
     "galileo.png": galileo,
     "environments.png": environments,
+    "measured.jpg": measured,
     "photograph.jpg": row(photograph((230, 352)), *[edited(name, (230, 352)) for name in ("jade", "marble", "wax")]),
     "figure3.jpg": row(*[edited(name, (314, 480)) for name in ("marble", "jade", "wax")]),
     "figure4.jpg": row(
