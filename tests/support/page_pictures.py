@@ -179,7 +179,7 @@ def lights(studio: Studio) -> Pixels:
         "--camera-elevation",
         28,
         "--set",
-        "display.exposure=-1",
+        "display.exposure=-0.4",
     )
     tiles = [
         studio.tile((320, 320), *scene, "--light", light)
