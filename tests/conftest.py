@@ -11,7 +11,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.gl.context import current, driver_name, free_dropped, headless_context, leave_framebuffer
 from tests.support.display import virtual_display
-from tests.support.paths import PACKAGES, ROOT
+from tests.support.paths import DATA, PACKAGES
 from tests.support.rendering import MeshRenderer
 from tests.support.shapes import ball, cube, plate, torus_knot
 
@@ -30,10 +30,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    path = Path(os.environ.get("MILKGLASS_DATA", ROOT.parent / "shared" / "data"))
-    if not path.is_dir():
+    if not DATA.is_dir():
         pytest.skip("the folder of third-party data is absent")
-    return path
+    return DATA
 
 
 @pytest.fixture(scope="session", autouse=True)

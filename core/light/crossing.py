@@ -29,6 +29,7 @@ from milkglass.core.light.vertex_rays import (
     VERTICES_AT_A_TIME,
     Caster,
     Float16,
+    irradiance,
     representative_vertices,
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
@@ -237,8 +238,7 @@ class Crossings:
         crossing = np.exp(-self.left_lengths[:, None] * np.asarray(extinctions, np.float32))
         arriving = radiance(self.directions.astype(np.float64)) * crossing * self.left_weights[:, None]
         vertices = np.repeat(np.arange(len(self.left_first) - 1), np.diff(self.left_first))
-        sums = [np.bincount(vertices, column, minlength=len(self.left_first) - 1) for column in arriving.T]
-        return (np.pi / self.rays * np.stack(sums, axis=1)).astype(np.float32)
+        return irradiance(arriving, vertices, len(self.left_first) - 1, self.rays)
 
     def share(self, extinction: float) -> float:
         """Return what would enter by these paths, over what enters in all, were there light all around: [0, 1]."""

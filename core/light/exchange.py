@@ -35,6 +35,7 @@ from milkglass.core.light.vertex_rays import (
     VERTICES_AT_A_TIME,
     Caster,
     Float16,
+    irradiance,
     representative_vertices,
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
@@ -91,11 +92,9 @@ class Hits:
         `radiance` gives that of the surroundings, (m, 3), in unit directions (m, 3).
         """
         entering, mirrored = self.factors(eta)
-        n, left = len(self.first) - 1, np.flatnonzero(self.directions.any(axis=1))
+        left = np.flatnonzero(self.directions.any(axis=1))
         arriving = radiance(self.directions[left].astype(np.float64)) * (entering * mirrored)[left, None]
-        vertices = self.vertices[left]
-        sums = [np.bincount(vertices, column, minlength=n) for column in arriving.T]
-        return (np.pi / self.rays * np.stack(sums, axis=1)).astype(np.float32)
+        return irradiance(arriving, self.vertices[left], len(self.first) - 1, self.rays)
 
     def factors(self, eta: float) -> tuple[Float32, Float32]:
         """Return F_t at the vertex and F_r at the first hit, (k,) each."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32, Floats, Ints
+from milkglass.core.arrays import Array, Float32, Floats, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
 from milkglass.core.geometry.normals import across
 from milkglass.core.light.bake import LIFTS, plane_normals, unit_normals
@@ -135,3 +135,19 @@ def representative_vertices(mesh: Mesh) -> Ints:
     of_vertices = np.bincount(mesh.faces.ravel(), np.repeat(areas, 3), minlength=len(mesh.vertices))
     chosen = np.random.default_rng(0).choice(len(of_vertices), TEST_VERTICES, p=of_vertices / of_vertices.sum())
     return np.sort(chosen)
+
+
+def irradiance(radiance: Array, vertices: Ints, count: int, rays: int) -> Float32:
+    """Return the irradiance at vertices, (count, 3), of the radiance that some of the rays from each bring.
+
+    Parameters
+    ----------
+    radiance : (k, 3)
+        Of each ray, with Fresnel's factors.
+    vertices : (k,) int
+        From which it was cast.
+    count, rays : int
+        Number of vertices, and of rays cast from each, by the cosine.
+    """
+    sums = [np.bincount(vertices, column, minlength=count) for column in radiance.T]
+    return (np.pi / rays * np.stack(sums, axis=1)).astype(np.float32)

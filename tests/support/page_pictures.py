@@ -25,11 +25,10 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.half_space import HalfSpace
-from tests.support.paths import PACKAGES, ROOT
+from tests.support.paths import DATA, PACKAGES, ROOT
 
 Pixels = npt.NDArray[np.uint8]
 
-DATA = Path(os.environ.get("MILKGLASS_DATA", ROOT.parent / "shared" / "data"))
 BUDDHA, DRAGON, BUNNY = (DATA / "meshes" / name for name in ("buddha_100k.ply", "dragon_100k.ply", "bunny_closed.ply"))
 UFFIZI, GALILEO = (DATA / "hdr" / f"{name}.hdr" for name in ("uffizi_latlong_1200x600", "galileo_probe"))
 PHOTO, MASK = DATA / "image" / "buddha_head.png", DATA / "image" / "buddha_head_mask.png"
