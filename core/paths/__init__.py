@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from milkglass.core.paths.events import Chords as Chords, Rays as Rays, follow as follow
     from milkglass.core.paths.glow import Glow as Glow
     from milkglass.core.paths.lamps import Lamp as Lamp
-    from milkglass.core.paths.surface import Surface as Surface
+    from milkglass.core.paths.surface import ClearPart as ClearPart, Surface as Surface
     from milkglass.core.paths.surroundings import Surroundings as Surroundings
     from milkglass.core.paths.tree import Seen as Seen, Sight as Sight, Tree as Tree
 else:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from milkglass.core.arrays import Float32, Int32
-from milkglass.core.paths.events import EVENTS, Rays, follow
+from milkglass.core.arrays import Bools, Float32, Int32
+from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.events import EVENTS, Rays, follow, most_events
 from milkglass.core.paths.surface import Surface
 
 
@@ -40,9 +41,9 @@ class Beams:
     starts, ends : (k, 3) float32
         World space, mm.
     lengths, before : (k,) float32
-        Of the chord, and of the way inside up to its start, mm.
+        Of the chord, and of the way up to its start in matter that scatters, mm.
     power : (k, 3) float32
-        R, G and B at the start, without attenuation.
+        R, G and B at the start, without attenuation there.
     bodies : (k,) int32
         That they cross.
     """
@@ -59,15 +60,19 @@ class Beams:
 
     def of_body(self, body: int) -> "Beams":
         """Return the chords that cross one body."""
-        chosen = self.bodies == body
+        return self.chosen(self.bodies == body)
+
+    def chosen(self, chosen: Bools) -> "Beams":
+        """Return some of the chords."""
         return Beams(*(getattr(self, item.name)[chosen] for item in fields(Beams)))
 
 
 def traced(surface: Surface, light: Emitted) -> Beams:
-    """Return the chords of light through the bodies of a surface, absorption and scattering left out."""
-    courses = followed(surface, light.origins, light.directions)
-    power = light.power[courses.sources] * courses.weights[:, None]
-    return Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
+    """Return the chords of light through bodies that scatter, what these absorb and scatter left out."""
+    courses = followed(surface, light.origins, light.directions, events=most_events(surface))
+    power = light.power[courses.sources] * courses.weights
+    beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
+    return beams.chosen(beams.bodies < surface.scattering) if surface.is_nested else beams
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +83,8 @@ class Courses:
     ----------
     starts, ends, lengths, before
         As of `Beams`.
-    weights : (k,) float32
-        What is left of the ray by what it has met.
+    weights : (k, n) float32
+        What is left of the ray by what it has met: of R, G and B where clear parts absorb, else of all light.
     bodies, sources : (k,) int32
         Body that each chord crosses, and its ray.
     """
@@ -98,21 +103,31 @@ def followed(surface: Surface, origins: Float32, directions: Float32, met: int =
 
     Paths end after so many `events`.
     """
-    n = len(origins)
-    weights, sources, parents = np.ones((n, 1), np.float32), np.arange(n, dtype=np.int32), np.full(n, -1, np.int32)
-    rays, clear = (
-        Rays(origins, directions, weights, sources, parents),
-        np.zeros((len(surface.faces.etas), 1), np.float32),
-    )
+    n, absorption = len(origins), surface.absorption if surface.absorption.any() else surface.absorption[:, :1]
+    weights = np.ones((n, absorption.shape[1]), np.float32)
+    rays = Rays.beginning(origins, directions, weights, np.arange(n, dtype=np.int32))
     parts = []
-    travelled = np.zeros(1, np.float32)  # at the end of each chord so far; 0 at last, for those without a parent
-    for event in follow(surface, rays, clear, met, events):
+    travelled = np.empty(0, np.float32)  # in matter that scatters, at the end of each chord so far
+    for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
         chords = event.chords
-        before = travelled[chords.parents]
-        travelled = np.concatenate([travelled[:-1], before + chords.lengths, travelled[-1:]])
+        inside = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
+        before, travelled = _travelled(chords.parents, inside, travelled)
         placed = chords.starts, chords.ends, chords.lengths, before
-        parts.append((*placed, chords.weights[:, 0], chords.bodies, chords.sources))
+        parts.append((*placed, chords.weights, chords.bodies, chords.sources))
     return Courses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+@compiled
+def _travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
+    """Return the ways up to the starts of chords, and to the ends of all; a parent comes before its children."""
+    n = len(so_far)
+    before, travelled = np.zeros(len(lengths), np.float32), np.empty(n + len(lengths), np.float32)
+    travelled[:n] = so_far
+    for i in range(len(lengths)):
+        if parents[i] >= 0:
+            before[i] = travelled[parents[i]]
+        travelled[n + i] = before[i] + lengths[i]
+    return before, travelled
 
 
 def joined(parts: Sequence[Beams]) -> Beams:

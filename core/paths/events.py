@@ -6,6 +6,10 @@ one, so that no energy is lost; what is mirrored where a path begins is kept wha
 surface `EVENTS` times leaves along the refracted branch, or straight on where all is reflected. Rays that leave are
 cast again: in a concave object they enter again.
 
+A ray knows all media that it is in, as the bits of a number. Of several that overlap one is there
+(`core.paths.surface`), and a surface where that does not change, or only to one of the same index that scatters no
+light either, is passed.
+
 Directions are those of rays, of light or of sight: weights are the same for both. Radiance inside is eta^2 times that
 outside; who adds radiance of the inside to a path divides by it.
 """
@@ -15,11 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from milkglass.core.arrays import Bools, Float32, Int32
+from milkglass.core.arrays import Float32, Int32
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.surface import Faces, Surface
 
 EVENTS = 8
+NESTED_EVENTS = 16  # of media within others: light through a filled glass meets four surfaces at least
+MOST_PASSED = 64  # surfaces between two meetings
 LEAST_WEIGHT = 0.02
 NEGLIGIBLE_WEIGHT = 1e-4  # of the largest channel: what absorption leaves of both branches, below which both end
 SMALLEST_NORMAL = 1e-6  # of interpolated normals: below, opposite ones have cancelled
@@ -39,6 +45,10 @@ class Rays(NamedTuple):
         Number of whatever the path began with: a pixel, a beam.
     parents : (k,) int32
         Number of the last chord on its path; -1 for none.
+    within : (k,) int32
+        Bits of the media that it is in, as far as it has met their surfaces: what it meets next may tell better.
+    bodies : (k,) int32
+        Body that it entered last, of those that scatter.
     """
 
     origins: Float32
@@ -46,6 +56,15 @@ class Rays(NamedTuple):
     weights: Float32
     sources: Int32
     parents: Int32
+    within: Int32
+    bodies: Int32
+
+    @classmethod
+    def beginning(cls, origins: Float32, directions: Float32, weights: Float32, sources: Int32) -> "Rays":
+        """Return rays where their paths begin: in air, or in a body of which they meet the surface next."""
+        k = len(origins)
+        none, air = np.full(k, -1, np.int32), np.zeros(k, np.int32)
+        return cls(origins, directions, weights, sources, none, air, np.zeros(k, np.int32))
 
 
 class Chords(NamedTuple):
@@ -83,14 +102,18 @@ class Meetings(NamedTuple):
         Unit, of the smooth surface and of the face, turned to the side that the ray arrives from.
     weights : (k, n) float32
         As they arrive.
-    inside : (k,) bool
-        Whether the ray arrives from inside a body.
+    etas : (k,) float32
+        Index of refraction of the side beyond over that of the side that the ray arrives from.
+    beyond : (k,) int32
+        Body on that side; -1 of air.
     faces : (k,) int32
         Of the surface; -1 where it is not known.
     places : (k, 2) float32
         Weights of the face's second and third corner.
+    within, entered : (k,) int32
+        Media of the side that it arrives from, and of the side beyond, as of the ray.
     bodies, sources, parents : (k,) int32
-        Body whose surface it is; as of the ray.
+        As of the rays that go on.
     """
 
     points: Float32
@@ -98,9 +121,12 @@ class Meetings(NamedTuple):
     normals: Float32
     planes: Float32
     weights: Float32
-    inside: Bools
+    etas: Float32
+    beyond: Int32
     faces: Int32
     places: Float32
+    within: Int32
+    entered: Int32
     bodies: Int32
     sources: Int32
     parents: Int32
@@ -166,7 +192,25 @@ def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> t
 
     `chord` is the number of the first chord; other arguments as of `follow`.
     """
-    return _meet(rays, surface.rays.places(rays.origins, rays.directions), surface.faces, extinction, chord)
+    chords, met, left = [], [], []
+    for number in range(MOST_PASSED):
+        hits = surface.rays.places(rays.origins, rays.directions)
+        crossed, meetings, escaped, rays = _meet(
+            rays, hits, surface.faces, extinction, surface.offset, surface.scattering, chord
+        )
+        chord += len(crossed.lengths)
+        if number == 0 and len(rays.origins) == 0:
+            return crossed, meetings, escaped
+        chords.append(crossed)
+        met.append(meetings)
+        left.append(escaped)
+        if len(rays.origins) == 0:
+            break
+    return (
+        Chords(*(np.concatenate(column) for column in zip(*chords, strict=True))),
+        Meetings(*(np.concatenate(column) for column in zip(*met, strict=True))),
+        Rays(*(np.concatenate(column) for column in zip(*left, strict=True))),
+    )
 
 
 def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS) -> tuple[Rays, Rays, Float32]:
@@ -181,7 +225,7 @@ def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS
     events : int
         After how many meetings paths end.
     """
-    return _part(meetings, surface.faces.etas, surface.offset, number, events)
+    return _part(meetings, surface.offset, number, events)
 
 
 def joined(a: Rays, b: Rays) -> Rays:
@@ -191,13 +235,38 @@ def joined(a: Rays, b: Rays) -> Rays:
 
 def none(rays: Rays) -> Rays:
     """Return no rays, of the channels of others."""
-    return Rays(rays.origins[:0], rays.directions[:0], rays.weights[:0], rays.sources[:0], rays.parents[:0])
+    return Rays(
+        rays.origins[:0], rays.directions[:0], rays.weights[:0], rays.sources[:0], rays.parents[:0], rays.within[:0],
+        rays.bodies[:0],
+    )  # fmt: skip
+
+
+def most_events(surface: Surface) -> int:
+    """Return after how many meetings with a surface paths end."""
+    return NESTED_EVENTS if surface.is_nested else EVENTS
+
+
+@compiled
+def _there(within: int, body: int, surface: Faces) -> int:
+    """Return the body that a ray is in which is in some media, and entered a body last; -1 in air."""
+    if within == 0:
+        return -1
+    medium = len(surface.of_media) - 1
+    while not within >> medium & 1:
+        medium -= 1
+    return body if surface.of_media[medium] < 0 else surface.of_media[medium]
 
 
 @compiled
 def _meet(
-    rays: Rays, hits: tuple[Int32, Float32, Float32, Float32], surface: Faces, extinction: Float32, chord: int
-) -> tuple[Chords, Meetings, Rays]:
+    rays: Rays,
+    hits: tuple[Int32, Float32, Float32, Float32],
+    surface: Faces,
+    extinction: Float32,
+    offset: float,
+    scattering: int,
+    chord: int,
+) -> tuple[Chords, Meetings, Rays, Rays]:
     hit, distance, second, third = hits
     k, channels = rays.weights.shape
     met = 0
@@ -205,14 +274,15 @@ def _meet(
         met += hit[i] >= 0
     points, directions = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
     normals, planes = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
-    weights, inside = np.empty((met, channels), np.float32), np.empty(met, np.bool_)
-    places, faces, bodies = np.empty((met, 2), np.float32), np.empty(met, np.int32), np.empty(met, np.int32)
+    weights, etas = np.empty((met, channels), np.float32), np.empty(met, np.float32)
+    places, faces, beyond = np.empty((met, 2), np.float32), np.empty(met, np.int32), np.empty(met, np.int32)
+    within, entered, bodies = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
     sources, parents = np.empty(met, np.int32), np.empty(met, np.int32)
     starts, ends = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
     lengths, before = np.empty(met, np.float32), np.empty((met, channels), np.float32)
     crossed, chord_sources, chord_parents = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
-    free = np.empty(k - met, np.int64)
-    j = n = left = 0
+    free, passed = np.empty(k - met, np.int64), np.zeros(met, np.bool_)
+    j = n = left = went_on = 0
     for i in range(k):
         face = hit[i]
         if face < 0:
@@ -225,8 +295,19 @@ def _meet(
         facing = length = np.float32(0.0)
         for axis in range(3):
             facing += rays.directions[i, axis] * surface.planes[face, axis]
-        within = facing > 0.0
-        turn = np.float32(-1.0) if within else np.float32(1.0)
+        leaving = facing > 0.0
+        # What it meets tells on which side of it the ray has been, whatever of it was met before.
+        bit, last = 1 << surface.media[body], rays.bodies[i]
+        arriving = rays.within[i] | bit if leaving else rays.within[i] & ~bit
+        here = _there(arriving, body if leaving and body < scattering else last, surface)
+        last = body if body < scattering else last
+        there = _there(arriving ^ bit, last, surface)
+        eta_here = surface.etas[here] if here >= 0 else np.float32(1.0)
+        eta_there = surface.etas[there] if there >= 0 else np.float32(1.0)
+        is_clear = (here < 0 or here >= scattering) and (there < 0 or there >= scattering)
+        passed[j] = here == there or (is_clear and eta_here == eta_there)
+        went_on += passed[j]
+        turn = np.float32(-1.0) if leaving else np.float32(1.0)
         for axis in range(3):
             points[j, axis] = rays.origins[i, axis] + distance[i] * rays.directions[i, axis]
             directions[j, axis] = rays.directions[i, axis]
@@ -247,41 +328,65 @@ def _meet(
         for channel in range(channels):
             weights[j, channel] = rays.weights[i, channel]
         parents[j] = rays.parents[i]
-        if within:
+        if here >= 0:
             for axis in range(3):
                 starts[n, axis], ends[n, axis] = rays.origins[i, axis], points[j, axis]
             for channel in range(channels):
                 before[n, channel] = rays.weights[i, channel]
-                weights[j, channel] *= np.exp(-extinction[body, channel] * distance[i])
-            lengths[n], crossed[n] = distance[i], body
+                weights[j, channel] *= np.exp(-extinction[here, channel] * distance[i])
+            lengths[n], crossed[n] = distance[i], here
             chord_sources[n], chord_parents[n] = rays.sources[i], rays.parents[i]
             parents[j] = chord + n
             n += 1
-        inside[j], faces[j], bodies[j], sources[j] = within, face, body, rays.sources[i]
+        etas[j], beyond[j], faces[j], sources[j] = eta_there / eta_here, there, face, rays.sources[i]
+        within[j], entered[j], bodies[j] = arriving, arriving ^ bit, last
         places[j, 0], places[j, 1] = u, v
         j += 1
     chords = Chords(starts[:n], ends[:n], lengths[:n], before[:n], crossed[:n], chord_sources[:n], chord_parents[:n])
-    meetings = Meetings(points, directions, normals, planes, weights, inside, faces, places, bodies, sources, parents)
     escaped = Rays(
-        rays.origins[free], rays.directions[free], rays.weights[free], rays.sources[free], rays.parents[free]
+        rays.origins[free],
+        rays.directions[free],
+        rays.weights[free],
+        rays.sources[free],
+        rays.parents[free],
+        rays.within[free],
+        rays.bodies[free],
     )
-    return chords, meetings, escaped
+    on = np.flatnonzero(passed)
+    through = Rays(
+        points[on] - np.float32(offset) * planes[on],
+        directions[on],
+        weights[on],
+        sources[on],
+        parents[on],
+        entered[on],
+        bodies[on],
+    )
+    if went_on > 0:
+        at = np.flatnonzero(~passed)
+        points, directions, normals, planes, weights = points[at], directions[at], normals[at], planes[at], weights[at]
+        etas, beyond, faces, places, within = etas[at], beyond[at], faces[at], places[at], within[at]
+        entered, bodies, sources, parents = entered[at], bodies[at], sources[at], parents[at]
+    meetings = Meetings(
+        points, directions, normals, planes, weights, etas, beyond, faces, places, within, entered, bodies, sources,
+        parents,
+    )  # fmt: skip
+    return chords, meetings, escaped, through
 
 
 @compiled
-def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events: int) -> tuple[Rays, Rays, Float32]:
+def _part(meetings: Meetings, offset: float, number: int, events: int) -> tuple[Rays, Rays, Float32]:
     k, channels = meetings.weights.shape
     origins, directions = np.empty((2, k, 3), np.float32), np.empty((2, k, 3), np.float32)
     weights = np.empty((2, k, channels), np.float32)
     sources, parents = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
+    within, bodies = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
     went_on = np.empty(k, np.float32)
     mirrored, refracted = np.empty(3, np.float32), np.empty(3, np.float32)
     counts = np.zeros(2, np.int64)
     for i in range(k):
         d, normal, plane = meetings.directions[i], meetings.normals[i], meetings.planes[i]
-        eta = etas[meetings.bodies[i]]  # of the side beyond over the side that the ray arrives from
-        if meetings.inside[i]:
-            eta = np.float32(1.0) / eta
+        eta = meetings.etas[i]
         cosine = min(np.float32(1.0), -(d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2]))
         sine2 = (np.float32(1.0) - cosine * cosine) / (eta * eta)
         beyond = np.sqrt(max(np.float32(0.0), np.float32(1.0) - sine2))
@@ -321,11 +426,29 @@ def _part(meetings: Meetings, etas: Float32, offset: float, number: int, events:
             for channel in range(channels):
                 weights[branch, n, channel] = shares[branch] * meetings.weights[i, channel]
             sources[branch, n], parents[branch, n] = meetings.sources[i], meetings.parents[i]
+            within[branch, n] = meetings.within[i] if branch == 0 else meetings.entered[i]
+            bodies[branch, n] = meetings.bodies[i]
             counts[branch] = n + 1
     m, r = counts[0], counts[1]
     return (
-        Rays(origins[0, :m], directions[0, :m], weights[0, :m], sources[0, :m], parents[0, :m]),
-        Rays(origins[1, :r], directions[1, :r], weights[1, :r], sources[1, :r], parents[1, :r]),
+        Rays(
+            origins[0, :m],
+            directions[0, :m],
+            weights[0, :m],
+            sources[0, :m],
+            parents[0, :m],
+            within[0, :m],
+            bodies[0, :m],
+        ),
+        Rays(
+            origins[1, :r],
+            directions[1, :r],
+            weights[1, :r],
+            sources[1, :r],
+            parents[1, :r],
+            within[1, :r],
+            bodies[1, :r],
+        ),
         went_on,
     )
 

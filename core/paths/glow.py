@@ -51,7 +51,7 @@ class Glow(NamedTuple):
         extinction : (b, 3) float32
             Of each body, 1/mm.
         etas : (b,) float32
-            Index of refraction of each body.
+            Index of refraction of each body that glows, the first of all.
         radiance : (n, 3) float32
         """
         _march(chords, self, extinction, etas, radiance)
@@ -63,6 +63,8 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
     value = np.empty(3, np.float32)
     for i in range(len(chords.lengths)):
         body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i]
+        if body >= len(etas):
+            continue
         steps = int(np.ceil(length / glow.spacing))
         if steps == 0:
             continue

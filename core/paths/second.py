@@ -121,7 +121,7 @@ def collided_again(
     """
     courses = back.courses
     sent = (back.flux[:, None] * np.roll(radiance, len(radiance) // SIDES, axis=0)).astype(np.float32)
-    power = courses.weights[:, None] * sent[courses.sources]
+    power = courses.weights * sent[courses.sources]
     beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
     returned = collided(beams, [medium.sigma_t_prime for medium in media], grid)
 

@@ -1,5 +1,6 @@
 """The surface of a transparent object, as rays meet it from outside and from inside."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,14 +8,36 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.core.arrays import Float32, Int32
-from milkglass.core.geometry.mesh import Mesh, face_normals
+from milkglass.core.geometry.mesh import Mesh, face_normals, position_groups
 from milkglass.core.geometry.rays import RayMesh
 
 OFFSET = 2e-5  # radii of the bounding sphere from a face at which rays that leave it start
+COINCIDENT = 1e-4  # radii by which surfaces of two media may lie apart that are meant to touch
+OVERLAP = 4.0  # of that distance by which the first of them is grown into the other
+MOST_CLEAR = 30  # parts: a bit of a ray's state is for each
+
+
+@dataclass(frozen=True, eq=False)
+class ClearPart:
+    """A part of an object that absorbs and refracts light but does not scatter it, as the glass around a liquid.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Closed, faces counter-clockwise seen from outside.
+    eta : float
+        Index of refraction over that of the air, > 0.
+    absorption : of R, G and B
+        1/mm.
+    """
+
+    mesh: Mesh
+    eta: float
+    absorption: tuple[float, float, float]
 
 
 class Faces(NamedTuple):
-    """Arrays of a surface for compiled loops: n vertices, m faces, b bodies.
+    """Arrays of a surface for compiled loops: n vertices, m faces, b bodies, the clear parts last.
 
     Attributes
     ----------
@@ -29,6 +52,11 @@ class Faces(NamedTuple):
         Body of each face.
     etas : (b,) float32
         Index of refraction inside each body over that of the air.
+    media : (b,) int32
+        Medium of each body, numbered from 0; bodies that scatter are all of one. Where two media overlap, the one with
+        the higher number is there.
+    of_media : (k,) int32
+        Clear part of each medium; -1 of that which scatters.
     """
 
     corners: Int32
@@ -37,13 +65,18 @@ class Faces(NamedTuple):
     planes: Float32
     bodies: Int32
     etas: Float32
+    media: Int32
+    of_media: Int32
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Closed bodies in air, each of one medium inside; compared by identity.
 
-    A ray is inside a body from where it meets the front of a face of it to where it meets the back of one.
+    A ray is inside a body from where it meets the front of a face of it to where it meets the back of one. Bodies of
+    different media may overlap: what is there is the medium with the smaller volume in all, so that a body within the
+    matter of another is seen, and a liquid may reach into its glass (nested dielectrics, Schmidt and Budge 2002).
+    Surfaces that coincide are made to overlap.
 
     Attributes
     ----------
@@ -51,15 +84,23 @@ class Surface:
     rays : RayMesh
     offset : float
         Distance from a face at which rays that leave it start, mm.
+    scattering : int
+        Number of the bodies that scatter light; bodies from there on are clear parts.
+    absorption : (b, 3) float32
+        Of clear parts, 1/mm; 0 of the others.
     """
 
     faces: Faces
     rays: RayMesh
     offset: float
+    scattering: int
+    absorption: Float32
 
     @classmethod
-    def of(cls, mesh: Mesh, etas: npt.ArrayLike, bodies: Int32 | None = None) -> "Surface":
-        """Return the surface of a closed mesh.
+    def of(
+        cls, mesh: Mesh, etas: npt.ArrayLike, bodies: Int32 | None = None, clear: Sequence[ClearPart] = ()
+    ) -> "Surface":
+        """Return the surface of a closed mesh, and of clear parts beside it.
 
         Parameters
         ----------
@@ -69,15 +110,55 @@ class Surface:
             Relative index of refraction of each body, > 0.
         bodies : (m,) int32, optional
             Body of each face, 0 to b - 1; without, all are one.
+        clear : sequence of ClearPart
+            At most `MOST_CLEAR`.
         """
+        etas = np.atleast_1d(np.asarray(etas, np.float32))
+        scattering, meshes = len(etas), [mesh, *(part.mesh for part in clear)]
         of_face = np.zeros(len(mesh.faces), np.int32) if bodies is None else bodies
-        planes = face_normals(mesh.vertices, mesh.faces)
+        starts = np.cumsum([0, *(len(part.vertices) for part in meshes)])
+        radius = max(part.radius for part in meshes)
+        vertices = np.concatenate(_overlapping(meshes, COINCIDENT * radius))
+        corners = np.concatenate([part.faces + start for part, start in zip(meshes, starts, strict=False)])
+        of_clear = [np.full(len(part.mesh.faces), scattering + i) for i, part in enumerate(clear)]
+        largest_first = np.argsort([-part.volume for part in meshes], kind="stable")
+        numbers = np.argsort(largest_first)
+        media = np.concatenate([np.full(scattering, numbers[0]), numbers[1:]])
+        of_media = np.where(largest_first == 0, -1, scattering + largest_first - 1)
         faces = Faces(
-            corners=np.array(mesh.faces, np.int32, order="C"),
-            vertices=np.array(mesh.vertices, np.float32, order="C"),
-            normals=np.array(mesh.normals, np.float32, order="C"),
-            planes=np.array(planes, np.float32, order="C"),
-            bodies=np.array(of_face, np.int32, order="C"),
-            etas=np.array(np.atleast_1d(etas), np.float32, order="C"),
+            corners=np.array(corners, np.int32, order="C"),
+            vertices=np.array(vertices, np.float32, order="C"),
+            normals=np.array(np.concatenate([part.normals for part in meshes]), np.float32, order="C"),
+            planes=np.array(face_normals(vertices, corners), np.float32, order="C"),
+            bodies=np.array(np.concatenate([of_face, *of_clear]), np.int32, order="C"),
+            etas=np.array([*etas, *(part.eta for part in clear)], np.float32),
+            media=np.array(media, np.int32),
+            of_media=np.array(of_media, np.int32),
         )
-        return cls(faces, RayMesh(mesh.vertices, mesh.faces), OFFSET * mesh.radius)
+        absorption = np.zeros((len(faces.etas), 3), np.float32)
+        absorption[scattering:] = [part.absorption for part in clear] or np.empty((0, 3))
+        return cls(faces, RayMesh(vertices, corners), OFFSET * radius, scattering, absorption)
+
+    @property
+    def is_nested(self) -> bool:
+        """Whether there are clear parts, so that a ray may be in several media at once."""
+        return self.scattering < len(self.absorption)
+
+
+def _overlapping(meshes: Sequence[Mesh], distance: float) -> list[Float32]:
+    """Return the vertices of meshes, of each grown a little into those after it where the surfaces coincide."""
+    found = []
+    for i, mesh in enumerate(meshes):
+        vertices, others = np.array(mesh.vertices), meshes[i + 1 :]
+        if others:
+            first, group = position_groups(vertices)
+            outward = np.zeros((len(first), 3), np.float32)
+            np.add.at(outward, group, mesh.normals)
+            outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), np.float32(1e-6))
+            origins, reach = vertices[first] - np.float32(distance) * outward, np.full(len(first), 2.0 * distance)
+            touching = np.zeros(len(first), bool)
+            for other in others:
+                touching |= other.rays.first(origins, outward, reach)[0] >= 0
+            vertices += np.float32(OVERLAP * distance) * (touching[:, None] * outward)[group]
+        found.append(vertices)
+    return found

@@ -5,7 +5,7 @@ The first meeting with the surface is known, from the picture's G-buffer. From t
 
     what leaves the object:            w L_surround(d)
     every chord inside:                w (1 / eta^2) int S(x) e^(-s_t' s) ds
-    every meeting from outside:        w F_t M / (pi T)
+    every meeting of a surface that scatters, from outside:   w F_t M / (pi T)
 
 with w the branch's weight, S the radiance that a mm scatters (`core.paths.glow`), M the exitance of the surface, in the
 channels that have no S, and T its mean transmittance: an object is seen in its own mirror and through its clear parts.
@@ -21,7 +21,7 @@ from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import EVENTS, Meetings, Rays, follow, joined, none, part
 from milkglass.core.paths.glow import Glow
-from milkglass.core.paths.surface import Surface
+from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
 from milkglass.core.threads import pool_map
 
@@ -43,6 +43,7 @@ class Sight:
     directions : (k, 3) float32
         Unit, from the eye.
     bodies : (k,) int32
+        As of `core.paths.surface.Faces`.
     """
 
     points: Float32
@@ -81,11 +82,11 @@ class Tree:
     ----------
     surface : Surface
     extinction : (b, 3) float32
-        s_t' of each body, 1/mm.
+        s_t' of each body, absorption of each clear part, 1/mm.
     surroundings : Surroundings
     glow : Glow, optional
     leaving : (n, 3) float32, optional
-        M / (pi T) at the surface's vertices.
+        M / (pi T) at the surface's vertices; at those of a clear part what matter has that it touches.
     mirrors, clear : bool
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
@@ -124,21 +125,21 @@ class Tree:
 
     def _trace(self, sight: Sight) -> tuple[Float32, Float32, Float32]:
         surface, faces = self.surface, self.surface.faces
-        first = _first(sight)
+        first = _first(sight, faces, surface.scattering)
         mirrored, refracted, _ = part(surface, first, 1, self.events)
         rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if self.clear else none(refracted))
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
             if self.glow is not None:
-                self.glow.add(event.chords, self.extinction, faces.etas, scattered)
+                self.glow.add(event.chords, self.extinction, faces.etas[: surface.scattering], scattered)
             if self.leaving is not None:
-                _add_leaving(event.meetings, event.mirrored, faces.corners, self.leaving, scattered)
+                _add_leaving(event.meetings, event.mirrored, faces.corners, self.leaving, surface.scattering, scattered)
         return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
 
 
-def _first(sight: Sight) -> Meetings:
-    """Return the first meetings of rays of sight, numbered from 0."""
+def _first(sight: Sight, faces: Faces, scattering: int) -> Meetings:
+    """Return the first meetings of rays of sight, which come through air, numbered from 0."""
     points, directions = np.array(sight.points, np.float32), np.array(sight.directions, np.float32)
     k = len(points)
     # At outlines a smooth normal may face away. Turned round it would have rays start inside the object; mirrored
@@ -151,10 +152,13 @@ def _first(sight: Sight) -> Meetings:
         normals=normals,
         planes=normals,
         weights=np.ones((k, 3), np.float32),
-        inside=np.zeros(k, bool),
+        etas=faces.etas[sight.bodies],
+        beyond=np.array(sight.bodies, np.int32),
         faces=np.full(k, -1, np.int32),
         places=np.zeros((k, 2), np.float32),
-        bodies=np.array(sight.bodies, np.int32),
+        within=np.zeros(k, np.int32),
+        entered=np.left_shift(1, faces.media[sight.bodies], dtype=np.int32),
+        bodies=np.where(sight.bodies < scattering, sight.bodies, 0).astype(np.int32),
         sources=np.arange(k, dtype=np.int32),
         parents=np.full(k, -1, np.int32),
     )
@@ -167,9 +171,11 @@ def _numbered(mirrored: Rays, refracted: Rays) -> Rays:
 
 
 @compiled
-def _add_leaving(meetings: Meetings, mirrored: Float32, corners: Int32, leaving: Float32, radiance: Float32) -> None:
+def _add_leaving(
+    meetings: Meetings, mirrored: Float32, corners: Int32, leaving: Float32, scattering: int, radiance: Float32
+) -> None:
     for i in range(len(mirrored)):
-        if meetings.inside[i]:
+        if meetings.beyond[i] < 0 or meetings.beyond[i] >= scattering:
             continue
         pixel, (a, b, c), (u, v) = meetings.sources[i], corners[meetings.faces[i]], meetings.places[i]
         for channel in range(3):

@@ -15,12 +15,11 @@ def beam(count: int, radius: float, channels: int = 3) -> Rays:
     rng = np.random.default_rng(0)
     at = radius * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
     origins = np.column_stack([at[0] * np.cos(at[1]), at[0] * np.sin(at[1]), np.full(count, 50.0)])
-    return Rays(
+    return Rays.beginning(
         origins.astype(np.float32),
         np.tile(np.array([0, 0, -1], np.float32), (count, 1)),
         np.ones((count, channels), np.float32),
         np.arange(count, dtype=np.int32),
-        np.full(count, -1, np.int32),
     )
 
 

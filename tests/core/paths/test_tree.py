@@ -142,7 +142,7 @@ def test_lamps_are_as_large_as_they_are(lamp, solid_angle):
     sine = np.sqrt(1.0 - cosine**2)
     directions = np.column_stack([sine * np.cos(angle), sine * np.sin(angle), -cosine]).astype(np.float32)
     number = np.zeros(count, np.int32)
-    rays = Rays(np.zeros_like(directions), directions, np.ones((count, 3), np.float32), number, number)
+    rays = Rays.beginning(np.zeros_like(directions), directions, np.ones((count, 3), np.float32), number)
     radiance = np.zeros((1, 3), np.float32)
     Surroundings.of(lamps=[lamp]).add(rays, radiance, 0)
     expected = solid_angle / (2.0 * np.pi * cap) * count
