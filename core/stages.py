@@ -190,6 +190,7 @@ class Stage(StrEnum):
     PATH_SURFACE = "surface for rays", Part.IRRADIANCE
     PATHS = "rays of sight", Part.LOOK
     PATH_EXITANCE = "exitance for rays", Part.LOOK
+    PATH_PARTS = "parts of light along rays", Part.LOOK
     PATH_TARGETS = "ray targets", Part.LOOK
     REENTRY_TARGETS = "targets of reentry", Part.LOOK
     REENTRY_BUFFERS = "buffers of reentry", Part.LOOK

@@ -11,6 +11,7 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.paths.filled import LEAST_WEIGHT, Filled
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.resolution import resolved_share
+from milkglass.core.threads import computed_once
 
 Volumes = Sequence[Float32 | None]  # of R, G and B, (n_layers, height, width); None of a dark one
 
@@ -21,14 +22,20 @@ class Resolved:
 
     Attributes
     ----------
-    glow : Glow
-        Times the shares.
+    once, often : Glow
+        Of light that has scattered once, and of all other, times the shares.
     shares : of R, G and B
         By how much it takes the place of exitance of the surface, [0, 1].
     """
 
-    glow: Glow
+    once: Glow
+    often: Glow
     shares: tuple[float, ...]
+
+    @computed_once
+    def glow(self) -> Glow:
+        """Return that of all light."""
+        return self.once._replace(nodes=self.once.nodes + self.often.nodes)
 
     def together(self, parts: Sequence["Resolved | None"], first: Ints, grid: LayerGrid) -> "Resolved":
         """Return that of several bodies with the same shares.
@@ -42,12 +49,15 @@ class Resolved:
         grid : LayerGrid
             Of all.
         """
-        radiance = np.zeros((*grid.shape, 3), np.float32)
+        once, often = (np.zeros((*grid.shape, 3), np.float32) for _ in range(2))
         for part, (layer, row, column) in zip(parts, first, strict=True):
             if part is not None:
-                depth, height, width = part.glow.nodes.shape[:3]
-                radiance[layer : layer + depth, row : row + height, column : column + width] += part.glow.nodes
-        return Resolved(Glow(radiance, origin_of(grid), grid.texel), self.shares)
+                depth, height, width = part.once.nodes.shape[:3]
+                box = slice(layer, layer + depth), slice(row, row + height), slice(column, column + width)
+                once[box] += part.once.nodes
+                often[box] += part.often.nodes
+        origin, spacing = origin_of(grid), grid.texel
+        return Resolved(Glow(once, origin, spacing), Glow(often, origin, spacing), self.shares)
 
 
 def often_scattered(second: Float32, fluence: Float32, medium: Medium, fill: Filled, grid: LayerGrid) -> Float32:
@@ -76,12 +86,17 @@ def resolved(
         Along world axes.
     """
     shares = tuple(resolved_share(medium, grid) for medium in media)
-    radiance = np.zeros((3, *grid.shape), np.float32)
-    for i, (once, again) in enumerate(zip(first, often, strict=True)):
-        if once is not None:
-            radiance[i] = once if again is None else once + np.float32(gains[i]) * again
-            radiance[i] *= np.float32(shares[i] / (4.0 * np.pi * grid.texel**3)) / fill.weight
-    return Resolved(Glow.of(radiance, origin_of(grid), grid.texel), shares)
+    factors = [share / (4.0 * np.pi * grid.texel**3) for share in shares]
+    gained = [factor * gain for factor, gain in zip(factors, gains, strict=True)]
+
+    def glow(powers: Volumes, factors: Sequence[float]) -> Glow:
+        radiance = np.zeros((3, *grid.shape), np.float32)
+        for sent, power, factor in zip(radiance, powers, factors, strict=True):
+            if power is not None:
+                np.multiply(power, np.float32(factor) / fill.weight, out=sent)
+        return Glow.of(radiance, origin_of(grid), grid.texel)
+
+    return Resolved(glow(first, factors), glow(often, gained), shares)
 
 
 def origin_of(grid: LayerGrid) -> Float32:

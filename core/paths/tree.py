@@ -19,7 +19,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import EVENTS, Meetings, Rays, follow, joined, none, part
+from milkglass.core.paths.events import EVENTS, Chords, Meetings, Rays, follow, joined, none, part
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
@@ -74,6 +74,29 @@ class Seen(NamedTuple):
     scattered: Float32
 
 
+class Inside(NamedTuple):
+    """What rays show that the surface has refracted where they met it first.
+
+    Attributes
+    ----------
+    unscattered : bool
+        Whether they show the surroundings.
+    glow : Glow, optional
+        What they gather.
+    leaving : bool
+        Whether they show the surface's exitance.
+    """
+
+    unscattered: bool
+    glow: Glow | None
+    leaving: bool
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether they show nothing."""
+        return not (self.unscattered or self.leaving) and self.glow is None
+
+
 @dataclass(frozen=True, eq=False)
 class Tree:
     """What trees of rays are traced in; compared by identity.
@@ -91,6 +114,8 @@ class Tree:
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
         After how many meetings with the surface a path ends.
+    inside : Inside, optional
+        What refracted rays show, where that is not all; mirrored ones show all.
     """
 
     surface: Surface
@@ -101,6 +126,7 @@ class Tree:
     mirrors: bool = True
     clear: bool = True
     events: int = EVENTS
+    inside: Inside | None = None
 
     def trace(self, sight: Sight, go_on: Callable[[], bool] = lambda: True) -> Seen:
         """Return the radiance of rays of sight, in the threads of the pool.
@@ -125,17 +151,32 @@ class Tree:
 
     def _trace(self, sight: Sight) -> tuple[Float32, Float32, Float32]:
         surface, faces = self.surface, self.surface.faces
+        inside = self.inside or Inside(unscattered=True, glow=self.glow, leaving=True)
+        refracts = self.clear and not inside.is_dark
         first = _first(sight, faces, surface.scattering)
         mirrored, refracted, _ = part(surface, first, 1, self.events)
-        rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if self.clear else none(refracted))
+        rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if refracts else none(refracted))
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
+        shown = np.array([1.0, float(inside.leaving)], np.float32)
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
-            if self.glow is not None:
-                self.glow.add(event.chords, self.extinction, faces.etas[: surface.scattering], scattered)
+            for glow, chords in self._gathered(event.chords):
+                if glow is not None:
+                    glow.add(chords, self.extinction, faces.etas[: surface.scattering], scattered)
             if self.leaving is not None:
-                _add_leaving(event.meetings, event.mirrored, faces.corners, self.leaving, surface.scattering, scattered)
+                met = event.meetings, event.mirrored, faces.corners
+                _add_leaving(*met, self.leaving, shown, surface.scattering, scattered)
+        if not inside.unscattered:
+            unscattered[1::2] = 0.0
         return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
+
+    def _gathered(self, chords: Chords) -> list[tuple[Glow | None, Chords]]:
+        """Return which glow the chords of mirrored and of refracted rays gather, all together where it is the same."""
+        if self.inside is None or self.inside.glow is self.glow:
+            return [(self.glow, chords)]
+        mirrored = chords.sources % 2 == 0
+        of_mirrored, of_refracted = (Chords(*(of[chosen] for of in chords)) for chosen in (mirrored, ~mirrored))
+        return [(self.glow, of_mirrored), (self.inside.glow, of_refracted)]
 
 
 def _first(sight: Sight, faces: Faces, scattering: int) -> Meetings:
@@ -172,12 +213,19 @@ def _numbered(mirrored: Rays, refracted: Rays) -> Rays:
 
 @compiled
 def _add_leaving(
-    meetings: Meetings, mirrored: Float32, corners: Int32, leaving: Float32, scattering: int, radiance: Float32
+    meetings: Meetings,
+    mirrored: Float32,
+    corners: Int32,
+    leaving: Float32,
+    shown: Float32,
+    scattering: int,
+    radiance: Float32,
 ) -> None:
+    """Add exitance that rays meet, times how much of it the rays of even and of odd sources show."""
     for i in range(len(mirrored)):
         if meetings.beyond[i] < 0 or meetings.beyond[i] >= scattering:
             continue
         pixel, (a, b, c), (u, v) = meetings.sources[i], corners[meetings.faces[i]], meetings.places[i]
         for channel in range(3):
             value = (1 - u - v) * leaving[a, channel] + u * leaving[b, channel] + v * leaving[c, channel]
-            radiance[pixel, channel] += meetings.weights[i, channel] * (1 - mirrored[i]) * value
+            radiance[pixel, channel] += shown[pixel % 2] * meetings.weights[i, channel] * (1 - mirrored[i]) * value

@@ -58,6 +58,14 @@ def choose(box: str, choice: str) -> Use:
     return use
 
 
+def tick(box: str, choice: str) -> Use:
+    def use(walker: Walker) -> None:
+        choose(box, choice)(walker)
+        walker.click(box)  # a list of check boxes stays open
+
+    return use
+
+
 def drag(box: str, by: tuple[float, float]) -> Use:
     return lambda walker: walker.drag(walker.place(box), by)
 
@@ -178,6 +186,7 @@ CONTROLS = [
     *sliders("ewald", transport__error_target=0.9),
     Control("transport.assignment", "transport.assignment", choose("transport.assignment", "tent"), "ewald"),
     Control("transport.exchange", "transport.exchange", choose("transport.exchange", "on"), "pair in probe"),
+    Control("transport.light_paths", "transport.light_paths", tick("transport.light_paths", "mirror"), "solved"),
     *(
         Control(f"material.{key}", f"material.{key}.{channel}", slide(f"material.{key}.{channel}", share))
         for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))

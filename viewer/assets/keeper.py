@@ -38,6 +38,7 @@ from milkglass.viewer.assets.sources import (
 )
 from milkglass.viewer.files.model_look import Look
 from milkglass.viewer.scene.keys import taken_anew
+from milkglass.viewer.scene.light_paths import ALL
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
 from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
 
@@ -160,7 +161,7 @@ class Assets:
         instead = settings.facts.on_open_surface
         if instead is None or is_closed(self.row_sums(mesh, separate=separate)):
             return settings
-        return replace(settings, method=instead)
+        return replace(settings, method=instead, light_paths=ALL)  # which it may not tell apart
 
     def quality(
         self,

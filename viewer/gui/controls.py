@@ -5,7 +5,7 @@ A row is a label, the control, and a reset that appears when the value is not th
 """
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from milkglass.viewer.gui.sliders import Sliders
@@ -251,6 +251,18 @@ class Controls:
                     self.tooltip(choice, tips[choice])
                 if clicked and choice != current:
                     new = choice
+            imgui.end_combo()
+        return new
+
+    def several(self, name: str, chosen: Collection[str], choices: Sequence[str], shown: str) -> list[str] | None:
+        """Draw a combo box of check boxes, and return what is chosen if that changes; the caller ends the row."""
+        new = None
+        if imgui.begin_combo(f"##{name}", shown, imgui.ComboFlags_.height_large.value):
+            for choice in choices:
+                changed, is_on = imgui.checkbox(choice, choice in chosen)
+                self.mark(f"{name}={choice}")
+                if changed:
+                    new = [other for other in choices if (is_on if other == choice else other in chosen)]
             imgui.end_combo()
         return new
 

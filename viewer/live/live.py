@@ -21,7 +21,7 @@ from milkglass.viewer.live.draft import DRAFT_PATH_STEP, Cost, Detail, allowance
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.picture import Picture, PictureRequest
+from milkglass.viewer.render.picture import SCATTERED, Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera, pixel_offsets
 from milkglass.viewer.scene.keys import Key
@@ -111,7 +111,8 @@ class Live:
         looks: Key = (*looks_of(drawn, lit), self.finished, show, exposure_for)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
-            radiance = *radiance_of(drawn, lit), self.finished
+            part = show if show in SCATTERED else ""
+            radiance = *radiance_of(drawn, lit), self.finished, part
             step = self._path_step(drawn, lit, detail, radiance)
             try:
                 request = PictureRequest(

@@ -16,6 +16,10 @@ from milkglass.viewer.files.images import channel_bands
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import OUTPUTS, Composite
 from milkglass.viewer.scene.camera import pixel_offsets
+from milkglass.viewer.scene.light_paths import LightPaths
+from milkglass.viewer.scene.scene import Scene
+
+SCATTERED = ("once", "often")  # parts of light that are shown alone, and add up to the output `subsurface`
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class PictureRequest:
     offsets : from `viewer.scene.camera.pixel_offsets`
         Where the samples of a pixel lie.
     show : str
-        What the image is made of, one of `viewer.passes.composite.OUTPUTS`.
+        What the image is made of, one of `viewer.passes.composite.OUTPUTS` or of `SCATTERED`.
     parts : bool
         Whether all that radiance is made of is kept on the GPU; it always is where the image shows some of it.
     exposure_for : float, optional
@@ -52,6 +56,16 @@ class PictureRequest:
     def keeps_parts(self) -> bool:
         """Whether all of `viewer.passes.composite.OUTPUTS` are drawn, not radiance alone."""
         return self.parts or self.show != OUTPUTS[0]
+
+    @property
+    def output(self) -> str:
+        """The one of `viewer.passes.composite.OUTPUTS` that the image is made of."""
+        return "subsurface" if self.show in SCATTERED else self.show
+
+    def light_paths(self, scene: Scene) -> LightPaths:
+        """Return the parts of light that a picture of a scene shows."""
+        shown = scene.transport.shown_paths
+        return shown.alone(self.show) if self.show in SCATTERED else shown
 
     @property
     def shows_ground(self) -> bool:
@@ -138,13 +152,18 @@ class Frame:
     remarks: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
 
+    @property
+    def scattered(self) -> Float32:
+        """Return what has scattered inside, once and more often: `subsurface`, with the name that says what it is."""
+        return self.subsurface
+
     def channels(self) -> dict[str, Float32]:
         """Return the channels of an EXR file, (H, W) float32 each, by name."""
         planes = {name: self.radiance[..., i] for i, name in enumerate("RGB")}
         planes["A"] = self.alpha
         for layer, names in (("position", "XYZ"), ("normal", "XYZ")):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate(names)}
-        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered"):
+        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered", "scattered"):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate("RGB")}
         return planes
 

@@ -7,6 +7,7 @@ from milkglass.core.material.library import CHANNELS, Material
 from milkglass.core.transport.methods import Method
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.scene.light_paths import ALL
 from milkglass.viewer.scene.scene import Scene
 
 RIM_SPACINGS = 1.2  # width of the frame along a thin part's rim, in distances of nodes
@@ -22,6 +23,17 @@ def beyond_object(scene: Scene) -> str | None:
     return (
         f"the mean free path is longer than the object of {size:.3g} mm in {named}: most light crosses it without "
         "scattering, and the picture lacks that: what shows through, refracted, and what scatters once"
+    )
+
+
+def untold_parts(scene: Scene, lit: LitScene) -> str | None:
+    """Return a sentence if parts of light are asked for that the transport in use does not tell apart."""
+    asked, quality = scene.transport.light_paths, lit.quality
+    if asked == ALL or quality.facts.follows_sight:
+        return None
+    return (
+        f'transport.light_paths is "{asked}", and {quality.method}, which draws this surface, tells no light inside '
+        "apart: all of it is often, and unscattered and once are black"
     )
 
 

@@ -27,7 +27,7 @@ from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Picture, PictureRequest
-from milkglass.viewer.render.remarks import below_nodes, beyond_object, thin_rims
+from milkglass.viewer.render.remarks import below_nodes, beyond_object, thin_rims, untold_parts
 from milkglass.viewer.render.tracing import Tracing, is_traced
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
@@ -40,11 +40,23 @@ LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
 
 
 class Sample(NamedTuple):
-    """A sample of every pixel: its number, among how many a light's sub-lights are shared, and its rays of sight."""
+    """A sample of every pixel.
+
+    Attributes
+    ----------
+    number : int
+    sharing : int
+        Among how many samples a light's sub-lights are shared.
+    tree : Tree, optional
+        Of its rays of sight.
+    exits : bool
+        Whether the surface's exitance is shown.
+    """
 
     number: int
     sharing: int
     tree: "Tree | None"
+    exits: bool
 
 
 class Shading:
@@ -98,7 +110,7 @@ class Shading:
         Unfinished
             The stages have an allowance, and the pixels take more.
         """
-        display, show = scene.display, request.show
+        display, show = scene.display, request.output
         composite = self._pixels(scene, lit, gather, request, paths)
         if not request.develop:
             return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
@@ -128,9 +140,10 @@ class Shading:
         image: moderngl.Framebuffer,
         average: float,
     ) -> Picture:
-        too_large, missed = beyond_object(scene), (below_nodes(scene, lit), thin_rims(scene, lit, gather))
+        lacking = beyond_object(scene), untold_parts(scene, lit)
+        missed = below_nodes(scene, lit), thin_rims(scene, lit, gather)
         warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
-        warnings += () if too_large is None else (too_large,)
+        warnings += tuple(sentence for sentence in lacking if sentence is not None)
         remarks = tuple(sentence for sentence in missed if sentence is not None)
         transparent = scene.display.background == "transparent"
         return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
@@ -185,7 +198,8 @@ class Shading:
         """Shade every pixel once a sample."""
         offsets = request.offsets
         targets, key = self._pixel_work(scene, lit, gather, request)
-        tree = self._tracing.tree(paths, lit, gather)
+        shown = request.light_paths(scene)
+        tree = self._tracing.tree(paths, lit, gather, shown)
         large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
         sharing = PARTS if request.quick and large and len(offsets) == 1 else len(offsets)
 
@@ -193,11 +207,11 @@ class Shading:
             for i in range(len(offsets)):
                 if i > 0:
                     yield
-                yield from self._sample(scene, lit, gather, request, Sample(i, sharing, tree), targets)
+                yield from self._sample(scene, lit, gather, request, Sample(i, sharing, tree, shown.often), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
         step = 0 if tree is None else request.path_step
-        return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree, step), shade)
+        return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree, shown, step), shade)
 
     def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
         """Draw the ground at every pixel."""
@@ -270,14 +284,11 @@ class Shading:
         yield from self._irradiance.steps(
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
         )
-        traced = None
-        if sample.tree is not None:
-            traced = self._composite.not_traced(gather.left_to_surface)
-            if is_traced(sample.number, len(offsets)):
-                found = yield from self._tracing.steps(
-                    sample.tree, gbuffer, camera.eye, len(offsets), request.path_step
-                )
-                traced = replace(found, left=traced.left)
+        left = gather.left_to_surface if sample.tree is not None else (1.0,) * 3
+        traced = self._composite.not_traced(left if sample.exits else (0.0,) * 3)
+        if sample.tree is not None and is_traced(sample.number, len(offsets)):
+            found = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets), request.path_step)
+            traced = replace(found, left=traced.left)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
 

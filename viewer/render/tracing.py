@@ -16,9 +16,11 @@ from milkglass.viewer.passes.gbuffer import GBuffer
 from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
+from milkglass.viewer.scene.light_paths import LightPaths
 
 if TYPE_CHECKING:
     from milkglass.core.paths import Sight, Tree
+    from milkglass.core.paths.resolved import Resolved
 
 MOST_SAMPLES = 4  # of a pixel, whose rays are followed
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
@@ -33,19 +35,27 @@ class Tracing:
         self._context, self._run = context, stages.run
         self._composite, self._exitance = composite, exitance
 
-    def tree(self, paths: Paths | None, lit: LitScene, gather: Gather) -> "Tree | None":
-        """Return what rays are traced in, with the exitance of the surface where they meet it again."""
-        tree = None if paths is None else paths.tree
-        if paths is None or tree is None or not (paths.meets_itself or gather.resolved):
+    def tree(self, paths: Paths | None, lit: LitScene, gather: Gather, shown: LightPaths) -> "Tree | None":
+        """Return what rays are traced in, with the exitance of the surface where they meet it again.
+
+        `shown` are the parts of light that are shown by way of the inside.
+        """
+        if paths is None or paths.tree is None:
+            return None
+        clear, resolved = paths.tree, gather.resolved
+        tree = clear
+        if paths.meets_itself or resolved is not None:
+            volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
+            key = clear, lit.model, lit.detail, *lit.sources, *volume, resolved, paths.meets_itself
+
+            def lit_tree() -> "Tree":
+                glow = None if resolved is None else resolved.glow
+                return replace(clear, glow=glow, leaving=self._leaving(lit, gather) if paths.meets_itself else None)
+
+            tree = self._run(Stage.PATH_EXITANCE, key, lit_tree)
+        if all(shown.inside):
             return tree
-        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
-        key = tree, lit.model, lit.detail, *lit.sources, *volume, gather.resolved, paths.meets_itself
-
-        def lit_tree() -> "Tree":
-            glow = None if gather.resolved is None else gather.resolved.glow
-            return replace(tree, glow=glow, leaving=self._leaving(lit, gather) if paths.meets_itself else None)
-
-        return self._run(Stage.PATH_EXITANCE, key, lit_tree)
+        return self._run(Stage.PATH_PARTS, [tree, resolved, shown], lambda: _of_parts(tree, resolved, shown))
 
     def _leaving(self, lit: LitScene, gather: Gather) -> Float32:
         """Return M / (pi T) at the vertices of the object."""
@@ -90,6 +100,18 @@ class Tracing:
         found[:, pixels] = radiance[:, of_pixel]
         texture.write(found)
         return Traced(texture, samples / min(samples, MOST_SAMPLES))
+
+
+def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "Tree":
+    """Return a tree whose refracted rays show some parts of light alone."""
+    from milkglass.core.paths import Inside
+
+    glow = None
+    if resolved is not None and shown.once != shown.often:
+        glow = resolved.once if shown.once else resolved.often
+    elif shown.once:
+        glow = tree.glow
+    return replace(tree, inside=Inside(shown.unscattered, glow, shown.often))
 
 
 def is_traced(i: int, samples: int) -> bool:

@@ -109,7 +109,8 @@ class Scene:
     @property
     def gloss(self) -> Gloss:
         """What highlights are drawn with."""
-        return self.specular.resolve(self.transport.facts)
+        gloss = self.specular.resolve(self.transport.facts)
+        return gloss if self.transport.shown_paths.mirror else replace(gloss, strength=0.0)
 
     @property
     def separate(self) -> bool:

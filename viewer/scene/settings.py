@@ -13,6 +13,7 @@ from milkglass.core.stages import Part
 from milkglass.core.transport.methods import DEFAULT_METHOD, METHODS, Method
 from milkglass.viewer.display.registry import TRANSFORMS
 from milkglass.viewer.scene.declaration import check_fields, in_memory, setting
+from milkglass.viewer.scene.light_paths import ALL, PATTERN, PATTERN_NAME, LightPaths, joined
 from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import MaterialSettings as MaterialSettings  # one of the tables
 
@@ -344,9 +345,27 @@ class TransportSettings:
         why="light between parts: what leaves the object and meets it again enters, through the air; once with ewald "
             "and layered"
     )
+    light_paths: str = setting(
+        "text", ALL, choices=(ALL,), pattern=PATTERN, pattern_name=PATTERN_NAME, moves=Part.LOOK,
+        why="auto: all the light that leaves the object; or parts of it to look at, with diffusion: what the surface "
+            "mirrors, what is seen through the object, what has scattered once inside, and more often"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)
+        if self.light_paths == ALL:
+            return
+        object.__setattr__(self, "light_paths", joined(self.light_paths.split("+")))
+        if not self.facts.follows_sight:
+            raise InputError(
+                f'transport.light_paths is "{self.light_paths}", and transport {self.method} does not tell these parts '
+                f'of light apart; leave it at "{ALL}", or choose transport diffusion'
+            )
+
+    @property
+    def shown_paths(self) -> LightPaths:
+        """Return the parts of light that pictures show."""
+        return LightPaths.of(self.light_paths)
 
     @property
     def facts(self) -> Method:

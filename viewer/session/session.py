@@ -29,6 +29,8 @@ SHOWN = {
     "subsurface": "subsurface",
     "highlight": "specular",
     "unscattered": "unscattered",
+    "once": "once",
+    "often": "often",
     "normal": "normal",
     "layer in": "",
     "layer out": "",

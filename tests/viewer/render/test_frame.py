@@ -19,7 +19,7 @@ CHANNELS = [
     *(f"{layer}.{axis}" for layer in ("position", "normal") for axis in "XYZ"),
     *(
         f"{layer}.{colour}"
-        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered")
+        for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered", "scattered")
         for colour in "RGB"
     ),
 ]

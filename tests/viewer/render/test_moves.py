@@ -57,6 +57,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "model.bodies": ("model.path={pair}", "model.bodies=joined"),
     "transport.method": ("model.path={pair}", *LAYERED),
     "transport.exchange": ("transport.exchange=off", "model.path={pair}", "environment.occluded=false"),
+    "transport.light_paths": SOLVED,
     "transport.assignment": ("transport.assignment=tent",),
     "ground.on": ("ground.on=false",),  # what is taken away runs nothing
     "environment.occluded": ("environment.occluded=false",),
@@ -70,6 +71,7 @@ OTHER = {
     "material.name": "skim milk", "material.mix_with": "skim milk", "material.profile_table": "{other_table}",
     "model.path": "{other}", "model.builtin": "sculpture", "model.texture": "{texture}",
     "model.normal_map": "{normals}", "environment.path": "{other_probe}", "environment.builtin": "studio",
+    "transport.light_paths": "mirror",
 }  # fmt: skip
 
 

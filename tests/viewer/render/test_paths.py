@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.fresnel import reflectance
+from milkglass.viewer.gl.context import read_rgba
+from milkglass.viewer.render.picture import SCATTERED, Frame, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera
+from milkglass.viewer.scene.light_paths import ALL, PARTS
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
@@ -17,6 +21,7 @@ from tests.support.rendering import inside
 
 CLEAR = ("material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0.02,0.1]")
 OPAQUE = ("material.name=marble",)
+MURKY = "material.sigma_s_prime=[0.02,0.1,0.5]", "material.sigma_a=[0.01,0.02,0.1]"
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +92,43 @@ def test_a_lamp_is_seen_through_the_ball(renderer, mesh):
     radiance = np.array(lamp.irradiance) / (np.pi * np.sin(np.radians(3.0)) ** 2)
     np.testing.assert_allclose(frame.unscattered[48, 48], radiance, rtol=1e-3)
     assert not frame.unscattered[frame.alpha > 0.0].min()
+
+
+def test_pictures_of_the_parts_of_light_add_up(renderer, mesh):
+    """Each alone; blue is not resolved, and has all of its scattered light in one of them."""
+    scene = white(mesh, "material.sigma_s_prime=[0.02,0.1,5]", "material.sigma_a=[0.01,0.02,0.1]")
+
+    def rendered(parts: str) -> Frame:
+        return renderer.render(apply_set(scene, [f"transport.light_paths={parts}"]), samples=1)
+
+    whole = rendered("auto")
+    alone = {part: rendered(part) for part in PARTS}
+    np.testing.assert_allclose(sum(frame.radiance for frame in alone.values()), whole.radiance, atol=1e-5)
+    for part, layer in zip(PARTS, ("specular", "unscattered", "scattered", "scattered"), strict=True):
+        others = [other for other in ("specular", "unscattered", "scattered") if other != layer]
+        assert getattr(alone[part], layer).any()
+        assert not any(getattr(alone[part], other).any() for other in others)
+    assert not alone["once"].scattered[..., 2].any()
+    np.testing.assert_allclose(rendered("often+once").scattered, whole.scattered, atol=1e-6)
+    for part in SCATTERED:
+        shown = renderer.draw(scene, PictureRequest(show=part)).composite.textures["subsurface"]
+        np.testing.assert_array_equal(read_rgba(shown)[..., :3], alone[part].scattered)
+
+
+def test_an_object_shows_itself_in_its_mirror_whatever_is_shown_of_it(renderer):
+    """Two balls, whose parts add up too."""
+    pair = solids.mesh_of(solids.ball(8.0, subdivisions=4), solids.ball(6.0, (14.5, 0, 0)))
+    scene = apply_set(white(pair, *MURKY), ["transport.resolution=16"])
+    shown = [apply_set(scene, [f"transport.light_paths={parts}"]) for parts in (ALL, *PARTS)]
+    frames = [renderer.render(scene, samples=1) for scene in shown]
+    np.testing.assert_allclose(sum(frame.radiance for frame in frames[1:]), frames[0].radiance, atol=1e-5)
+
+
+def test_an_open_surface_says_that_it_has_no_parts_of_light(renderer, mesh):
+    scene = white(Mesh.of(mesh.vertices, mesh.normals, mesh.faces[8000:]), *OPAQUE, "transport.light_paths=once")
+    frame = renderer.render(scene, samples=1)
+    assert any("transport.light_paths is" in warning for warning in frame.warnings)
+    assert not frame.radiance.any()
 
 
 @pytest.mark.parametrize("method", ["ewald", "layered"])

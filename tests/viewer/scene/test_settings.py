@@ -9,6 +9,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.viewer.scene.declaration import moves_of, setting, settings_of
 from milkglass.viewer.scene.keys import taken_anew, version
+from milkglass.viewer.scene.light_paths import PARTS
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
@@ -20,6 +21,11 @@ from milkglass.viewer.scene.settings import (
     TransportSettings,
 )
 from milkglass.viewer.scene.settings_docs import settings_markdown
+
+
+def test_parts_of_light_have_one_order_and_all_of_them_are_auto():
+    chosen = [TransportSettings(light_paths=text).light_paths for text in ("often+once+often", "+".join(PARTS[::-1]))]
+    assert chosen == ["once+often", "auto"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ class HighlightsSection(Section):
 
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
-        gloss = self._session.scene.gloss
+        scene = self._session.scene
+        gloss = scene.specular.resolve(scene.transport.facts)
         self._controls.setting("specular.strength", "Strength", gloss.strength)
         self._controls.setting("specular.shininess", "Shininess", gloss.shininess)
         self._controls.setting("specular.model", "Model", gloss.model)

@@ -3,6 +3,7 @@
 from milkglass.viewer.gui.controls import RESET_HINT, Controls
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.live import Live
+from milkglass.viewer.scene.light_paths import PARTS
 from milkglass.viewer.session.session import SHOWN, Session
 
 TIPS = {
@@ -12,6 +13,8 @@ TIPS = {
     "subsurface": "light from inside towards the eye",
     "highlight": "the gloss alone",
     "unscattered": "what is seen through the object",
+    "once": "light that has scattered once inside",
+    "often": "light that has scattered twice and more, and all that is not told apart",
     "normal": "direction of the surface",
     "layer in": "light that was put on one layer",
     "layer out": "light that one layer gives",
@@ -34,6 +37,9 @@ class ShownRows:
         )
         tip = f"What the view shows: the picture, or one of its parts.\n{RESET_HINT}"
         controls.end_row("show", "Show", tip, lambda: setattr(view, "show", "beauty"), differs=view.show != "beauty")
+        transport = self._session.scene.transport
+        if view.show in PARTS and not transport.facts.follows_sight:
+            controls.note(f"Transport {transport.method} does not tell these parts of light apart: it has but one.")
         if view.show in ("layer in", "layer out") and live.finished is not None:
             last = live.finished.lit.grid.n_layers - 1
             view.layer = min(view.layer, last)

@@ -1,12 +1,17 @@
 """The panel's section on light transport: what was asked for, what was chosen, the error to expect, the cost."""
 
+import functools
+
 from milkglass.core.stages import AnyStage, Stage, Timings
 from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.diffusion.solver import SOURCES
 from milkglass.core.transport.quality import DEFAULT_ERROR_TARGET
+from milkglass.viewer.gui.controls import RESET_HINT, explained
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import solves
 from milkglass.viewer.render.remarks import below_nodes, thin_rims
+from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.light_paths import ALL, PARTS, joined
 from milkglass.viewer.window.panel.section import Section, Seen
 
 NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
@@ -37,6 +42,8 @@ class TransportSection(Section):
             controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
         exchanges = quality.facts.exchanges
         controls.setting("transport.exchange", "Light between parts", "on" if exchanges else "off")
+        if quality.facts.follows_sight:
+            self._light_paths()
         if quality.fallback is not None:
             controls.note(quality.fallback, warning=True)
         if expects:
@@ -48,6 +55,20 @@ class TransportSection(Section):
         for missed in (below_nodes(scene, lit), thin_rims(scene, lit, live.finished.gather)):
             if missed is not None:
                 controls.note(missed)
+
+    def _light_paths(self) -> None:
+        """Draw which parts of light are shown."""
+        session, controls = self._session, self._controls
+        name, transport = "transport.light_paths", session.scene.transport
+        current = transport.light_paths
+        chosen = [part for part in PARTS if getattr(transport.shown_paths, part)]
+        controls.begin_row("Light paths", resettable=True)
+        new = controls.several(name, chosen, PARTS, current)
+        if new is not None:
+            session.edit("transport", light_paths=joined(new))
+        tip = explained(settings_of(transport)["light_paths"], ALL) + "\n" + RESET_HINT
+        reset = functools.partial(session.edit, "transport", light_paths=ALL)
+        controls.end_row(name, "Light paths", tip, reset, differs=current != ALL)
 
 
 def solved(solution: Scattered, *, complete: bool) -> str:
