@@ -141,6 +141,7 @@ class Stage(StrEnum):
     TRANSPORT = "transport", Part.TRANSPORT
     LAYER_DEPTH = "layer depth", Part.TRANSPORT
     BODY_LAYERS = "body layers", Part.TRANSPORT
+    CLEAR_TRANSPORT = "transport of clear matter", Part.TRANSPORT
     SEPARATE_TRANSPORT = "separate transport", Part.TRANSPORT
     BODY_SAMPLES = "body samples", Part.TRANSPORT
     BODY_FLUX = "body flux", Part.TRANSPORT

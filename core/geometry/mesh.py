@@ -74,6 +74,11 @@ class Mesh:
         """Signed volume in mm^3, accumulated in float64; positive for a closed mesh wound outwards."""
         return signed_volume(self.vertices, self.faces)
 
+    @property
+    def mean_chord(self) -> float:
+        """Mean length in mm of straight ways through the inside, 4 V / S (Cauchy); of a closed mesh wound outwards."""
+        return 4.0 * self.volume / max(self.area, np.finfo(np.float64).tiny)
+
     @computed_once
     def bounds(self) -> Array:
         """Lowest and highest corner of the bounding box, (2, 3) float64, mm."""

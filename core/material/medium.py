@@ -24,7 +24,7 @@ second order ends, which was fitted to boxes, cylinders and cones (`BoundaryCond
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -100,6 +100,11 @@ class Medium:
     def mean_free_path(self) -> float:
         """Mean free path l = 1 / s_t', mm; inf without matter."""
         return 1.0 / self.sigma_t_prime if self.sigma_t_prime > 0.0 else float("inf")
+
+    @property
+    def black(self) -> "Medium":
+        """The medium that absorbs all that this one scatters."""
+        return replace(self, sigma_s_prime=0.0, sigma_a=self.sigma_t_prime)
 
     @property
     def diffusion(self) -> float:

@@ -1,5 +1,9 @@
-"""Where the nodes of a grid resolve the free paths of light, and light is followed from collision to collision."""
+"""Which light is worth following in an object: where it scatters at all, where nodes resolve its free paths.
 
+There it is followed from collision to collision.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +19,9 @@ class ResolvedConstants:
 
     least_path: float = chosen(1.5, "mean free paths over a cell up to which nodes do not resolve them", "ball")
     full_path: float = chosen(2.5, "mean free paths over a cell from which on nodes resolve them", "ball")
+    least_scattered: float = chosen(
+        0.005, "share of the light that crosses an object which scatters, below which none is followed", "ball"
+    )
     least_albedo: float = chosen(0.02, "albedo below which light that scatters twice is left out", "ball")
     least_gain: float = chosen(1.08, "factor on light that scatters twice and more, at least", "ball")
     clear_escape: float = chosen(
@@ -25,12 +32,27 @@ class ResolvedConstants:
 RESOLVED = ResolvedConstants()
 
 
+def scattered_share(medium: Medium, chord: float) -> float:
+    """Return the share of light that scatters on a way of `chord`, mm, through a medium: a' (1 - e^-s_t' l)."""
+    return float(-medium.albedo * np.expm1(-medium.sigma_t_prime * chord))
+
+
+def scatters(media: Sequence[Medium], chord: float) -> bool:
+    """Return whether more light than is to be left out scatters in an object of a mean `chord`, mm."""
+    return any(scattered_share(medium, chord) >= RESOLVED.least_scattered for medium in media)
+
+
 def resolved_share(medium: Medium, grid: LayerGrid) -> float:
     """Return by how much nodes resolve a medium's free paths, [0, 1]; those that are not evenly spaced do not."""
     if grid.layer_distance != grid.texel:
         return 0.0
     cells = medium.mean_free_path / grid.texel
     return float(np.clip((cells - RESOLVED.least_path) / (RESOLVED.full_path - RESOLVED.least_path), 0.0, 1.0))
+
+
+def scatters_once(medium: Medium, grid: LayerGrid) -> bool:
+    """Return whether nodes resolve a medium's free paths, and what scatters twice in it is left out."""
+    return not medium.is_black and medium.albedo < RESOLVED.least_albedo and resolved_share(medium, grid) == 1.0
 
 
 def needs_beams(medium: Medium, grid: LayerGrid) -> bool:

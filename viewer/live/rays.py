@@ -19,6 +19,7 @@ from milkglass.viewer.assets.sources import (
     model_source,
 )
 from milkglass.viewer.assets.visibility import needs_visibility
+from milkglass.viewer.render.paths import is_clear
 from milkglass.viewer.scene.scene import Scene
 
 RaySource = HitsOf | FewCrossingsOf | CrossingsOf | VisibilityOf | GroundRaysOf
@@ -95,9 +96,9 @@ class RaysJob:
         """Return what rays are to find for a scene whose mesh is loaded, the first one first."""
         mesh: Mesh = self._assets.mesh(scene.model)[0]
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
-        between: list[RaySource] = [HitsOf(mesh)] if settings.exchanges else []
-        if settings.exchanges and settings.facts.solves:
-            between += self._through(mesh, media(scene.material.resolve()))
+        matter, between = media(scene.material.resolve()), list[RaySource]()
+        if settings.exchanges and not is_clear(settings.facts, matter, mesh):
+            between = [HitsOf(mesh), *(self._through(mesh, matter) if settings.facts.solves else ())]
         around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
         below: tuple[RaySource, ...] = (GroundRaysOf(mesh, scene.ground.gap_mm),) if scene.ground.on else ()
         return (*between, *around, *below)

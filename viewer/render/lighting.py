@@ -12,6 +12,7 @@ from milkglass.core.light.probe import Probe
 from milkglass.core.material.medium import media
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.core.transport.base import EnteringLight, Scattered, SeparableTransport, Transport
+from milkglass.core.transport.clear import ClearTransport
 from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets, shape_of
 from milkglass.viewer.assets.sources import PartedProbe
@@ -30,7 +31,7 @@ from milkglass.viewer.render.exchange import ExchangeStages
 from milkglass.viewer.render.ground import Ground, GroundStages
 from milkglass.viewer.render.lit_scene import LitScene, Model
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.paths import Paths, PathStages
+from milkglass.viewer.render.paths import Paths, PathStages, is_clear
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.scene import Scene
@@ -122,7 +123,11 @@ class Lighting:
         )
 
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
-        exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, say)
+        exchange, clear = None, is_clear(settings.facts, matter, model.mesh)
+        if clear:
+            scatters = run(Stage.CLEAR_TRANSPORT, [scatters], lambda: ClearTransport(scatters))
+        else:
+            exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, say)
         refined = None if occlusion is None else occlusion.surface
         if exchange is not None:
             refined = self._exchanges.uploaded(exchange, model.buffers)
@@ -151,7 +156,7 @@ class Lighting:
                 lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         beams = None
-        if quality.facts.follows_sight and detail is None:
+        if quality.facts.follows_sight and detail is None and not clear:
             alone = bodies if count > 1 else None
             beams = self._beams.of(scene, environment, model.mesh, alone, matter, grid, draft=draft)
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples

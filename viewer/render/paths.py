@@ -1,6 +1,6 @@
 """Trees of rays of sight in a picture: which parts of them it needs, and what they are traced in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,8 +12,10 @@ from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
-from milkglass.core.paths.resolution import RESOLVED, resolved_share
+from milkglass.core.material.medium import Medium
+from milkglass.core.paths.resolution import RESOLVED, resolved_share, scattered_share, scatters
 from milkglass.core.stages import Stage, Stages
+from milkglass.core.transport.methods import Method
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.lights import Light
@@ -74,7 +76,9 @@ class PathParts:
         gloss, around = scene.gloss, shines(scene.environment)
         mirrors = gloss.is_smooth and around
         smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
-        if mirrors:
+        if not scene.transport.shown_paths.mirror:
+            mirror = "mirror: not shown"
+        elif mirrors:
             mirror = f"mirror: rays, of an environment ({smooth})"
         elif not around:
             mirror = "mirror: highlights of lamps alone, without an environment"
@@ -83,10 +87,12 @@ class PathParts:
         left = [float(np.exp(-medium.sigma_t_prime * thin)) for medium in lit.media]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
         clear = max(left) >= least or lit.beams is not None
-        shares = ", ".join(f"{channel} {100.0 * share:.2g} %" for channel, share in zip(CHANNELS, left, strict=True))
-        crossing = f"of light that crosses thin parts of {thin:.3g} mm unscattered there is left {shares}"
-        inside = f"inside: {'rays' if clear else 'none'}, {crossing}; followed from {100.0 * least:g} % on"
-        return cls(mirrors, clear, (mirror, inside, _scattering(lit)))
+        through = "rays" if max(left) >= least else "none"
+        unscattered = (
+            f"unscattered: {through} ({_channels(left)} is left behind thin parts of {thin:.3g} mm; "
+            f"followed from {100.0 * least:g} % on)"
+        )
+        return cls(mirrors, clear, (mirror, unscattered, *_scattering(lit)))
 
 
 class PathStages:
@@ -129,16 +135,41 @@ class PathStages:
         )
 
 
-def _scattering(lit: LitScene) -> str:
-    """Return a sentence on which channels' light is followed from collision to collision, and why."""
-    shares = [resolved_share(medium, lit.grid) if lit.beams is not None else 0.0 for medium in lit.media]
-    followed = ", ".join(
-        f"{channel} {100.0 * share:.3g} %" for channel, share in zip(CHANNELS, shares, strict=True) if share > 0.0
+def is_clear(method: Method, media: Sequence[Medium], mesh: Mesh) -> bool:
+    """Return whether so little light scatters in an object that rays of sight find all there is to see."""
+    return method.follows_sight and not scatters(media, mesh.mean_chord)
+
+
+def _scattering(lit: LitScene) -> tuple[str, str, str]:
+    """Return sentences on light that scatters once, and more often, and on that which leaves by the surface."""
+    media, chord = lit.media, lit.model.mesh.mean_chord
+    if is_clear(lit.quality.facts, media, lit.model.mesh):
+        scattered = _channels(scattered_share(medium, chord) for medium in media)
+        from_on = f"followed from {100.0 * RESOLVED.least_scattered:g} % on"
+        return f"once: none ({scattered} scatters on {chord:.3g} mm; {from_on})", "often: none", "surface: none"
+    once = [resolved_share(medium, lit.grid) if lit.beams is not None else 0.0 for medium in media]
+    often = [
+        share if medium.albedo >= RESOLVED.least_albedo else 0.0 for share, medium in zip(once, media, strict=True)
+    ]
+    surface = [0.0 if medium.is_black else 1.0 - share for share, medium in zip(once, media, strict=True)]
+    why = f"mean free paths of {RESOLVED.least_path:g} to {RESOLVED.full_path:g} cells of {lit.grid.texel:.3g} mm"
+    if lit.detail is not None:
+        why = "not below surfaces with colours or relief"
+    albedos = ", ".join(f"{medium.albedo:.2g}" for medium in media)
+    return (
+        f"once: {_used('beams and rays', once)} ({why})",
+        f"often: {_used('flights, diffusion and rays', often)} (albedo {albedos}; from {RESOLVED.least_albedo:g} on)",
+        f"surface: {_used('diffusion', surface)}",
     )
-    ends = f"mean free paths of {RESOLVED.least_path:g} to {RESOLVED.full_path:g} cells of {lit.grid.texel:.3g} mm"
-    if not followed:
-        return f"scattering: by diffusion (from the first collision on, {ends})"
-    return f"scattering: from the first collision on (in {followed}; {ends})"
+
+
+def _used(what: str, shares: Sequence[float]) -> str:
+    return f"{what}, {_channels(shares)}" if any(shares) else "none"
+
+
+def _channels(shares: Iterable[float]) -> str:
+    """Return shares of R, G and B as per cents."""
+    return ", ".join(f"{channel} {100.0 * share:.2g} %" for channel, share in zip(CHANNELS, shares, strict=True))
 
 
 def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:

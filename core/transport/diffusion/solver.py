@@ -30,7 +30,7 @@ from milkglass.core.grid.layers import LayerGrid, fit_nodes, tsc_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.light.exchange import Exchange
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
-from milkglass.core.paths.resolution import needs_beams
+from milkglass.core.paths.resolution import needs_beams, scatters_once
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
@@ -74,10 +74,13 @@ class Problem:
         From `DiffusionTransport.grid`.
     lights : of any number
     media : R, G and B
+        Black where no equation is to be solved.
     exchange : Exchange, optional
         By which light that leaves enters again.
     beams : Beams, optional
         The lights' beams through the object, where light within is to be followed too.
+    media_within : R, G and B
+        Of light within.
     """
 
     mesh: Mesh
@@ -87,11 +90,12 @@ class Problem:
     media: Sequence[Medium]
     exchange: Exchange | None = None
     beams: "Beams | None" = None
+    media_within: Sequence[Medium] = ()
 
     @property
     def key(self) -> tuple[object, ...]:
         """Return all that the solution depends on but the grid, as a key of stages."""
-        return self.mesh, self.samples, *self.lights, *self.media, self.exchange, self.beams
+        return self.mesh, self.samples, *self.lights, *self.media, self.exchange, self.beams, *self.media_within
 
 
 @dataclass(eq=False)
@@ -164,8 +168,8 @@ class DiffusionTransport:
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
-        problem = Problem(lit.solid.mesh, lit.solid.samples, lit.grid, lit.lights, lit.media, lit.exchange, lit.beams)
-        return self.solve(problem, stages, go_on)
+        solid, light = lit.solid, (lit.grid, lit.lights, _solved(lit), lit.exchange, lit.beams, lit.media)
+        return self.solve(Problem(solid.mesh, solid.samples, *light), stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
         """Return the media of R, G and B, on which this transport depends."""
@@ -179,7 +183,7 @@ class DiffusionTransport:
             return atlas.assembled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
 
         present = [boundary for boundary in boundaries if boundary is not None]
-        return pixel_tables(present, lit.media, self.window_width(atlas.grid), on_nodes)
+        return pixel_tables(present, _solved(lit), self.window_width(atlas.grid), on_nodes)
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
         """Return the transport in one body of an object, which shares all kernels."""
@@ -231,7 +235,8 @@ class DiffusionTransport:
     ) -> Solution:
         """Return a solution that knows what matter sends out along rays, where nodes resolve free paths."""
         boundary, _ = self._surface(problem, stages)
-        if not any(needs_beams(medium, boundary.grid) for medium in problem.media):
+        media = problem.media_within
+        if not any(needs_beams(medium, boundary.grid) for medium in media):
             return solution
         from milkglass.core.transport.diffusion.within import Body, Within
 
@@ -241,7 +246,7 @@ class DiffusionTransport:
         green = self.kernels.spectra(kernels, self._maker(boundary.grid))
         body = Body(problem.mesh, problem.samples, boundary, solution.exchange)
         width = self.window_width(boundary.grid)
-        resolved = self._within.resolved(beams, problem.media, body, width, green, stages, is_wanted)
+        resolved = self._within.resolved(beams, media, body, width, green, stages, is_wanted)
         return replace(solution, resolved=resolved, lacks_light_within=resolved is None)
 
     def _coarse_solution(self, problem: Problem, stages: Stages, go_on: Callable[[Solution], bool]) -> Solution | None:
@@ -252,7 +257,7 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None)
+        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None, media_within=())
         return stages.run(
             Stage.COARSE_SOLUTION,
             (coarse, *on_coarse.key),
@@ -366,6 +371,13 @@ class DiffusionTransport:
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
         return lambda medium, shape: green_spectrum(medium, s, grid, shape)
+
+
+def _solved(lit: EnteringFlux) -> tuple[Medium, ...]:
+    """Return the media whose equations are solved: black where beams tell next to all that scatters."""
+    if lit.beams is None:
+        return lit.media
+    return tuple(medium.black if scatters_once(medium, lit.grid) else medium for medium in lit.media)
 
 
 def _advanced(

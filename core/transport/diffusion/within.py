@@ -143,6 +143,11 @@ class Within:
         first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), once)
         followed = [medium.albedo >= RESOLVED.least_albedo for medium in media]
         source = [part if goes_on else None for part, goes_on in zip(first, followed, strict=True)]
+        if all(part is None for part in source):
+            no_gains = [1.0] * len(media)
+            return stages.run(
+                Stage.RESOLVED, (first, fill), lambda: resolved(first, source, no_gains, media, fill, grid)
+            )
         back = stages.run(Stage.RETURNS, (body.boundary, eta), sent_back)
         fly = functools.partial(self._flown, media=media, fill=fill, back=back, grid=grid)
 

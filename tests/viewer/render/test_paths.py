@@ -8,6 +8,7 @@ import pytest
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.fresnel import reflectance
+from milkglass.core.stages import Stage
 from milkglass.viewer.gl.context import read_rgba
 from milkglass.viewer.render.picture import SCATTERED, Frame, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
@@ -117,15 +118,16 @@ def test_pictures_of_the_parts_of_light_add_up(renderer, mesh):
 
 def test_an_object_shows_itself_in_its_mirror_whatever_is_shown_of_it(renderer):
     """Two balls, whose parts add up too."""
-    pair = solids.mesh_of(solids.ball(8.0, subdivisions=4), solids.ball(6.0, (14.5, 0, 0)))
+    pair = solids.mesh_of(solids.ball(8.0), solids.ball(6.0, (14.5, 0, 0), subdivisions=2))
     scene = apply_set(white(pair, *MURKY), ["transport.resolution=16"])
     shown = [apply_set(scene, [f"transport.light_paths={parts}"]) for parts in (ALL, *PARTS)]
     frames = [renderer.render(scene, samples=1) for scene in shown]
     np.testing.assert_allclose(sum(frame.radiance for frame in frames[1:]), frames[0].radiance, atol=1e-5)
 
 
-def test_an_open_surface_says_that_it_has_no_parts_of_light(renderer, mesh):
-    scene = white(Mesh.of(mesh.vertices, mesh.normals, mesh.faces[8000:]), *OPAQUE, "transport.light_paths=once")
+def test_an_open_surface_says_that_it_has_no_parts_of_light(renderer):
+    mesh = solids.mesh_of(solids.ball(15.0))
+    scene = white(Mesh.of(mesh.vertices, mesh.normals, mesh.faces[500:]), *OPAQUE, "transport.light_paths=once")
     frame = renderer.render(scene, samples=1)
     assert any("transport.light_paths is" in warning for warning in frame.warnings)
     assert not frame.radiance.any()
@@ -145,14 +147,64 @@ def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, me
             scene = replace(scene, environment=EnvironmentSettings(), lights=(DirectionalLight((0.0, 0.0, 1.0)),))
         return [why.split(",")[0].split(" (")[0] for why in renderer.render(scene, samples=1).parts]
 
-    diffuse, followed = "scattering: by diffusion", "scattering: from the first collision on"
-    assert parts(*OPAQUE, lamps=True) == ["mirror: highlights of lamps alone", "inside: none", diffuse]
-    assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", "inside: none", diffuse]
-    assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", "inside: none", diffuse]
-    assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "inside: rays", diffuse]
-    assert parts(*CLEAR, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays", diffuse]
+    lamplit, diffuse = "mirror: highlights of lamps alone", ["once: none", "often: none", "surface: diffusion"]
+    nothing, none = ["once: none", "often: none", "surface: none"], "unscattered: none"
+    assert parts(*OPAQUE, lamps=True) == [lamplit, none, *diffuse]
+    assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", none, *diffuse]
+    assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", none, *diffuse]
+    assert parts(*OPAQUE, "transport.light_paths=often") == ["mirror: not shown", none, *diffuse]
+    assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "unscattered: rays", *nothing]
+    assert parts(*CLEAR, lamps=True) == [lamplit, "unscattered: rays", *nothing]
     murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,0.01]"
-    assert parts(*murky, lamps=True) == ["mirror: highlights of lamps alone", "inside: rays", followed]
+    followed = ["once: beams and rays", "often: flights", "surface: none"]
+    assert parts(*murky, lamps=True) == [lamplit, "unscattered: rays", *followed]
+    murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,5]"
+    assert parts(*murky)[2:] == ["once: beams and rays", "often: flights", "surface: diffusion"]
+
+
+DIFFUSED = {Stage.BOUNDARY, Stage.SOURCES_R, Stage.SPECTRA, Stage.SOLUTION}
+ONCE, OFTEN = {Stage.FIRST_VOLUME, Stage.RESOLVED}, {Stage.RETURNS, Stage.SECOND_VOLUME, Stage.FLUENCE}
+DARK = "material.sigma_s_prime=[0.001,0.001,0.001]", "material.sigma_a=[0.1,0.1,0.1]"
+BEAMS = {Stage.BEAMS, Stage.BEAMS_AROUND}
+
+
+@pytest.mark.parametrize(
+    ("material", "run", "spared"),
+    [
+        *((name, set(), DIFFUSED | ONCE | OFTEN | BEAMS) for name in ("Coke", "Sprite", "Merlot", "Chardonnay")),
+        (DARK, BEAMS | ONCE, OFTEN | {Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B}),
+        ("Shampoo", BEAMS | ONCE | OFTEN | {Stage.SOURCES_R}, {Stage.SOURCES_G, Stage.SOURCES_B}),
+        ("marble", DIFFUSED, BEAMS | ONCE | OFTEN),
+    ],
+)
+def test_a_material_runs_what_it_needs(context, mesh, material, run, spared):
+    """Drinks of a scattering below 1/200 are rays alone, without a product; an albedo below 1/50 spares diffusion."""
+    renderer = Renderer(context)
+    given = material if isinstance(material, tuple) else (f"material.name={material}",)
+    frame = renderer.render(white(mesh, *given), samples=1)
+    assert run <= frame.timings.keys()
+    assert not spared & frame.timings.keys()
+    if not run:
+        assert not renderer.transport_stages.timings
+        assert not frame.exitance.any()
+    assert frame.radiance[inside(frame)].min() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("scattering", "absorption", "rtol"), [(0.005 / (4.0 / 3.0 * 15.0), 0.0, 0.01), (0.02 * 0.1, 0.98 * 0.1, 0.002)]
+)
+def test_what_is_left_out_is_little(renderer, mesh, scattering, absorption, rtol):
+    """On either side of where light that scatters, and that scatters twice, is left out."""
+    scenes = [
+        white(mesh, f"material.sigma_s_prime={[s * scattering] * 3}", f"material.sigma_a={[absorption] * 3}")
+        for s in (0.97, 1.03)
+    ]
+    without, whole = (renderer.render(scene, samples=1) for scene in scenes)
+    assert sum(s.split(":")[1].startswith(" none") for s in without.parts) > sum(
+        s.split(":")[1].startswith(" none") for s in whole.parts
+    )
+    seen = inside(whole)
+    np.testing.assert_allclose(without.radiance[seen].mean(), whole.radiance[seen].mean(), rtol=rtol)
 
 
 def test_more_samples_than_rays_are_the_same_picture(renderer, mesh):
