@@ -23,6 +23,7 @@ WELD_BITS = 21
 
 # 2 area / longest side^2 below which three vertices count as collinear; float64 rounding is near 1e-15.
 COLLINEAR = 1e-12
+OPENING = 1e-2  # sum of the faces' normals over the area, up to which a surface has an inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +75,15 @@ class Mesh:
         """Signed volume in mm^3, accumulated in float64; positive for a closed mesh wound outwards."""
         return signed_volume(self.vertices, self.faces)
 
-    @property
+    @computed_once
     def mean_chord(self) -> float:
-        """Mean length in mm of straight ways through the inside, 4 V / S (Cauchy); of a closed mesh wound outwards."""
-        return 4.0 * self.volume / max(self.area, np.finfo(np.float64).tiny)
+        """Mean length of straight ways through the inside, mm, 4 V / S (Cauchy).
+
+        Of an open surface, which has no inside, the longest side of its box.
+        """
+        sum_of_normals = 0.5 * np.linalg.norm(face_cross(self.vertices, self.faces).sum(axis=0))
+        is_closed = sum_of_normals <= OPENING * self.area and self.volume > 0.0
+        return 4.0 * self.volume / self.area if is_closed else longest_side(self)
 
     @computed_once
     def bounds(self) -> Array:

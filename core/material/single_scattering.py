@@ -1,4 +1,4 @@
-"""Share of single scattering in the light that leaves a half space, which diffusion does not describe.
+"""Share of single scattering in the light that leaves a half space, which a solution of diffusion does not describe.
 
 A half space with a smooth dielectric boundary, lit along its normal, isotropic scattering with the reduced coefficients
 (as `core.reference.photons`), fluxes relative to what has entered. Light that scatters once, at a depth of z mean free
@@ -37,14 +37,14 @@ def share(material: Material) -> Array:
 
 
 def statement(material: Material) -> str:
-    """Return a sentence on the share of single scattering, which pictures lack, or that nothing scatters."""
+    """Return a sentence on the share of single scattering, or that nothing scatters."""
     shares = share(material)
     if not shares.any():
         return "nothing scatters"
     listed = ", ".join(f"{100.0 * value:.0f} %" for value in shares)
     return (
         f"{listed} of the light that leaves (R, G, B; a half space lit along its normal) has scattered only once, and "
-        "is drawn as if it had often"
+        "is drawn as if it had often where it is not followed: by ewald and layered, and below the distance of nodes"
     )
 
 

@@ -16,6 +16,7 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.paths.resolution import RESOLVED, resolved_share, scattered_share, scatters
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.methods import Method
+from milkglass.core.transport.quality import percent
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.lights import Light
@@ -163,13 +164,13 @@ def _scattering(lit: LitScene) -> tuple[str, str, str]:
     )
 
 
-def _used(what: str, shares: Sequence[float]) -> str:
-    return f"{what}, {_channels(shares)}" if any(shares) else "none"
+def _used(means: str, shares: Sequence[float]) -> str:
+    return f"{means}, {_channels(shares)}" if any(shares) else "none"
 
 
 def _channels(shares: Iterable[float]) -> str:
     """Return shares of R, G and B as per cents."""
-    return ", ".join(f"{channel} {100.0 * share:.2g} %" for channel, share in zip(CHANNELS, shares, strict=True))
+    return ", ".join(f"{channel} {percent(share)}" for channel, share in zip(CHANNELS, shares, strict=True))
 
 
 def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:

@@ -1,28 +1,106 @@
 """Lengths of a material against those of a picture: sentences on what is missed where they do not fit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.library import CHANNELS, Material
-from milkglass.core.transport.methods import Method
+from milkglass.core.material.medium import Medium, media
+from milkglass.core.paths.resolution import needs_beams, resolved_share
+from milkglass.core.transport.methods import METHODS, Method
+from milkglass.core.transport.quality import percent
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.paths import is_clear
 from milkglass.viewer.scene.light_paths import ALL
 from milkglass.viewer.scene.scene import Scene
 
 RIM_SPACINGS = 1.2  # width of the frame along a thin part's rim, in distances of nodes
+NOTABLE_CROSSING = 0.2  # share of light that crosses an object unscattered, without which a picture is another one
+DARK = 0.5  # albedo below which diffusion is off under lamps
+PLATE = 0.15  # mean chord over the second longest side, below which light cannot leave sideways
+PLATE_PATHS = 0.7, 2.5  # thicknesses in mean free paths
+PLATE_ALBEDO = 0.3
 
 
-def beyond_object(scene: Scene) -> str | None:
-    """Return a sentence if the mean free path is longer than the object, with what is missed without rays of sight."""
-    if scene.transport.facts.follows_sight:
+def warnings(scene: Scene, lit: LitScene) -> tuple[str, ...]:
+    """Return sentences on light that a picture lacks and on what it shows in its place."""
+    lacking = lacks_crossing(scene, lit.model.mesh, lit.quality.method), untold_parts(scene, lit), lacks_glow(lit)
+    return tuple(sentence for sentence in lacking if sentence is not None)
+
+
+def remarks(scene: Scene, lit: LitScene, gather: Gather) -> tuple[str, ...]:
+    """Return sentences on where a picture is less exact than elsewhere."""
+    inexact = below_nodes(scene, lit), thin_rims(scene, lit, gather), thin_plates(lit), dark_under_lamps(scene, lit)
+    return tuple(sentence for sentence in inexact if sentence is not None)
+
+
+def lacks_crossing(scene: Scene, mesh: Mesh, method: str) -> str | None:
+    """Return a sentence if much light crosses the object without scattering, and the transport knows none such.
+
+    Of pictures without rays of sight, of 47 measured materials at 20, 60 and 200 mm, these are the 47 that are off by
+    more than 30 %, and two that are off by less.
+    """
+    facts = METHODS[method]
+    material = None if facts.follows_sight else _material(scene, facts)
+    if material is None:
         return None
-    size, material = scene.model.size_mm, _material(scene, scene.transport.facts)
-    if material is None or not (named := _named(material, material.mean_free_path > size)):
+    chord = mesh.mean_chord
+    crossing = [float(np.exp(-medium.sigma_t_prime * chord)) for medium in media(material)]
+    if max(crossing) <= NOTABLE_CROSSING:
+        return None
+    shares = ", ".join(f"{c} {percent(share)}" for c, share in zip(CHANNELS, crossing, strict=True))
+    return (
+        f"light crosses the object, {chord:.3g} mm on the mean, without scattering ({shares}), and {method} "
+        "lacks that: what shows through, refracted, and what scatters once; transport diffusion has both"
+    )
+
+
+def lacks_glow(lit: LitScene) -> str | None:
+    """Return a sentence if matter that nodes resolve is drawn by its surface, since that has colours or relief."""
+    if lit.detail is None or not lit.quality.facts.follows_sight:
+        return None
+    named = _listed([needs_beams(medium, lit.grid) for medium in lit.media])
+    if not named or is_clear(lit.quality.facts, lit.media, lit.model.mesh):
         return None
     return (
-        f"the mean free path is longer than the object of {size:.3g} mm in {named}: most light crosses it without "
-        "scattering, and the picture lacks that: what shows through, refracted, and what scatters once"
+        f"the surface has colours or relief, and so light that scatters inside is drawn as if it had often, where it "
+        f"leaves, though the mean free path in {named} is long: what glows within is flat; detail.albedo=off and "
+        "detail.normal_strength=0 have it followed"
+    )
+
+
+def dark_under_lamps(scene: Scene, lit: LitScene) -> str | None:
+    """Return a sentence if lamps light dark matter whose free paths nodes do not resolve, which diffusion is bad at."""
+    if not scene.effective_lights() or not lit.quality.facts.follows_sight:
+        return None
+    named = _listed([0.0 < m.albedo < DARK and _by_surface(m, lit) for m in lit.media])
+    if not named:
+        return None
+    return (
+        f"most of what scatters in {named} is absorbed, and nodes do not resolve the mean free path: what dark matter "
+        "sends back of lamps is off by 8 to 18 %, for it has scattered once and is drawn as if it had often"
+    )
+
+
+def thin_plates(lit: LitScene) -> str | None:
+    """Return a sentence if the object is a plate of one or two mean free paths, in which light is trapped."""
+    mesh, quality = lit.model.mesh, lit.quality
+    if not quality.facts.follows_sight or mesh.mean_chord > PLATE * np.sort(np.ptp(mesh.bounds, axis=0))[1]:
+        return None
+    thin, thick = PLATE_PATHS
+    paths = [0.5 * mesh.mean_chord * medium.sigma_t_prime for medium in lit.media]
+    trapped = zip(paths, lit.media, strict=True)
+    named = _listed([thin < path < thick and medium.albedo > PLATE_ALBEDO for path, medium in trapped])
+    return (
+        None
+        if not named
+        else (
+            f"the object is a plate of one or two mean free paths in {named}, which total reflection traps light in: "
+            "3 to 9 % too much of what scatters leaves it"
+        )
     )
 
 
@@ -61,6 +139,17 @@ def thin_rims(scene: Scene, lit: LitScene, gather: Gather) -> str | None:
         f"parts thinner than the {spacing:.3g} mm between nodes, lit from behind, are 15 to 20 % too dark within "
         f"{RIM_SPACINGS * spacing:.2g} mm of their rims, and by up to half in the outermost {0.25 * spacing:.2g} mm"
     )
+
+
+def _by_surface(medium: Medium, lit: LitScene) -> bool:
+    """Return whether some of what scatters in a medium leaves as exitance of the surface."""
+    clear = is_clear(lit.quality.facts, lit.media, lit.model.mesh)
+    return not clear and (lit.beams is None or resolved_share(medium, lit.grid) < 1.0)
+
+
+def _listed(chosen: Sequence[bool]) -> str:
+    """Return the names of the chosen channels."""
+    return ", ".join(channel for channel, is_chosen in zip(CHANNELS, chosen, strict=True) if is_chosen)
 
 
 def _material(scene: Scene, method: Method) -> Material | None:

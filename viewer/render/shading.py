@@ -20,6 +20,7 @@ from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
+from milkglass.viewer.render import remarks
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
 from milkglass.viewer.render.exitance import SurfaceExitance
@@ -27,7 +28,6 @@ from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Picture, PictureRequest
-from milkglass.viewer.render.remarks import below_nodes, beyond_object, thin_rims, untold_parts
 from milkglass.viewer.render.tracing import Tracing, is_traced
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
@@ -140,13 +140,10 @@ class Shading:
         image: moderngl.Framebuffer,
         average: float,
     ) -> Picture:
-        lacking = beyond_object(scene), untold_parts(scene, lit)
-        missed = below_nodes(scene, lit), thin_rims(scene, lit, gather)
-        warnings = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
-        warnings += tuple(sentence for sentence in lacking if sentence is not None)
-        remarks = tuple(sentence for sentence in missed if sentence is not None)
+        flaws = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
+        said = (*flaws, *remarks.warnings(scene, lit)), remarks.remarks(scene, lit, gather)
         transparent = scene.display.background == "transparent"
-        return Picture(composite, image, transparent, warnings, lit.quality, average, remarks)
+        return Picture(composite, image, transparent, said[0], lit.quality, average, said[1])
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """Return the world position (mm) that the last picture shows at a pixel (column, row from the top), or None."""

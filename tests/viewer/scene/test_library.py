@@ -8,7 +8,7 @@ import pytest
 from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.viewer.commands import cli
-from milkglass.viewer.render.remarks import below_nodes, beyond_object
+from milkglass.viewer.render.remarks import below_nodes
 from milkglass.viewer.scene import library
 from tests.support.rendering import MeshRenderer, scene_of
 from tests.support.solids import block, mesh_of
@@ -56,22 +56,6 @@ def test_command_line_filters(capsys):
         library.found("")
 
 
-@pytest.mark.parametrize(
-    ("settings", "expected"),
-    [
-        (["material.name=sprite"], "r (529 mm), g (544 mm), b (498 mm): most light crosses it"),
-        (["material.name=sprite", "model.size_mm=1000"], None),
-        (["material.name=lowfat milk", "material.water=0.995"], "longer than the object of 100 mm in r (2"),
-        (["material.name=merlot", "model.size_mm=2"], "in r (8.6 mm): most"),  # the others do not scatter at all
-        (["material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0,0]"], None),
-        (["material.name=sprite", "material.profile=table", "material.profile_table=x.csv"], None),
-    ],
-)
-def test_a_mean_free_path_beyond_the_object_is_told(settings, expected):
-    said = beyond_object(scene_of("model.size_mm=100", *settings, method="ewald"))
-    assert said is None if expected is None else expected in said
-
-
 @pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize(
@@ -86,11 +70,11 @@ def test_what_a_grid_cannot_follow_is_a_remark_and_what_no_picture_has_a_warning
     )  # fmt: skip
     picture = renderer.draw(scene)
     assert f"mm between {word} in r (0.456 mm), g (0.381 mm), b (0.333 mm): " in picture.remarks[0]
-    assert not any("longer than the object" in warning for warning in picture.warnings)
+    assert not any("light crosses the object" in warning for warning in picture.warnings)
     coarse = replace(scene, material=replace(scene.material, name="sprite"))
     picture = renderer.draw(coarse)
     assert picture.remarks == ()
-    assert any("longer than the object" in warning for warning in picture.warnings)
+    assert any("light crosses the object" in warning for warning in picture.warnings)
     assert below_nodes(coarse, renderer.light(coarse)) is None
 
 

@@ -12,7 +12,7 @@ from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Contr
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.live import Live, solves
-from milkglass.viewer.render.remarks import beyond_object
+from milkglass.viewer.render.remarks import warnings
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.material_settings import ADDED
@@ -73,8 +73,9 @@ class MixtureRows:
 
 
 ONCE_TIP = (
-    "Share of the light that leaves a half space lit along its normal which has scattered only once. Diffusion draws "
-    "it as if it had scattered often: too wide (but for the profile photon_beam), and without its direction."
+    "Share of the light that leaves a half space lit along its normal which has scattered only once. Transport "
+    "diffusion follows it where nodes resolve the mean free path; elsewhere it is drawn as if it had scattered often: "
+    "too wide (but for the profile photon_beam), and without its direction."
 )
 LARGEST_SIGMA = 100.0  # mm^-1, end of the sliders
 
@@ -212,9 +213,9 @@ class MaterialSection(Section):
         imgui.end_table()
         for note in materials.validity_notes(material):
             self._controls.note(note)
-        resolved = None if live.finished is None else live.finished.scattered.resolved
-        lacking = 1.0 if resolved is None else 1.0 - np.array(resolved.shares)
-        if np.max(lacking * single_scattering.share(material)) > single_scattering.NOTABLE_SHARE:
+        once = not self._session.scene.transport.facts.follows_sight and np.max(single_scattering.share(material))
+        if once > single_scattering.NOTABLE_SHARE:
             self._controls.note(f"single scattering is missing: {single_scattering.statement(material)}", warning=True)
-        if (missed := beyond_object(self._session.scene)) is not None:
-            self._controls.note(missed, warning=True)
+        if live.finished is not None:
+            for lacking in warnings(self._session.scene, live.finished.lit):
+                self._controls.note(lacking, warning=True)

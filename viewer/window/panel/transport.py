@@ -9,7 +9,7 @@ from milkglass.core.transport.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.gui.controls import RESET_HINT, explained
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import solves
-from milkglass.viewer.render.remarks import below_nodes, thin_rims
+from milkglass.viewer.render.remarks import remarks
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.light_paths import ALL, PARTS, joined
 from milkglass.viewer.window.panel.section import Section, Seen
@@ -51,10 +51,8 @@ class TransportSection(Section):
         if quality.facts.solves:
             controls.note(solved(live.finished.scattered, complete=live.finished.complete))
         controls.note(chosen(live.finished, live.stage_times))
-        scene = self._session.scene
-        for missed in (below_nodes(scene, lit), thin_rims(scene, lit, live.finished.gather)):
-            if missed is not None:
-                controls.note(missed)
+        for missed in remarks(self._session.scene, lit, live.finished.gather):
+            controls.note(missed)
 
     def _light_paths(self) -> None:
         """Draw which parts of light are shown."""
