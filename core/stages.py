@@ -123,6 +123,7 @@ class Stage(StrEnum):
     MIRRORED_LAMP = "mirrored light", Part.IRRADIANCE
     CROSSING_LAMP = "rays through thin parts from lamp", Part.IRRADIANCE
     CROSSED_LAMP = "light through thin parts from lamp", Part.IRRADIANCE
+    FROM_LAMPS = "unscattered light from lamps", Part.IRRADIANCE
     UNSCATTERED = "all unscattered light", Part.IRRADIANCE
     UNSCATTERED_LIGHT = "unscattered light", Part.IRRADIANCE
     TOTAL_FLUX = "flux with unscattered light", Part.IRRADIANCE
@@ -190,7 +191,7 @@ class Stage(StrEnum):
 
     PATH_SURFACE = "surface for rays", Part.IRRADIANCE
     PATHS = "rays of sight", Part.LOOK
-    PATH_EXITANCE = "exitance for rays", Part.LOOK
+    LIT_PATHS = "rays of sight, lit", Part.LOOK
     PATH_PARTS = "parts of light along rays", Part.LOOK
     PATH_TARGETS = "ray targets", Part.LOOK
     REENTRY_TARGETS = "targets of reentry", Part.LOOK

@@ -212,18 +212,20 @@ class Crossings:
     left_weights: Float16
     left_lengths: Float32
 
-    def matrix(self, emitters: Ints, count: int, extinction: float) -> csr_array:
+    def matrix(self, emitters: Ints, count: int, extinction: float) -> csr_array | None:
         """Return the irradiance that enters at the vertices, see `core.light.exchange.Hits.matrix`.
 
-        `extinction` is sigma_t' of the matter, 1/mm.
+        None where less than `NEGLIGIBLE_CHANNEL` of what enters would, were there light all around; `extinction` is
+        sigma_t' of the matter, 1/mm.
         """
-        columns, crossing = emitters[self.faces], np.exp(np.float32(-extinction) * self.lengths)
+        crossing, n = np.exp(np.float32(-extinction) * self.lengths), len(self.first) - 1
+        columns, weights = emitters[self.faces], self.weights * crossing
+        scale = np.float32(1.0 / (self.rays * hemispherical_transmittance(self.eta)))
+        if scale * weights.sum(dtype=np.float64) < NEGLIGIBLE_CHANNEL * n:
+            return None
         used = (columns >= 0) & (crossing > LEAST_CROSSING)
         rows = np.concatenate([[0], np.cumsum(used)])[self.first].astype(np.int32)
-        scale = np.float32(1.0 / (self.rays * hemispherical_transmittance(self.eta)))
-        values = scale * crossing[used] * self.weights[used]
-        shape = len(self.first) - 1, count
-        return csr_array((values, columns[used].astype(np.int32), rows), shape=shape)
+        return csr_array((scale * weights[used], columns[used].astype(np.int32), rows), shape=(n, count))
 
     def irradiance(self, radiance: Callable[[Array], Array], extinctions: Sequence[float]) -> Float32:
         """Return the irradiance from the surroundings that enters at the vertices, (n, 3).

@@ -99,13 +99,13 @@ class Mirror:
         return found
 
     def irradiance(self, received: "Received", extinctions: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
-        """Return the irradiance that enters at the vertices, (n, 3), for sigma_t' of R, G and B, 1/mm."""
+        """Return the irradiance that enters at the vertices, (n, 3), not averaged, for sigma_t' of R, G and B, 1/mm."""
         sums = np.zeros((len(self._mesh.vertices), 3))
         for channel, extinction in enumerate(extinctions):
             flux = received.flux[:, channel] * np.exp(np.float32(-extinction) * received.lengths)
             shares = received.weights * flux[:, None]
             sums[:, channel] = np.bincount(received.corners.ravel(), shares.ravel(), minlength=len(sums))
-        return self.averaged(sums / np.maximum(self._areas, np.finfo(np.float64).tiny)[:, None], ROUNDS)
+        return np.asarray(sums / np.maximum(self._areas, np.finfo(np.float64).tiny)[:, None], np.float32)
 
     def _received(self, faces: Ints, points: Floats, flux: Array, lengths: Floats) -> "Received":
         """Return flux (k, 3) that enters at points of faces, of paths of lengths in matter (k,)."""
@@ -114,7 +114,7 @@ class Mirror:
         return Received(corners, weights.astype(np.float32), flux.astype(np.float32), lengths.astype(np.float32))
 
     def averaged(self, irradiance: Floats, rounds: int = FEW_ROUNDS) -> Float32:
-        """Return irradiance at the vertices, (n, 3), averaged over neighbours by area."""
+        """Return irradiance at the vertices, (n, 3), averaged over neighbours by area; caustics take `ROUNDS`."""
         for _ in range(rounds):
             irradiance = self._average @ irradiance
         return np.asarray(irradiance, np.float32)

@@ -19,7 +19,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import EVENTS, Chords, Meetings, Rays, follow, joined, none, part
+from milkglass.core.paths.events import EVENTS, Chords, Event, Meetings, Rays, follow, joined, none, part
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
@@ -97,6 +97,29 @@ class Inside(NamedTuple):
         return not (self.unscattered or self.leaving) and self.glow is None
 
 
+class Surfaces(NamedTuple):
+    """Where k rays meet matter from outside it.
+
+    Attributes
+    ----------
+    sources : (k,) int32
+        2 n of what ray of sight n has mirrored first, 2 n + 1 of what it has refracted.
+    faces : (k,) int32
+    places : (k, 2) float32
+        Weights of the face's second and third corner.
+    weights : (k, 3) float32
+        Of each channel, F_t of the surface included.
+    """
+
+    sources: Int32
+    faces: Int32
+    places: Float32
+    weights: Float32
+
+
+Leaving = Callable[[Ints], Float32]
+
+
 @dataclass(frozen=True, eq=False)
 class Tree:
     """What trees of rays are traced in; compared by identity.
@@ -108,8 +131,9 @@ class Tree:
         s_t' of each body, absorption of each clear part, 1/mm.
     surroundings : Surroundings
     glow : Glow, optional
-    leaving : (n, 3) float32, optional
-        M / (pi T) at the surface's vertices; at those of a clear part what matter has that it touches.
+    leaving : callable, optional
+        Gives M / (pi T) at vertices of the surface, (m, 3) float32, for their numbers, (m,): those that rays meet; at
+        those of a clear part what matter has that it touches. It is called in the thread that `trace` is called in.
     mirrors, clear : bool
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
@@ -122,7 +146,7 @@ class Tree:
     extinction: Float32
     surroundings: Surroundings
     glow: Glow | None = None
-    leaving: Float32 | None = None
+    leaving: Leaving | None = None
     mirrors: bool = True
     clear: bool = True
     events: int = EVENTS
@@ -139,17 +163,30 @@ class Tree:
         k = len(sight.points)
         seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
 
-        def trace(start: int) -> None:
+        def trace(start: int) -> list[Surfaces]:
             if not go_on():
                 raise PathsSuperseded
-            batch = slice(start, start + BATCH)
-            for values, of_batch in zip(seen, self._trace(sight.part(batch)), strict=True):
+            batch, met = slice(start, start + BATCH), list[Surfaces]()
+            for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met), strict=True):
                 values[batch] = of_batch
+            return met
 
-        pool_map(trace, range(0, k, BATCH))
+        parts = [part for met in pool_map(trace, range(0, k, BATCH)) for part in met]
+        if self.leaving is not None and parts:
+            self._add_leaving(Surfaces(*(np.concatenate(column) for column in zip(*parts, strict=True))), seen)
         return seen
 
-    def _trace(self, sight: Sight) -> tuple[Float32, Float32, Float32]:
+    def _add_leaving(self, met: Surfaces, seen: Seen) -> None:
+        """Add what leaves the surface where rays meet it."""
+        assert self.leaving is not None
+        corners = self.surface.faces.corners[met.faces]
+        used = np.zeros(len(self.surface.faces.vertices), bool)
+        used[corners] = True
+        leaving, number = self.leaving(np.flatnonzero(used)), np.cumsum(used, dtype=np.int32) - np.int32(1)
+        _add_between(met, number[corners], leaving, seen.mirror, seen.scattered)
+
+    def _trace(self, sight: Sight, start: int, met: list[Surfaces]) -> tuple[Float32, Float32, Float32]:
+        """Return what rays see, numbered from `start`, but for the surface from outside, which is appended to `met`."""
         surface, faces = self.surface, self.surface.faces
         inside = self.inside or Inside(unscattered=True, glow=self.glow, leaving=True)
         refracts = self.clear and not inside.is_dark
@@ -157,15 +194,13 @@ class Tree:
         mirrored, refracted, _ = part(surface, first, 1, self.events)
         rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if refracts else none(refracted))
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
-        shown = np.array([1.0, float(inside.leaving)], np.float32)
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
             for glow, chords in self._gathered(event.chords):
                 if glow is not None:
                     glow.add(chords, self.extinction, faces.etas[: surface.scattering], scattered)
             if self.leaving is not None:
-                met = event.meetings, event.mirrored, faces.corners
-                _add_leaving(*met, self.leaving, shown, surface.scattering, scattered)
+                met.append(_leaving(event, surface.scattering, inside, start))
         if not inside.unscattered:
             unscattered[1::2] = 0.0
         return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
@@ -211,21 +246,28 @@ def _numbered(mirrored: Rays, refracted: Rays) -> Rays:
     return joined(mirrored, refracted)._replace(sources=sources)
 
 
+def _leaving(event: Event, scattering: int, inside: Inside, start: int) -> Surfaces:
+    """Return where rays meet matter from outside it, of sources 2 n and 2 n + 1 of ray `start` + n, as far as shown."""
+    meetings = event.meetings
+    shown = (meetings.beyond >= 0) & (meetings.beyond < scattering)
+    if not inside.leaving:
+        shown &= meetings.sources % 2 == 0
+    chosen = np.flatnonzero(shown)
+    return Surfaces(
+        sources=meetings.sources[chosen] + np.int32(2 * start),
+        faces=meetings.faces[chosen],
+        places=meetings.places[chosen],
+        weights=meetings.weights[chosen] * (1.0 - event.mirrored[chosen])[:, None],
+    )
+
+
 @compiled
-def _add_leaving(
-    meetings: Meetings,
-    mirrored: Float32,
-    corners: Int32,
-    leaving: Float32,
-    shown: Float32,
-    scattering: int,
-    radiance: Float32,
-) -> None:
-    """Add exitance that rays meet, times how much of it the rays of even and of odd sources show."""
-    for i in range(len(mirrored)):
-        if meetings.beyond[i] < 0 or meetings.beyond[i] >= scattering:
-            continue
-        pixel, (a, b, c), (u, v) = meetings.sources[i], corners[meetings.faces[i]], meetings.places[i]
+def _add_between(met: Surfaces, corners: Int32, leaving: Float32, mirror: Float32, scattered: Float32) -> None:
+    for i in range(len(corners)):
+        ray, (a, b, c), (u, v) = met.sources[i] // 2, corners[i], met.places[i]
         for channel in range(3):
             value = (1 - u - v) * leaving[a, channel] + u * leaving[b, channel] + v * leaving[c, channel]
-            radiance[pixel, channel] += shown[pixel % 2] * meetings.weights[i, channel] * (1 - mirrored[i]) * value
+            if met.sources[i] % 2 == 0:
+                mirror[ray, channel] += met.weights[i, channel] * value
+            else:
+                scattered[ray, channel] += met.weights[i, channel] * value

@@ -11,7 +11,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange
-from milkglass.core.light.mirror import Mirror
+from milkglass.core.light.mirror import ROUNDS, Mirror
 from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.material.medium import Medium
@@ -114,7 +114,7 @@ class ExchangeStages:
         """
         if not lamps and around is None:
             return None
-        parts, eta, crossings = [], media[0].eta, exchange.crossings
+        parts, from_lamps, eta, crossings = list[Float32](), list[Float32](), media[0].eta, exchange.crossings
         extinctions = tuple(medium.sigma_t_prime for medium in media)
         mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
         for i, (light, entering) in enumerate(lamps, start=1):
@@ -123,7 +123,7 @@ class ExchangeStages:
                 [mirror, samples, light, entering, eta],
                 lambda light=light, entering=entering: lamp_rays(light, entering, samples, eta),  # type: ignore[misc]
             )
-            parts.append(
+            from_lamps.append(
                 self._run(
                     Stage.MIRRORED_LAMP.of(i),
                     [mirror, *rays],
@@ -137,11 +137,19 @@ class ExchangeStages:
                 [mirror, *rays, crossings.reach],
                 lambda rays=rays: mirror.crossing(*rays, eta=eta, reach=crossings.reach),  # type: ignore[misc]
             )
-            parts.append(
+            from_lamps.append(
                 self._run(
                     Stage.CROSSED_LAMP.of(i),
                     [received, *extinctions],
                     lambda received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
+                )
+            )
+        if from_lamps:
+            parts.append(
+                self._run(
+                    Stage.FROM_LAMPS,
+                    [mirror, *from_lamps],
+                    lambda: mirror.averaged(np.sum(from_lamps, axis=0, dtype=np.float32), ROUNDS),
                 )
             )
         if around is not None:

@@ -1,11 +1,12 @@
 """Exitance at points of the surface, by the shaders of every picture."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Float32, Floats
+from milkglass.core.arrays import Float32, Floats, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.stages import exhausted
 from milkglass.viewer.gl.context import checked, float_texture, read_rgba
@@ -14,9 +15,13 @@ from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.reentry import ReentryTargets
+from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.settings import Gloss
+
+# Gives values that are known at the vertices of a refined surface, (m, k), at the points that are asked for, (n, k).
+ValuesFound = Callable[[RefinedSurface, Floats], Floats]
 
 
 class SurfaceExitance:
@@ -34,6 +39,24 @@ class SurfaceExitance:
 
     def at(self, samples: SurfaceSamples, lit: LitScene, gather: Gather) -> Float32:
         """Return exitance M at samples of the surface: (n, 3)."""
+
+        def found(surface: RefinedSurface, values: Floats) -> Floats:
+            return surface.at(values, samples.points, samples.normals)
+
+        return self._at(samples, found, lit, gather)
+
+    def at_vertices(self, vertices: Ints, lit: LitScene, gather: Gather) -> Float32:
+        """Return exitance M at vertices of the object's mesh, (n, 3), for their numbers, (n,)."""
+        mesh = lit.model.mesh
+        of_vertex = np.zeros(len(mesh.vertices), np.int32)
+        of_vertex[mesh.faces] = np.arange(len(mesh.faces), dtype=np.int32)[:, None]
+        areas = np.full(len(vertices), mesh.area / max(len(mesh.vertices), 1), np.float32)
+        samples = SurfaceSamples(mesh.vertices[vertices], mesh.normals[vertices], areas, of_vertex[vertices])
+        # The mesh's vertices are the first of a refined one.
+        return self._at(samples, lambda _, values: values[vertices], lit, gather)
+
+    def _at(self, samples: SurfaceSamples, found: ValuesFound, lit: LitScene, gather: Gather) -> Float32:
+        """Return M at samples, where `found` gives the values of a refined surface's vertices: (n, 3)."""
         n = len(samples)
         size = (int(np.ceil(np.sqrt(n))),) * 2
 
@@ -50,19 +73,16 @@ class SurfaceExitance:
         points, normals, occlusion = samples.points, samples.normals, lit.occlusion
         position, normal, visible, again = pixels(points, 1.0), pixels(normals, bodies), None, None
         if occlusion is not None:
-            far_side = occlusion.surface.at(occlusion.surface.behind(occlusion.shares), points, normals)
+            far_side = found(occlusion.surface, occlusion.surface.behind(occlusion.shares))
             behind = np.rint(255.0 * far_side) @ (1.0, 256.0, 65536.0)  # visible.glsl
-            visible = pixels(occlusion.at(points, normals), behind)
+            visible = pixels(found(occlusion.surface, occlusion.shares), behind)
         # With depth, as of a picture: the driver would compile shaders anew for targets without.
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         self._context.framebuffer([], depth).clear(depth=0.0)
         targets = self._irradiance.targets(size, depth)
         sources = lit.sources
         if (reentry := gather.reentry) is not None:
-            near, far = (
-                pixels(reentry.surface.at(values, points, normals), 0.0)
-                for values in (reentry.irradiance, reentry.behind)
-            )
+            near, far = (pixels(found(reentry.surface, values), 0.0) for values in (reentry.irradiance, reentry.behind))
             again, sources = ReentryTargets(near, far, targets.framebuffer), (*sources, reentry.source)
         gbuffer = GBuffer(position, normal, targets.framebuffer, visible, reentry=again)
         no_highlights = Highlights(Gloss(0.0, 1.0, "none", normalized=False), self._no_probe)

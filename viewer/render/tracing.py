@@ -7,7 +7,6 @@ import moderngl
 import numpy as np
 
 from milkglass.core.arrays import Array, Float32, Ints
-from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import current
 from milkglass.viewer.passes.composite import TREE_LAYERS, CompositePass, Traced
@@ -24,6 +23,25 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 4  # of a pixel, whose rays are followed
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
+
+
+class Leaving:
+    """M / (pi T) at the vertices of a lit object that rays ask for, computed once each in an OpenGL context."""
+
+    def __init__(self, context: moderngl.Context, exitance: SurfaceExitance, lit: LitScene, gather: Gather) -> None:
+        self._context, self._exitance, self._lit, self._gather = context, exitance, lit, gather
+        n = len(lit.model.mesh.vertices)
+        self._values, self._known = np.zeros((n, 3), np.float32), np.zeros(n, bool)
+
+    def __call__(self, vertices: Ints) -> Float32:
+        """Return the values of vertices, (m, 3), for their numbers, (m,)."""
+        missing, gather = vertices[~self._known[vertices]], self._gather
+        if len(missing):
+            with current(self._context):
+                exitance = self._exitance.at_vertices(missing, self._lit, gather)
+            self._values[missing] = exitance * gather.left_to_surface / gather.exit_normalisation
+            self._known[missing] = True
+        return self._values[vertices]
 
 
 class Tracing:
@@ -50,22 +68,13 @@ class Tracing:
 
             def lit_tree() -> "Tree":
                 glow = None if resolved is None else resolved.glow
-                return replace(clear, glow=glow, leaving=self._leaving(lit, gather) if paths.meets_itself else None)
+                leaving = Leaving(self._context, self._exitance, lit, gather) if paths.meets_itself else None
+                return replace(clear, glow=glow, leaving=leaving)
 
-            tree = self._run(Stage.PATH_EXITANCE, key, lit_tree)
+            tree = self._run(Stage.LIT_PATHS, key, lit_tree)
         if all(shown.inside):
             return tree
         return self._run(Stage.PATH_PARTS, [tree, resolved, shown], lambda: _of_parts(tree, resolved, shown))
-
-    def _leaving(self, lit: LitScene, gather: Gather) -> Float32:
-        """Return M / (pi T) at the vertices of the object."""
-        mesh = lit.model.mesh
-        of_vertex = np.zeros(len(mesh.vertices), np.int32)
-        of_vertex[mesh.faces] = np.arange(len(mesh.faces), dtype=np.int32)[:, None]
-        areas = np.full(len(mesh.vertices), mesh.area / max(len(mesh.vertices), 1), np.float32)
-        vertices = SurfaceSamples(mesh.vertices, mesh.normals, areas, of_vertex)
-        exitance = self._exitance.at(vertices, lit, gather) * gather.left_to_surface
-        return np.ascontiguousarray(exitance / gather.exit_normalisation, np.float32)
 
     def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int, step: int) -> Steps[Traced]:
         """Trace the rays of all pixels of a G-buffer and return what they found, to be added by the composite.

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.light.crossing import NEGLIGIBLE_CHANNEL, Crossings
+from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
@@ -122,9 +122,7 @@ class SurfaceExchange:
         with self._lock:
             if extinction in self._across:
                 return self._across[extinction]
-        found = None
-        if self._crossings.share(extinction) >= NEGLIGIBLE_CHANNEL:
-            found = self._crossings.matrix(self._emitters, len(self.boundary.patches), extinction)
+        found = self._crossings.matrix(self._emitters, len(self.boundary.patches), extinction)
         with self._lock:
             self._across = {**dict(list(self._across.items())[1 - KEPT_MEDIA :]), extinction: found}
         return found

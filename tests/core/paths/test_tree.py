@@ -107,9 +107,8 @@ def test_glow_is_read_between_its_nodes_and_nowhere_else():
 
 def test_an_opaque_object_that_lets_out_what_surrounds_it_is_as_bright_in_its_own_mirror():
     surface = torus(1.5)
-    leaving = np.ones((len(surface.faces.vertices), 3), np.float32)
     rays = sight(surface)
-    seen = Tree(surface, CLEAR, WHITE, leaving=leaving, clear=False).trace(rays)
+    seen = Tree(surface, CLEAR, WHITE, leaving=lambda of: np.ones((len(of), 3), np.float32), clear=False).trace(rays)
     facing = -np.einsum("ij,ij->i", rays.normals, rays.directions)
     assert seen.mirror.std() > 0.05
     assert not seen.unscattered.any()
