@@ -1,22 +1,24 @@
 """`milkglass bench`: speed against error, as tables, CSV files and a plot.
 
-Eight parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport relative to
-bare transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), the window
-(`viewer.bench.window`), error of the transport against equation (1) (`viewer.bench.error`), sums over samples at the
-same error (`viewer.bench.rivals`), error of the whole renderer (`viewer.bench.chain`), and error of all methods
-relative to photons (`viewer.bench.transport`).
+Parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport relative to bare
+transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), light between parts
+(`viewer.bench.exchange`), the window (`viewer.bench.window`), error of the transport against equation (1)
+(`viewer.bench.error`), sums over samples at the same error (`viewer.bench.rivals`), error of the whole renderer
+(`viewer.bench.chain`), of an occluded environment (`viewer.bench.occlusion`), and of all methods relative to photons
+(`viewer.bench.transport`).
 """
 
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress
 
+from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
@@ -25,6 +27,7 @@ from milkglass.viewer.bench import (
     chain as bench_chain,
     error as bench_error,
     error_report as bench_error_report,
+    exchange as bench_exchange,
     occlusion as bench_occlusion,
     photo as bench_photo,
     report as bench_report,
@@ -68,6 +71,9 @@ class Plan:
     yardstick_repeats: int = 15
     solved: tuple[str, ...] = ("ball", "knot", "washer, 10 mm", "dish, 3 mm", "scene")
     solved_repeats: int = 9
+    # light between parts of the scene's model
+    exchange_repeats: int = 7
+    exchange_processes: int = 3
     # error of the transport; a given model is added to these shapes
     schemes: tuple[Scheme, ...] = (*LAYERED, *EWALD, *FIXED_NODES)
     shapes: tuple[str, ...] = tuple(SHAPES)
@@ -104,6 +110,8 @@ QUICK = Plan(
     yardstick_repeats=5,
     solved=("knot",),
     solved_repeats=3,
+    exchange_repeats=2,
+    exchange_processes=0,
     schemes=(*LAYERED[:3], DEFAULT, *FIXED_NODES[:2]),
     shapes=("knot", "plate"),
     materials=("marble", "skim milk"),
@@ -117,7 +125,25 @@ QUICK = Plan(
 )
 
 
-def run(output: Path | None, model: Path | None = None, *, quick: bool) -> None:
+# Name of a part -> the fields of `Plan` without which it is skipped.
+PARTS = {
+    "convolution": ("convolutions",),
+    "frames": ("frames",),
+    "photographs": ("photographs",),
+    "processes": ("processes",),
+    "window": ("window",),
+    "yardsticks": ("yardsticks",),
+    "solving": ("solved",),
+    "exchange": ("exchange_repeats", "exchange_processes"),
+    "error": ("schemes",),
+    "rivals": ("rivals",),
+    "chain": ("pictures",),
+    "occlusion": ("occluded_points",),
+    "transport": ("methods",),
+}
+
+
+def run(output: Path | None, model: Path | None = None, *, quick: bool, only: Collection[str] = PARTS) -> None:
     """Run the benchmark and report on stdout.
 
     Parameters
@@ -129,13 +155,31 @@ def run(output: Path | None, model: Path | None = None, *, quick: bool) -> None:
         are of the built-in sculpture.
     quick : bool
         Whether to run a small selection, in under a minute.
+    only : names of PARTS
+        Parts to run; one that the small selection lacks is run in full.
 
     Raises
     ------
     InputError
-        For a folder that cannot be written to, an invalid model, or no OpenGL driver.
+        For parts that do not exist, a folder that cannot be written to, an invalid model, or no OpenGL driver.
     """
-    run_plan(QUICK if quick else FULL, output, model)
+    run_plan(of_parts(QUICK if quick else FULL, only), output, model)
+
+
+def of_parts(plan: Plan, only: Collection[str]) -> Plan:
+    """Return a plan of some parts alone; see `run`."""
+    unknown = [name for name in only if name not in PARTS]
+    if unknown or not only:
+        raise InputError(f"--only {','.join(unknown)}: choose parts of the benchmark from {', '.join(PARTS)}")
+    if set(only) == set(PARTS):
+        return plan
+    fields: dict[str, Any] = {}
+    for name, of_part in PARTS.items():
+        is_empty = not any(getattr(plan, field) for field in of_part)
+        for field in of_part:
+            full = getattr(FULL, field)
+            fields[field] = type(full)() if name not in only else full if is_empty else getattr(plan, field)
+    return replace(plan, **fields)
 
 
 @one_blas_thread()
@@ -146,6 +190,7 @@ def run_plan(plan: Plan, output: Path | None, model: Path | None = None) -> None
     models = _models(model, scene)
     _speed(plan, scene, report)
     _yardsticks(plan, scene, models, report)
+    _exchange(plan, scene, report)
     _errors(plan, models, report)
     if plan.occluded_points:
         bench_occlusion.report_occlusion(report, scene, plan.occluded_points)
@@ -184,13 +229,30 @@ def _yardsticks(
         bench_solving.report_solving(report, _collected(solving, count, "solutions of diffusion"))
 
 
+def _exchange(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
+    if plan.exchange_repeats:
+        rays = _collected(bench_exchange.rays_rows(scene), bench_exchange.N_RAYS, "rays between parts")
+        bench_exchange.report_rays(report, rays)
+        changes = bench_exchange.change_rows(scene, plan.exchange_repeats)
+        bench_exchange.report_changes(report, _collected(changes, bench_exchange.N_CHANGES, "light between parts"))
+    if plan.exchange_processes:
+        with tempfile.TemporaryDirectory() as folder:
+            name = _object_name(scene)
+            processes = bench_exchange.process_rows(scene, name, Path(folder), plan.exchange_processes)
+            bench_exchange.report_memory(report, _collected(processes, bench_exchange.N_PROCESSES, "memory"))
+
+
+def _object_name(scene: Scene) -> str:
+    return scene.model.path.name if scene.model.path else "built-in sculpture"
+
+
 def _speed(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
     if plan.convolutions:
         threads = os.cpu_count() or 1
         found = bench_speed.convolution_rows(plan.convolutions, plan.side, threads, plan.repeats)
         count = len(plan.convolutions) * len(bench_speed.EFFORTS)
         bench_report.report_convolution(report, _collected(found, count, "layer convolution"))
-    model_name = scene.model.path.name if scene.model.path else "built-in sculpture"
+    model_name = _object_name(scene)
     size = "{} x {}".format(*plan.image_size)
     frames: list[bench_speed.FrameRow] = []
     for scheme in plan.frames:

@@ -7,10 +7,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -157,7 +158,8 @@ def _turned(scene: Scene, i: int) -> Scene:
     return replace(scene, camera=replace(scene.camera, azimuth_deg=40.0 + 7.0 * i))
 
 
-def _relit(scene: Scene, i: int) -> Scene:
+def relit(scene: Scene, i: int) -> Scene:
+    """Return the scene with its lights turned, to another place each time."""
     turn = turn_matrix(np.array([0.0, 1.0, 0.0]), 5.0 * (i + 1))
     return replace(scene, lights=tuple(light.turned(turn) for light in scene.effective_lights()))
 
@@ -179,10 +181,10 @@ def _reprofiled(scene: Scene, i: int) -> Scene:
 CHANGES: dict[str, Callable[[Scene, int], Scene]] = {
     "exposure": lambda scene, i: replace(scene, display=replace(scene.display, key=0.18 + 0.01 * i)),
     "camera": _turned,
-    "lights": _relit,
+    "lights": relit,
     "material": _thinned,
     "profile": _reprofiled,
-    "camera, lights, material": lambda scene, i: _thinned(_relit(_turned(scene, i), i), i),
+    "camera, lights, material": lambda scene, i: _thinned(relit(_turned(scene, i), i), i),
 }
 
 # Peak memory: on Linux ru_maxrss of a child includes that of its parent, VmHWM does not.
@@ -212,15 +214,27 @@ class ProcessRow:
     megabytes: float
 
 
-def process_row(scene: Scene, setting: str, folder: Path, repeats: int, output: str = "picture.png") -> ProcessRow:
-    """Return times of `milkglass render` of a scene in new processes, with files in `folder`."""
+def process_row(
+    scene: Scene,
+    setting: str,
+    folder: Path,
+    repeats: int,
+    output: str = "picture.png",
+    environment: Mapping[str, str] = MappingProxyType({}),
+) -> ProcessRow:
+    """Return times of `milkglass render` of a scene in new processes, with files in `folder`.
+
+    `environment` are variables that these processes have besides.
+    """
     scene_path, picture = folder / "scene.toml", folder / output
     scene.save(scene_path)
     times, peak = [], 0.0
     command = [sys.executable, "-c", _MEASURED, "render", "--scene", str(scene_path), "--output", str(picture)]
     for _ in range(repeats):
         start = time.perf_counter()
-        completed = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment())
+        completed = subprocess.run(
+            command, capture_output=True, text=True, check=False, env=_environment() | dict(environment)
+        )
         times.append(1e3 * (time.perf_counter() - start))
         if completed.returncode != 0:
             last = completed.stderr.strip().rpartition("\n")[2].removeprefix("milkglass: ")

@@ -164,12 +164,16 @@ def bench(
         str | None,
         typer.Option(metavar="FILE", help="Mesh of the frames and the error; the built-in sculpture's frames without."),
     ] = None,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME[,NAME]", help="Parts to run, such as window or exchange; all without.")
+    ] = None,
 ) -> None:
     """Measure speed against error, and write tables and a plot."""
     from milkglass.viewer.bench import run as benchmark
 
     folder, file = (None if name is None else Path(name) for name in (output, model))
-    benchmark.run(folder, file, quick=quick)
+    parts = benchmark.PARTS if only is None else [name.strip() for name in only.split(",")]
+    benchmark.run(folder, file, quick=quick, only=parts)
 
 
 @app.command()

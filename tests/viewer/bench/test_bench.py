@@ -2,6 +2,7 @@
 
 import builtins
 import csv
+import dataclasses
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,12 @@ from milkglass.core.reference.deviation import Deviation
 from milkglass.core.reference.equation import Occluder, direct_exitance
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets import sources
-from milkglass.viewer.bench import run as bench, solving as bench_solving, window as bench_window
+from milkglass.viewer.bench import (
+    exchange as bench_exchange,
+    run as bench,
+    solving as bench_solving,
+    window as bench_window,
+)
 from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
 from milkglass.viewer.bench.error_report import scheme_times
 from milkglass.viewer.bench.lights import LIGHTS, Directional, sky_pixels
@@ -114,6 +120,35 @@ def test_window_is_measured_and_reported(tmp_path, capsys, small_object):
     first, settled = (float(next(r for r in rows if r["what"] == what)["median_ms"]) for what in SETTLING)
     assert 0.0 < first < settled < 1e3 * bench_window.TIMEOUT
     assert "of the rate without scattering" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+def test_light_between_parts_is_measured_beside_none(tmp_path, monkeypatch, few_rays, small_object):
+    one = "a step of a slider"
+    monkeypatch.setattr(bench_exchange, "CHANGES", {one: bench_exchange.CHANGES[one]})
+    bench.run_plan(replace(NOTHING, exchange_repeats=1, image_size=(24, 24)), tmp_path)
+    changes, rays = rows_of(tmp_path / "exchange.csv"), rows_of(tmp_path / "exchange_rays.csv")
+    assert_finite(changes)
+    assert len(changes) == 2
+    assert all(0 < int(row[f"products_{setting}"]) < 120 for row in changes for setting in ("off", "on"))
+    solved, drawn = ([float(row["on_ms"]) for row in changes if row["until"] == until] for until in ("solved", "drawn"))
+    assert all(0.0 < first < last for first, last in zip(solved, drawn, strict=True))
+    assert float(rays[0]["bake_ratio"]) == 1.0
+    assert all(float(row["seconds"]) > 0.0 for row in rays)
+
+
+def test_parts_can_be_run_alone():
+    alone = bench.of_parts(bench.QUICK, ["window", "rivals"])
+    assert alone.window == bench.FULL.window  # which the small selection lacks
+    assert alone.rivals == bench.QUICK.rivals
+    fields = {field for of_part in bench.PARTS.values() for field in of_part}
+    assert fields < {field.name for field in dataclasses.fields(bench.Plan)}
+    assert not any(getattr(alone, field) for field in fields - {"window", "rivals"})
+    assert bench.of_parts(bench.QUICK, bench.PARTS) is bench.QUICK
+    for names in (["windows"], ["window", ""], []):
+        with pytest.raises(InputError, match=r"choose parts of the benchmark from convolution, .*, window, "):
+            bench.of_parts(bench.FULL, names)
 
 
 def test_plans_name_what_exists():
