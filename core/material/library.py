@@ -1,7 +1,8 @@
 """Library of translucent materials: scattering and absorption coefficients, measured or chosen.
 
-Units are 1/mm; sigma_s_prime is the reduced scattering coefficient, already multiplied by (1 - g). Sources,
-as the column `source` of materials.csv names them:
+Units are 1/mm; sigma_s_prime is the reduced scattering coefficient, already multiplied by (1 - g), with g the
+mean cosine of the angle by which one scattering turns light: 0 where it is not known, or nothing scatters. Sources, as
+the column `source` of library.csv names them:
 
 JMLH01
     Jensen, Marschner, Levoy and Hanrahan, "A Practical Model for Subsurface Light Transport", SIGGRAPH 2001,
@@ -10,7 +11,7 @@ JMLH01
 NGD06
     Narasimhan, Gupta, Donner, Ramamoorthi, Nayar and Jensen, "Acquiring Scattering Properties of
     Participating Media by Dilution", SIGGRAPH 2006. The undiluted media: sigma_s_prime =
-    (sigma_t - sigma_a) (1 - g), scaled by the dilution. eta = 1.33 (water) is assumed, not measured.
+    (sigma_t - sigma_a) (1 - g), scaled by the dilution; g is measured. eta = 1.33 (water) is assumed, not measured.
 milkglass
     Chosen by us to look right on an object of 100 mm. Not measurements.
 """
@@ -32,6 +33,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
 
 MIN_ETA, MAX_ETA = 1.0, 3.0
+MAX_G = 0.999  # mean cosine, beyond any measured one; at 1 scattering would turn nothing
 MAX_COEFFICIENT = 1e6  # 1/mm, a mean free path of a nanometre: beyond any material, and safely squared
 CHANNELS = ("r", "g", "b")
 # Below this albedo most light is absorbed before it scatters twice, and diffusion does not describe it.
@@ -51,6 +53,7 @@ class Material:
     sigma_a : (r, g, b) absorption coefficient, 1/mm, in [0, MAX_COEFFICIENT]
     eta : relative index of refraction, in [1, 3]
     source : where the numbers come from: "JMLH01", "NGD06", "milkglass", or the caller's word
+    g : (r, g, b) mean cosine of scattering, in [0, MAX_G]; 0 is isotropic
     """
 
     name: str
@@ -58,10 +61,15 @@ class Material:
     sigma_a: tuple[float, float, float]
     eta: float = 1.3
     source: str = "user"
+    g: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for field in ("sigma_s_prime", "sigma_a"):
-            checked = _checked_coefficient(getattr(self, field), f"{self.name}: {field}")
+        for field, high, unit in (
+            ("sigma_s_prime", MAX_COEFFICIENT, " (1/mm)"),
+            ("sigma_a", MAX_COEFFICIENT, " (1/mm)"),
+            ("g", MAX_G, ""),
+        ):
+            checked = _checked_vector(getattr(self, field), f"{self.name}: {field}", high, unit)
             object.__setattr__(self, field, checked)
         if not _is_number(self.eta) or not MIN_ETA <= self.eta <= MAX_ETA:
             raise InputError(f"{self.name}: eta must be a number from {MIN_ETA:g} to {MAX_ETA:g}, not {self.eta!r}")
@@ -99,12 +107,12 @@ def library() -> tuple[Material, ...]:
     table = importlib.resources.files(__package__).joinpath("library.csv").read_text(encoding="utf-8")
 
     def vector(row: dict[str, str], field: str) -> tuple[float, float, float]:
-        r, g, b = (float(row[f"{field}_{channel}"]) for channel in CHANNELS)
+        r, g, b = (float(row[f"{field}_{channel}"] or 0.0) for channel in CHANNELS)
         return r, g, b
 
     def material(row: dict[str, str]) -> Material:
         scattering, absorption = vector(row, "sigma_s_prime"), vector(row, "sigma_a")
-        return Material(row["name"], scattering, absorption, float(row["eta"]), row["source"])
+        return Material(row["name"], scattering, absorption, float(row["eta"]), row["source"], vector(row, "g"))
 
     return tuple(material(row) for row in csv.DictReader(table.splitlines()))
 
@@ -183,9 +191,9 @@ def _is_number(value: object) -> bool:
     return isinstance(value, Real) and math.isfinite(value)
 
 
-def _checked_coefficient(value: object, label: str) -> tuple[float, float, float]:
+def _checked_vector(value: object, label: str, high: float, unit: str) -> tuple[float, float, float]:
     elements = list(value) if isinstance(value, tuple | list | np.ndarray) else []
-    if len(elements) != 3 or not all(_is_number(element) and 0.0 <= element <= MAX_COEFFICIENT for element in elements):
-        raise InputError(f"{label} must be 3 numbers from 0 to {MAX_COEFFICIENT:g} (1/mm), not {value!r}")
+    if len(elements) != 3 or not all(_is_number(element) and 0.0 <= element <= high for element in elements):
+        raise InputError(f"{label} must be 3 numbers from 0 to {high:g}{unit}, not {value!r}")
     r, g, b = (float(element) for element in elements)
     return r, g, b

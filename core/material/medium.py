@@ -74,12 +74,15 @@ class Medium:
         Relative index of refraction, >= 1.
     anisotropy : float
         Growth of A over sqrt(1 - a').
+    g : float
+        Mean cosine of scattering, [0, 1). Diffusion knows sigma_s' alone; `delta_eddington` takes it apart.
     """
 
     sigma_s_prime: float
     sigma_a: float
     eta: float
     anisotropy: float = BOUNDARY_CONDITION.anisotropy
+    g: float = 0.0
 
     @property
     def is_black(self) -> bool:
@@ -121,6 +124,11 @@ class Medium:
         """A >= 1 of a flat surface: the extrapolation length is z_b = 2 A D."""
         return extrapolation_factor(self.eta) * float(1.0 + self.anisotropy * np.sqrt(1.0 - self.albedo))
 
+    def delta_eddington(self, share: float = 1.0) -> "DeltaEddington":
+        """Return the medium without its forward peak, by a share in [0, 1]: at 0 scattering counts as isotropic."""
+        g = share * self.g
+        return DeltaEddington(self.sigma_s_prime * (1.0 + g), self.sigma_a, g / (1.0 + g))
+
     def bending(self, curvature: npt.ArrayLike, edges: npt.ArrayLike = 0.0) -> Array:
         """Return b > 0, the extrapolation length on a curved surface over that on a flat one.
 
@@ -140,13 +148,54 @@ class Medium:
         return np.asarray(1.0 - curvature_factor(self.eta) / extrapolated * bent)
 
 
+@dataclass(frozen=True)
+class DeltaEddington:
+    """Coefficients of one colour channel in which light that scatters almost straight on counts as unscattered.
+
+    Of Henyey and Greenstein's phase function the share f = g^2 becomes a peak of no width, and the rest
+    (1 + 3 g'' cos) / (4 pi), with s_s'' = s_s (1 - g^2) = s_s' (1 + g) and g'' = g / (1 + g): its first three moments
+    stay, and so does s_s' = s_s'' (1 - g'') (Joseph, Wiscombe and Weinman 1976).
+
+    Attributes
+    ----------
+    sigma_s, sigma_a : float
+        s_s'' and absorption, 1/mm, >= 0.
+    cosine : float
+        g'', [0, 1/2).
+    """
+
+    sigma_s: float
+    sigma_a: float
+    cosine: float
+
+    @property
+    def sigma_t(self) -> float:
+        """Extinction s_t'' = s_s'' + s_a, 1/mm."""
+        return self.sigma_s + self.sigma_a
+
+    @property
+    def albedo(self) -> float:
+        """Share a'' = s_s'' / s_t'' of what collides that scatters, in [0, 1]; 0 without matter."""
+        return self.sigma_s / self.sigma_t if self.sigma_t > 0.0 else 0.0
+
+    @property
+    def turning(self) -> float:
+        """What is left of the flux of light that collides, a'' g''."""
+        return self.albedo * self.cosine
+
+    @property
+    def mean_free_path(self) -> float:
+        """Mean free path 1 / s_t'', mm; inf without matter."""
+        return 1.0 / self.sigma_t if self.sigma_t > 0.0 else float("inf")
+
+
 NO_ABSORPTION = Medium(1.0, 0.0, 1.0)  # of a mean free path of 1 mm
 
 
 def media(material: Material) -> tuple[Medium, Medium, Medium]:
     """Return the media of R, G and B."""
-    pairs = zip(material.sigma_s_prime, material.sigma_a, strict=True)
-    red, green, blue = (Medium(*pair, material.eta) for pair in pairs)
+    channels = zip(material.sigma_s_prime, material.sigma_a, material.g, strict=True)
+    red, green, blue = (Medium(scattering, absorption, material.eta, g=g) for scattering, absorption, g in channels)
     return red, green, blue
 
 

@@ -6,7 +6,8 @@ Every particle and molecule scatters and absorbs as before; there are only fewer
     sigma(m) = sum f_i sigma_i,   sum f_i = 1,   for sigma_s' and sigma_a alike,
 
 and so is the index of refraction, n = sum f_i n_i (Gladstone and Dale 1863), which holds for liquids that keep their
-volumes and is a guess for others. Where particles touch (paste, cream, far more than is dissolved) neither is true.
+volumes and is a guess for others. The mean cosine g is weighted by what scatters, sigma_s' / (1 - g). Where particles
+touch (paste, cream, far more than is dissolved) none of this is true.
 """
 
 from dataclasses import replace
@@ -56,5 +57,14 @@ def _weighted(name: str, first: tuple[Material, float], second: tuple[Material, 
         red, green, blue = (first[1] * a + second[1] * b for a, b in pairs)
         return red, green, blue
 
+    def cosine(channel: int) -> float:
+        parts = [(share * m.sigma_s_prime[channel], m.g[channel]) for m, share in (first, second)]
+        whole = sum(reduced / (1.0 - g) for reduced, g in parts)
+        if whole == 0.0:
+            return first[0].g[channel]
+        least, *_, most = sorted(g for reduced, g in parts if reduced > 0.0) * 2  # rounding
+        return min(most, max(least, sum(reduced / (1.0 - g) * g for reduced, g in parts) / whole))
+
     eta = min(MAX_ETA, max(MIN_ETA, eta))  # rounding
-    return Material(name, summed("sigma_s_prime"), summed("sigma_a"), eta, "mixture")
+    red, green, blue = (cosine(channel) for channel in range(3))
+    return Material(name, summed("sigma_s_prime"), summed("sigma_a"), eta, "mixture", (red, green, blue))

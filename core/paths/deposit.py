@@ -9,6 +9,8 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.compiled import compiled
 
+SHORTEST = np.float32(1e-20)  # chord, mm
+
 
 def collided(beams: Beams, extinctions: Sequence[float], grid: LayerGrid) -> Float32:
     """Return the power of light that collides for the first time, at the nodes: (3, n_layers, height, width).
@@ -21,10 +23,20 @@ def collided(beams: Beams, extinctions: Sequence[float], grid: LayerGrid) -> Flo
     grid : LayerGrid
         Along world axes; encloses the chords.
     """
-    volume = np.zeros((*grid.shape, 3), np.float32)
+    power: Float32 = moments(beams, extinctions, grid, 1)[0]
+    return power
+
+
+def moments(beams: Beams, extinctions: Sequence[float], grid: LayerGrid, count: int) -> Float32:
+    """Return what `collided` does, and with a `count` of 4, not 1, also that times direction along x, y and z.
+
+    (count, 3, n_layers, height, width).
+    """
+    volume = np.zeros((*grid.shape, count, 3), np.float32)
     chords = beams.starts, beams.ends, beams.lengths, beams.before, beams.power
     _deposit(*chords, np.asarray(extinctions, np.float32), *affine(grid), volume)
-    return np.ascontiguousarray(np.moveaxis(volume, -1, 0))
+    found: Float32 = np.ascontiguousarray(volume.transpose(3, 4, 0, 1, 2))
+    return found
 
 
 def affine(grid: LayerGrid) -> tuple[Float32, Float32]:
@@ -49,11 +61,13 @@ def _deposit(  # noqa: PLR0913  (arrays of a compiled loop)
     depth, height, width = volume.shape[:3]
     one = np.float32(1.0)
     power, fall, place = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    along = np.empty(3, np.float32)
+    along, direction = np.empty(3, np.float32), np.empty(3, np.float32)
+    last = volume.shape[3]
     for k in range(len(lengths)):
         cells = np.float32(0.0)
         for i in range(3):
             along[i] = (ends[k, i] - starts[k, i]) * scale[i]
+            direction[i] = (ends[k, i] - starts[k, i]) / max(lengths[k], SHORTEST)
             cells += along[i] * along[i]
         count = int(np.sqrt(cells)) + 1
         for i in range(3):
@@ -79,6 +93,11 @@ def _deposit(  # noqa: PLR0913  (arrays of a compiled loop)
                     at_yz = at_z * (v if b == 1 else one - v)
                     for a in range(2):
                         share = at_yz * (u if a == 1 else one - u)
-                        volume[layer + c, row + b, column + a, 0] += share * red
-                        volume[layer + c, row + b, column + a, 1] += share * green
-                        volume[layer + c, row + b, column + a, 2] += share * blue
+                        volume[layer + c, row + b, column + a, 0, 0] += share * red
+                        volume[layer + c, row + b, column + a, 0, 1] += share * green
+                        volume[layer + c, row + b, column + a, 0, 2] += share * blue
+                        for moment in range(1, last):
+                            part = share * direction[moment - 1]
+                            volume[layer + c, row + b, column + a, moment, 0] += part * red
+                            volume[layer + c, row + b, column + a, moment, 1] += part * green
+                            volume[layer + c, row + b, column + a, moment, 2] += part * blue

@@ -13,12 +13,16 @@ THIN = np.float32(1e-3)  # optical thickness of a step up to which 1 - e^-x is x
 
 
 class Glow(NamedTuple):
-    """Radiance that a unit of length inside the object scatters towards any direction, at nodes; compared by identity.
+    """Radiance that a unit of length inside the object scatters, at nodes; compared by identity.
+
+    Towards a unit direction w it is `nodes` + w . `flux`, at least 0.
 
     Attributes
     ----------
     nodes : (nz, ny, nx, 3) float32
-        Radiance a mm.
+        Radiance a mm, towards any direction alike.
+    flux : (nz, ny, nx, 3, 3) float32
+        What more of it goes along x, y and z, by channel; no nodes where all directions are alike.
     origin : (3,) float32
         Place of the first node, mm: x, y, z.
     spacing : float
@@ -26,6 +30,7 @@ class Glow(NamedTuple):
     """
 
     nodes: Float32
+    flux: Float32
     origin: Float32
     spacing: float
 
@@ -36,10 +41,14 @@ class Glow(NamedTuple):
         return id(self)
 
     @classmethod
-    def of(cls, volume: npt.ArrayLike, origin: npt.ArrayLike, spacing: float) -> "Glow":
-        """Return the glow of a volume of channels, (3, nz, ny, nx)."""
+    def of(
+        cls, volume: npt.ArrayLike, origin: npt.ArrayLike, spacing: float, flux: npt.ArrayLike | None = None
+    ) -> "Glow":
+        """Return the glow of a volume of channels, (3, nz, ny, nx), and of its flux, (3, 3, nz, ny, nx)."""
         nodes = np.ascontiguousarray(np.moveaxis(np.asarray(volume, np.float32), 0, -1))
-        return cls(nodes, np.array(origin, np.float32), float(spacing))
+        none = np.empty((0, 0, 0, 3, 3), np.float32)
+        along = none if flux is None else np.moveaxis(np.asarray(flux, np.float32), (1, 0), (-2, -1))
+        return cls(nodes, np.ascontiguousarray(along), np.array(origin, np.float32), float(spacing))
 
     def add(self, chords: Chords, extinction: Float32, etas: Float32, radiance: Float32) -> None:
         """Add what chords gather, absorbed on the way, to the rows of `radiance`, (n, 3), that their sources number.
@@ -60,7 +69,7 @@ class Glow(NamedTuple):
 @compiled
 def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radiance: Float32) -> None:
     per_step, kept, weight = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    value = np.empty(3, np.float32)
+    value, towards = np.empty(3, np.float32), np.empty(3, np.float32)
     for i in range(len(chords.lengths)):
         body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i]
         if body >= len(etas):
@@ -69,6 +78,8 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
         if steps == 0:
             continue
         step = length / np.float32(steps)
+        for axis in range(3):
+            towards[axis] = (chords.starts[i, axis] - chords.ends[i, axis]) / length
         for channel in range(3):
             thickness = extinction[body, channel] * step
             kept[channel] = np.exp(-thickness)
@@ -78,7 +89,7 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
             weight[channel] = chords.weights[i, channel] / (etas[body] * etas[body])
         for number in range(steps):
             along = (np.float32(number) + np.float32(0.5)) / np.float32(steps)
-            _read(glow, chords.starts[i], chords.ends[i], along, value)
+            _read(glow, chords.starts[i], chords.ends[i], along, towards, value)
             largest = np.float32(0.0)
             for channel in range(3):
                 radiance[pixel, channel] += weight[channel] * per_step[channel] * value[channel]
@@ -89,9 +100,9 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
 
 
 @compiled
-def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, value: Float32) -> None:
+def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, towards: Float32, value: Float32) -> None:
     """Interpolate the three channels at a share of the way from start to end; nothing is outside the nodes."""
-    nodes = glow.nodes
+    nodes, directed = glow.nodes, glow.flux.shape[0] > 0
     x = (start[0] + along * (end[0] - start[0]) - glow.origin[0]) / glow.spacing
     y = (start[1] + along * (end[1] - start[1]) - glow.origin[1]) / glow.spacing
     z = (start[2] + along * (end[2] - start[2]) - glow.origin[2]) / glow.spacing
@@ -105,3 +116,10 @@ def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, value: Fl
         weight = np.float32(abs(1 - right - x + i) * abs(1 - up - y + j) * abs(1 - front - z + k))
         for channel in range(3):
             value[channel] += weight * nodes[c, b, a, channel]
+        if directed:
+            for axis in range(3):
+                for channel in range(3):
+                    value[channel] += weight * towards[axis] * glow.flux[c, b, a, axis, channel]
+    if directed:
+        for channel in range(3):
+            value[channel] = max(value[channel], np.float32(0.0))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from milkglass.core.grid.layers import LayerGrid
-from milkglass.core.material.medium import Medium
+from milkglass.core.material.medium import DeltaEddington, Medium
 from milkglass.core.provenance import chosen
 
 
@@ -43,16 +43,28 @@ def scatters(media: Sequence[Medium], chord: float) -> bool:
 
 
 def resolved_share(medium: Medium, grid: LayerGrid) -> float:
-    """Return by how much nodes resolve a medium's free paths, [0, 1]; those that are not evenly spaced do not."""
+    """Return by how much nodes resolve a medium's free paths, [0, 1]; those that are not evenly spaced do not.
+
+    Paths are those between the collisions that are followed, without the forward peak.
+    """
     if grid.layer_distance != grid.texel:
         return 0.0
-    cells = medium.mean_free_path / grid.texel
+    cells = medium.delta_eddington().mean_free_path / grid.texel
     return float(np.clip((cells - RESOLVED.least_path) / (RESOLVED.full_path - RESOLVED.least_path), 0.0, 1.0))
 
 
 def scatters_once(medium: Medium, grid: LayerGrid) -> bool:
     """Return whether nodes resolve a medium's free paths, and what scatters twice in it is left out."""
     return not medium.is_black and medium.albedo < RESOLVED.least_albedo and resolved_share(medium, grid) == 1.0
+
+
+def scaled(medium: Medium, grid: LayerGrid) -> DeltaEddington:
+    """Return a medium as light crosses it between collisions that are followed.
+
+    Its forward peak counts as unscattered as far as nodes resolve its free paths: what the surface lets out in their
+    stead is all that leaves by reduced coefficients, and what crosses unscattered by these completes it.
+    """
+    return medium.delta_eddington(resolved_share(medium, grid))
 
 
 def needs_beams(medium: Medium, grid: LayerGrid) -> bool:

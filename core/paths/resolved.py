@@ -1,19 +1,56 @@
 """What matter sends out along rays where nodes resolve its free paths: light that has scattered once and more."""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from milkglass.core.arrays import Float32, Ints
 from milkglass.core.grid.layers import LayerGrid
-from milkglass.core.material.medium import Medium
+from milkglass.core.material.medium import DeltaEddington, Medium
 from milkglass.core.paths.filled import LEAST_WEIGHT, Filled
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.resolution import resolved_share
 from milkglass.core.threads import computed_once
 
 Volumes = Sequence[Float32 | None]  # of R, G and B, (n_layers, height, width); None of a dark one
+
+
+class Scattered(NamedTuple):
+    """Power that scatters, at nodes: towards w it is power + 3 w . flux, over all directions alike.
+
+    Attributes
+    ----------
+    power : Volumes
+    flux : of R, G and B
+        Power times mean direction, along x, y and z, (3, n_layers, height, width); None where all directions are alike.
+    """
+
+    power: Volumes
+    flux: Volumes
+
+    @classmethod
+    def evenly(cls, power: Volumes) -> "Scattered":
+        """Return power that scatters towards all directions alike."""
+        return cls(power, [None] * len(power))
+
+    @property
+    def is_directed(self) -> bool:
+        """Whether a channel scatters more one way than another."""
+        return any(flux is not None for flux in self.flux)
+
+    def glow(self, grid: LayerGrid, density: Callable[[int, Float32], Float32], *, directed: bool) -> Glow:
+        """Return the radiance a mm, with flux if `directed`; `density` takes a channel's power to that all around."""
+        radiance = np.zeros((3, *grid.shape), np.float32)
+        flux = np.zeros((3, 3, *grid.shape), np.float32) if directed else None
+        for i, (power, turned) in enumerate(zip(self.power, self.flux, strict=True)):
+            if power is not None:
+                radiance[i] = density(i, power)
+            if flux is not None and turned is not None:
+                flux[i] = np.float32(3.0) * density(i, turned)
+        return Glow.of(radiance, origin_of(grid), grid.texel, flux)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +72,8 @@ class Resolved:
     @computed_once
     def glow(self) -> Glow:
         """Return that of all light."""
-        return self.once._replace(nodes=self.once.nodes + self.often.nodes)
+        nodes, flux = self.once.nodes + self.often.nodes, self.once.flux + self.often.flux
+        return self.once._replace(nodes=nodes, flux=flux)
 
     def together(self, parts: Sequence["Resolved | None"], first: Ints, grid: LayerGrid) -> "Resolved":
         """Return that of several bodies with the same shares.
@@ -49,35 +87,40 @@ class Resolved:
         grid : LayerGrid
             Of all.
         """
-        once, often = (np.zeros((*grid.shape, 3), np.float32) for _ in range(2))
+        found = [Glow.of(np.zeros((3, *grid.shape)), origin_of(grid), grid.texel) for _ in range(2)]
+        if self.once.flux.size:
+            found = [glow._replace(flux=np.zeros((*grid.shape, 3, 3), np.float32)) for glow in found]
         for part, (layer, row, column) in zip(parts, first, strict=True):
             if part is not None:
                 depth, height, width = part.once.nodes.shape[:3]
                 box = slice(layer, layer + depth), slice(row, row + height), slice(column, column + width)
-                once[box] += part.once.nodes
-                often[box] += part.often.nodes
-        origin, spacing = origin_of(grid), grid.texel
-        return Resolved(Glow(once, origin, spacing), Glow(often, origin, spacing), self.shares)
+                for glow, of_part in zip(found, (part.once, part.often), strict=True):
+                    glow.nodes[box] += of_part.nodes
+                    glow.flux[box] += of_part.flux
+        once, often = found
+        return Resolved(once, often, self.shares)
 
 
-def often_scattered(second: Float32, fluence: Float32, medium: Medium, fill: Filled, grid: LayerGrid) -> Float32:
+def often_scattered(
+    second: Float32, fluence: Float32, medium: DeltaEddington, fill: Filled, grid: LayerGrid
+) -> Float32:
     """Return the power that scatters for the second time or a later one, at the nodes.
 
     `fluence` is that of light that has scattered twice or more.
     """
     inside = np.where(fill.weight > LEAST_WEIGHT, np.maximum(fluence, np.float32(0.0)), np.float32(0.0))
-    return np.asarray(second + np.float32(medium.sigma_s_prime * grid.texel**3) * inside)
+    return np.asarray(second + np.float32(medium.sigma_s * grid.texel**3) * inside)
 
 
 def resolved(
-    first: Volumes, often: Volumes, gains: Sequence[float], media: Sequence[Medium], fill: Filled, grid: LayerGrid
+    first: Scattered, often: Scattered, gains: Sequence[float], media: Sequence[Medium], fill: Filled, grid: LayerGrid
 ) -> Resolved:
     """Return what matter sends out.
 
     Parameters
     ----------
-    first, often : Volumes
-        Power that scatters for the first time, and for a later one, at the nodes.
+    first, often : Scattered
+        For the first time, and for a later one.
     gains : of R, G and B
         Factors on the latter.
     media : R, G and B
@@ -87,16 +130,16 @@ def resolved(
     """
     shares = tuple(resolved_share(medium, grid) for medium in media)
     factors = [share / (4.0 * np.pi * grid.texel**3) for share in shares]
+
+    def density(factors: Sequence[float], i: int, power: Float32) -> Float32:
+        return power * (np.float32(factors[i]) / fill.weight)
+
     gained = [factor * gain for factor, gain in zip(factors, gains, strict=True)]
-
-    def glow(powers: Volumes, factors: Sequence[float]) -> Glow:
-        radiance = np.zeros((3, *grid.shape), np.float32)
-        for sent, power, factor in zip(radiance, powers, factors, strict=True):
-            if power is not None:
-                np.multiply(power, np.float32(factor) / fill.weight, out=sent)
-        return Glow.of(radiance, origin_of(grid), grid.texel)
-
-    return Resolved(glow(first, factors), glow(often, gained), shares)
+    once_a_mm, often_a_mm = (functools.partial(density, of_channels) for of_channels in (factors, gained))
+    directed = first.is_directed or often.is_directed
+    return Resolved(
+        first.glow(grid, once_a_mm, directed=directed), often.glow(grid, often_a_mm, directed=directed), shares
+    )
 
 
 def origin_of(grid: LayerGrid) -> Float32:

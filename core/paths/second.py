@@ -15,16 +15,15 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.normals import across
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.fresnel import internal_moment, reflectance
-from milkglass.core.material.medium import Medium
 from milkglass.core.paths.beams import Beams, Courses, followed
-from milkglass.core.paths.deposit import collided
+from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.events import Chords
 from milkglass.core.paths.filled import Filled
-from milkglass.core.paths.glow import Glow
-from milkglass.core.paths.resolved import Volumes, origin_of
+from milkglass.core.paths.resolved import Scattered
 from milkglass.core.paths.surface import Surface
 from milkglass.core.threads import pool_map
 
+AXES = 2, 1, 0  # of volumes, along x, y and z
 SIDES = 2  # of a pair of directions
 MOST_PLACES = 8000
 COSINES = 1024  # of their table
@@ -78,55 +77,65 @@ def returns(points: Array, normals: Array, areas: Array, surface: Surface, offse
     return Returns(flux, courses)
 
 
-def arriving(scattered: Volumes, media: Sequence[Medium], fill: Filled, back: Returns, grid: LayerGrid) -> Float32:
+def arriving(
+    scattered: Scattered, extinctions: Sequence[float], fill: Filled, back: Returns, grid: LayerGrid
+) -> Float32:
     """Return the radiance of scattered light where it arrives at the surface, (n, 3), along the directions back."""
-    dark, n = np.zeros(grid.shape, np.float32), len(back.flux)
-    density = np.stack([dark if power is None else power for power in scattered])
-    density /= np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
-    glow = Glow.of(density, origin_of(grid), grid.texel)
-    found, courses = np.zeros((n, 3), np.float32), back.courses
+    found, courses = np.zeros((len(back.flux), 3), np.float32), back.courses
     first = courses.before == 0.0
     count = int(first.sum())
     light, no_parent = np.ones((count, 3), np.float32), np.full(count, -1, np.int32)
     placed = courses.starts[first], courses.ends[first], courses.lengths[first]
     chords = Chords(*placed, light, np.zeros(count, np.int32), courses.sources[first], no_parent)
-    extinction = np.array([[medium.sigma_t_prime for medium in media]], np.float32)
-    glow.add(chords, extinction, np.ones(1, np.float32), found)
+    scale = np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
+    glow = scattered.glow(grid, lambda _, power: power / scale, directed=scattered.is_directed)
+    glow.add(chords, np.array([extinctions], np.float32), np.ones(1, np.float32), found)
     return found
 
 
 def collided_again(
-    scattered: Volumes,
-    radiance: Float32,
-    media: Sequence[Medium],
+    scattered: Scattered,
+    extinctions: Sequence[float],
     fill: Filled,
     back: Returns,
     grid: LayerGrid,
     fly: Callable[[int, Float32], Float32],
-) -> Volumes:
-    """Return the power of light that meets matter for the next time, at the nodes.
+    potential: Callable[[int, Float32], Float32],
+    directed: Sequence[bool],
+) -> Scattered:
+    """Return the light that meets matter for the next time, at the nodes; its flux where it is `directed`.
 
     Parameters
     ----------
-    scattered : Volumes
-        Power that scatters.
-    radiance : (n, 3) float32
-        Where it arrives at the surface, from `arriving`.
-    media : R, G and B
+    scattered : Scattered
+    extinctions : of R, G and B
+        1/mm.
     fill : Filled
     back : Returns
     grid : LayerGrid
-    fly : callable
-        Convolution of a channel with the kernel of `core.paths.flight`.
+    fly, potential : callable
+        Convolutions of a channel with the kernels of `core.paths.flight`, G_1 and H.
+    directed : of R, G and B
     """
-    courses = back.courses
+    courses, radiance = back.courses, arriving(scattered, extinctions, fill, back, grid)
     sent = (back.flux[:, None] * np.roll(radiance, len(radiance) // SIDES, axis=0)).astype(np.float32)
     power = courses.weights * sent[courses.sources]
     beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
-    returned = collided(beams, [medium.sigma_t_prime for medium in media], grid)
+    returned = moments(beams, extinctions, grid, 4 if any(directed) else 1)
 
-    def met(i: int) -> Float32 | None:
-        part = scattered[i]
-        return None if part is None else returned[i] + fill.share * np.maximum(fly(i, part), np.float32(0.0))
+    def met(i: int) -> tuple[Float32 | None, Float32 | None]:
+        power, flux = scattered.power[i], scattered.flux[i]
+        if power is None:
+            return None, None
+        arrived = fly(i, power)
+        if flux is not None:
+            slopes = [np.gradient(part, grid.texel, axis=axis) for part, axis in zip(flux, AXES, strict=True)]
+            arrived += potential(i, np.float32(-3.0) * np.sum(slopes, axis=0))
+        met = returned[0, i] + fill.share * np.maximum(arrived, np.float32(0.0))
+        if not directed[i]:
+            return met, None
+        drops = np.gradient(potential(i, power), grid.texel)
+        return met, returned[1:, i] - fill.share * np.stack([drops[axis] for axis in AXES])
 
-    return pool_map(met, range(len(media)))
+    found = pool_map(met, range(len(scattered.power)))
+    return Scattered([power for power, _ in found], [flux for _, flux in found])

@@ -192,6 +192,7 @@ CONTROLS = [
         for key, share in (("sigma_s_prime", 0.3), ("sigma_a", 0.9))
         for channel in "RGB"
     ),
+    *(Control("material.g", f"material.g.{c}", slide(f"material.g.{c}", 0.9), "murky") for c in "RGB"),
     *(
         Control(f"material.{k}", f"material.{k}.{c}", slide(f"material.{k}.{c}", share), state)
         for k, share, state in (

@@ -168,7 +168,7 @@ def _thinned(scene: Scene, i: int) -> Scene:
     """Return the scene with another concentration, of a lower scattering coefficient each time."""
     material = scene.material.resolve()
     r, g, b = (value / (1.1 + 0.1 * i) for value in material.sigma_s_prime)
-    settings = MaterialSettings(sigma_s_prime=(r, g, b), sigma_a=material.sigma_a, eta=material.eta)
+    settings = MaterialSettings(sigma_s_prime=(r, g, b), sigma_a=material.sigma_a, eta=material.eta, g=material.g)
     return replace(scene, material=settings)
 
 

@@ -79,6 +79,7 @@ def material_table(material: Material) -> RenderableType:
     rows: list[tuple[str, Iterable[float], str]] = [
         ("reduced scattering sigma_s'", material.sigma_s_prime, "1/mm"),
         ("absorption sigma_a", material.sigma_a, "1/mm"),
+        ("mean cosine of scattering g", material.g, ""),
         ("mean free path 1/sigma_t'", material.mean_free_path, "mm"),
         ("transport length 1/sigma_tr", _transport_length(material), "mm"),
         ("reduced albedo alpha'", material.alpha_prime, ""),

@@ -263,6 +263,7 @@ def _material_content(scene: Scene, lit: LitScene) -> dict[str, Any]:
         "sigma_s_prime": list(material.sigma_s_prime),
         "sigma_a": list(material.sigma_a),
         "eta": material.eta,
+        "g": list(material.g),
         "profile": scene.material.profile if lit.quality.facts.uses_profile else None,
         "colours": None if lit.detail is None else scene.detail.albedo,
     }

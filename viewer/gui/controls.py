@@ -49,6 +49,7 @@ REACH = {
     "material.sigma_s_prime": Reach(0.0, 100.0, True, "%.4f"),
     "material.sigma_a": Reach(0.0, 100.0, True, "%.4f"),
     "material.eta": Reach(1.0, 2.5, False, "%.3f"),
+    "material.g": Reach(0.0, 0.999, False, "%.3f"),
     "material.mix_share": Reach(0.0, 1.0, False, "%.3f"),
     "material.water": Reach(0.0, 1.0, False, "%.4g"),
     "detail.normal_strength": Reach(0.0, 3.0, False, "%.2f"),

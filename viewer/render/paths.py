@@ -13,7 +13,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
 from milkglass.core.material.medium import Medium
-from milkglass.core.paths.resolution import RESOLVED, resolved_share, scattered_share, scatters
+from milkglass.core.paths.resolution import RESOLVED, resolved_share, scaled, scattered_share, scatters
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.methods import Method
 from milkglass.core.transport.quality import percent
@@ -85,7 +85,7 @@ class PathParts:
             mirror = "mirror: highlights of lamps alone, without an environment"
         else:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
-        left = [float(np.exp(-medium.sigma_t_prime * thin)) for medium in lit.media]
+        left = [float(np.exp(-extinction * thin)) for extinction in extinctions(lit)]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
         clear = max(left) >= least or lit.beams is not None
         through = "rays" if max(left) >= least else "none"
@@ -118,11 +118,11 @@ class PathStages:
         around, mirrors, clear = self._surroundings(scene), parts.mirrors, parts.clear
 
         def make() -> Tree:
-            extinction = np.array([medium.sigma_t_prime for medium in lit.media], np.float32)
+            extinction = np.array(extinctions(lit), np.float32)
             of_bodies = np.tile(extinction, (len(surface.faces.etas), 1))
             return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear)
 
-        tree = self._run(Stage.PATHS, [surface, around, lit.media, mirrors, clear], make)
+        tree = self._run(Stage.PATHS, [surface, around, *extinctions(lit), mirrors, clear], make)
         return Paths(tree, meets_itself=lit.exchange is not None, why=parts.why)
 
     def _surroundings(self, scene: Scene) -> "Surroundings":
@@ -134,6 +134,13 @@ class PathStages:
         return self._run(
             Stage.SURROUNDINGS, [probe, rest, turned, lamps], lambda: _surroundings(environment, probe, rest, lamps)
         )
+
+
+def extinctions(lit: LitScene) -> list[float]:
+    """Return the extinction of light along rays of sight, of R, G and B, 1/mm: that of beams, where there are any."""
+    if lit.beams is None:
+        return [medium.sigma_t_prime for medium in lit.media]
+    return [scaled(medium, lit.grid).sigma_t for medium in lit.media]
 
 
 def is_clear(method: Method, media: Sequence[Medium], mesh: Mesh) -> bool:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
 
 Vector = tuple[float, float, float]
+ISOTROPIC = (0.0, 0.0, 0.0)
 # Combinations of keys that define a material: exactly one of them, with all its keys.
 COMBINATIONS = (
     ("name",),
@@ -35,13 +36,13 @@ COMBINATIONS = (
     ("diffuse_reflectance", "mean_free_path_mm"),
     ("diffuse_reflectance", "diffuse_mean_free_path_mm"),
 )
-MIX_COEFFICIENTS = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta")  # of the material mixed in, in the place of mix_with
+MIX_COEFFICIENTS = ("mix_sigma_s_prime", "mix_sigma_a", "mix_eta", "mix_g")  # in the place of mix_with
 ADDED = ("mix_with", *MIX_COEFFICIENTS, "mix_share", "water")
 # Keys that exclude each other: choosing one side sets the other to its default. A new material starts pure.
 _NAME, _COEFFICIENTS, _LENGTH, _DIFFUSE_LENGTH = map(set, COMBINATIONS)
 _COLOUR = _LENGTH | _DIFFUSE_LENGTH
 RIVALS = (
-    (_NAME, _COEFFICIENTS | _COLOUR | {"eta", *ADDED}),
+    (_NAME, _COEFFICIENTS | _COLOUR | {"eta", "g", *ADDED}),
     (_COEFFICIENTS, _NAME | _COLOUR),
     (_COLOUR, _NAME | _COEFFICIENTS),
     ({"mean_free_path_mm"}, {"diffuse_mean_free_path_mm"}),
@@ -77,6 +78,12 @@ class MaterialSettings:
         default_text="of the named material, else 1.5", moves=Part.IRRADIANCE,
         why="relative index of refraction, before anything is added"
     )
+    g: Vector | None = setting(
+        "number", None, optional=True, length=3, low=0, high=materials.MAX_G,
+        default_text="of the named material, else 0", moves=Part.TRANSPORT,
+        why="mean cosine of the angle by which one scattering turns light of R, G, B: 0 all ways alike, near 1 almost "
+            "straight on; sigma_s_prime stays, and of clear and murky matter the look changes"
+    )
     diffuse_reflectance: Vector | None = setting(
         "number", None, optional=True, length=3, low=0, high=1,
         moves=Part.TRANSPORT,
@@ -109,6 +116,10 @@ class MaterialSettings:
         "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
         default_text="that of the first material", moves=Part.IRRADIANCE,
         why="index of refraction of a second material by coefficients"
+    )
+    mix_g: Vector | None = setting(
+        "number", None, optional=True, length=3, low=0, high=materials.MAX_G, default_text="0", moves=Part.TRANSPORT,
+        why="mean cosine of scattering of a second material by coefficients"
     )
     mix_share: float = setting(
         "number", 0.5, low=0, high=1, moves=Part.IRRADIANCE, why="share of the volume that the second material has"
@@ -167,7 +178,8 @@ class MaterialSettings:
         """Return settings of a material: its name if the library has it, else its coefficients, and other values."""
         if material in materials.library():
             return cls(name=material.name, **values)
-        return cls(sigma_s_prime=material.sigma_s_prime, sigma_a=material.sigma_a, eta=material.eta, **values)
+        coefficients = {key: getattr(material, key) for key in ("sigma_s_prime", "sigma_a", "eta", "g")}
+        return cls(**coefficients, **values)
 
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""
@@ -180,10 +192,15 @@ class MaterialSettings:
         if self.mix_sigma_s_prime is None or self.mix_sigma_a is None:
             return None
         eta = self.base().eta if self.mix_eta is None else self.mix_eta
-        return materials.Material("custom", self.mix_sigma_s_prime, self.mix_sigma_a, eta, "scene")
+        g = self.mix_g or ISOTROPIC
+        return materials.Material("custom", self.mix_sigma_s_prime, self.mix_sigma_a, eta, "scene", g)
 
     def base(self) -> materials.Material:
         """Return the material before anything is added."""
+        found = self._base()
+        return found if self.g is None else replace(found, g=self.g)
+
+    def _base(self) -> materials.Material:
         if self.name is not None:
             found = materials.lookup(self.name)
             return found if self.eta is None else replace(found, eta=self.eta)

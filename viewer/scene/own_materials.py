@@ -4,6 +4,7 @@
     sigma_s_prime = [0.6, 0.7, 0.9]   # 1/mm
     sigma_a = [0.001, 0.003, 0.012]   # 1/mm
     eta = 1.44
+    g = [0.8, 0.8, 0.8]               # mean cosine of scattering; 0, isotropic, without it
 
 A scene never refers to this file: where an own material is named, in a scene file, an option or the panel, its
 coefficients are what the scene keeps, and so it renders alike on every machine. No name of the library can be given to
@@ -25,7 +26,8 @@ from milkglass.viewer.scene import toml_files
 from milkglass.viewer.scene.declaration import nearest, shown
 
 SOURCE = "own"
-KEYS = ("sigma_s_prime", "sigma_a", "eta")
+KEYS = ("sigma_s_prime", "sigma_a", "eta", "g")
+OPTIONAL: dict[str, Any] = {"g": (0.0, 0.0, 0.0)}
 COEFFICIENTS = {"name": KEYS, "mix_with": tuple(f"mix_{key}" for key in KEYS)}  # that a scene has in a name's place
 LONGEST_NAME = 60
 MAX_BYTES = 10_000_000
@@ -78,7 +80,7 @@ def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
         for coefficient, value in zip(coefficients, _content(material), strict=True):
             if settings.get(coefficient) is None:
                 settings[coefficient] = value
-            elif coefficient not in ("eta", "mix_eta"):
+            elif coefficient not in ("eta", "g", "mix_eta", "mix_g"):
                 raise InputError(f"material.{key} and material.{coefficient} are both given; keep one of them")
         settings[key] = None
     return settings
@@ -213,9 +215,10 @@ def _material(name: str, content: Any) -> Material:
         if key not in KEYS:
             raise InputError(f'{name}: unknown key "{key}"; {nearest(key, KEYS)}')
     for key in KEYS:
-        if key not in content:
+        if key not in content and key not in OPTIONAL:
             raise InputError(f"{name}: {key} is missing")
-    return Material(name, content["sigma_s_prime"], content["sigma_a"], content["eta"], SOURCE)
+    given = OPTIONAL | content
+    return Material(name, given["sigma_s_prime"], given["sigma_a"], given["eta"], SOURCE, given["g"])
 
 
 def _content(material: Material) -> tuple[object, ...]:

@@ -17,14 +17,14 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.material.medium import BOUNDARY_CONDITION, Medium
+from milkglass.core.material.medium import BOUNDARY_CONDITION, DeltaEddington, Medium
 from milkglass.core.paths.beams import Beams
-from milkglass.core.paths.deposit import collided
+from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.filled import Filled, filled
-from milkglass.core.paths.flight import flight_spectrum
-from milkglass.core.paths.resolution import RESOLVED, needs_beams
-from milkglass.core.paths.resolved import Resolved, Volumes, often_scattered, resolved
-from milkglass.core.paths.second import Returns, arriving, collided_again, returns
+from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
+from milkglass.core.paths.resolution import RESOLVED, needs_beams, scaled
+from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
+from milkglass.core.paths.second import Returns, collided_again, returns
 from milkglass.core.paths.surface import Surface
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import pool_map
@@ -128,13 +128,21 @@ class Within:
         areas = patches.areas
         fill = stages.run(Stage.FILLED, (body.mesh, grid), lambda: filled(body.mesh, grid))
         seen = [needs_beams(medium, grid) for medium in media]
+        flights = [scaled(medium, grid) for medium in media]
 
-        def once() -> Volumes:
-            power = collided(beams, [medium.sigma_t_prime for medium in media], grid)
-            return [
-                np.float32(medium.albedo) * part if used and part.any() else None
-                for medium, part, used in zip(media, power, seen, strict=True)
+        def once() -> Scattered:
+            extinctions = [flight.sigma_t for flight in flights]
+            turned = [used and flight.cosine > 0.0 for used, flight in zip(seen, flights, strict=True)]
+            met = moments(beams, extinctions, grid, 4 if any(turned) else 1)
+            power = [
+                np.float32(flight.albedo) * part if used and part.any() else None
+                for flight, part, used in zip(flights, met[0], seen, strict=True)
             ]
+            flux = [
+                np.float32(flight.turning) * met[1:, i] if turns and power[i] is not None else None
+                for i, (flight, turns) in enumerate(zip(flights, turned, strict=True))
+            ]
+            return Scattered(power, flux)
 
         def sent_back() -> Returns:
             places = patches.on_surface, patches.face_normals, patches.areas
@@ -142,20 +150,29 @@ class Within:
 
         first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), once)
         followed = [medium.albedo >= RESOLVED.least_albedo for medium in media]
-        source = [part if goes_on else None for part, goes_on in zip(first, followed, strict=True)]
-        if all(part is None for part in source):
+        source = Scattered(
+            *([part if goes_on else None for part, goes_on in zip(parts, followed, strict=True)] for parts in first)
+        )
+        if all(part is None for part in source.power):
             no_gains = [1.0] * len(media)
             return stages.run(
                 Stage.RESOLVED, (first, fill), lambda: resolved(first, source, no_gains, media, fill, grid)
             )
         back = stages.run(Stage.RETURNS, (body.boundary, eta), sent_back)
-        fly = functools.partial(self._flown, media=media, fill=fill, back=back, grid=grid)
+        fly = functools.partial(self._flown, media=media, flights=flights, fill=fill, back=back, grid=grid)
 
-        def twice() -> Volumes:
-            return [
-                None if power is None else np.float32(medium.albedo) * power
-                for medium, power in zip(media, fly(source), strict=True)
-            ]
+        def twice() -> Scattered:
+            met = fly(source, [part is not None for part in source.flux])
+            return Scattered(
+                [
+                    None if power is None else np.float32(flight.albedo) * power
+                    for flight, power in zip(flights, met.power, strict=True)
+                ],
+                [
+                    None if flux is None else np.float32(flight.turning) * flux
+                    for flight, flux in zip(flights, met.flux, strict=True)
+                ],
+            )
 
         if not is_wanted():
             return None
@@ -165,17 +182,16 @@ class Within:
         fluence = stages.run(
             Stage.FLUENCE,
             (second, body.boundary, body.exchange),
-            lambda: self._fluence(second, media, body, window, green),
+            lambda: self._fluence(second.power, media, body, window, green),
         )
 
         def seen_along_rays() -> Resolved:
-            often = [
-                None
-                if again is None or found is None
-                else often_scattered(again + found.entered, found.end.volume, medium, fill, grid)
-                for again, found, medium in zip(second, fluence, media, strict=True)
+            again = [
+                None if twice is None or found is None else _again(twice, found, medium, flight, fill, grid)
+                for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
             ]
-            gains = self._gains(source, second, often, fluence, areas, media, fly)
+            leaving = [None if found is None else found.leaving(areas) for found in fluence]
+            often, gains = self._often(source, second, again, leaving, flights, fly)
             return resolved(first, often, gains, media, fill, grid)
 
         if not is_wanted():
@@ -183,50 +199,75 @@ class Within:
         return stages.run(Stage.RESOLVED, (first, second, fluence), seen_along_rays)
 
     def _flown(
-        self, scattered: Volumes, media: Sequence[Medium], fill: Filled, back: Returns, grid: LayerGrid
-    ) -> Volumes:
-        """Return the power that meets matter next, where some that scatters is given, at the nodes."""
-        kernels = [
-            None
-            if part is None
-            else (("flight", medium.sigma_t_prime), self._shape(grid, medium), grid.texel, grid.layer_distance)
-            for part, medium in zip(scattered, media, strict=True)
-        ]
-        flights = self._kernels.spectra(kernels, lambda source, shape: flight_spectrum(source[1], grid, shape))
-        radiance = arriving(scattered, media, fill, back, grid)
+        self,
+        scattered: Scattered,
+        directed: Sequence[bool] = (False,) * 3,
+        *,
+        media: Sequence[Medium],
+        flights: Sequence[DeltaEddington],
+        fill: Filled,
+        back: Returns,
+        grid: LayerGrid,
+    ) -> Scattered:
+        """Return the light that meets matter next, where some that scatters is given, with its flux if `directed`."""
+        sizes = [(self._shape(grid, medium), grid.texel, grid.layer_distance) for medium in media]
+        extinctions = [flight.sigma_t for flight in flights]
 
-        def fly(i: int, power: Float32) -> Float32:
-            spectrum = flights[i]
-            assert spectrum is not None
-            return self._kernels.convolver(self._shape(grid, media[i]), i).convolve(power, spectrum)
+        def spectra(
+            name: str, used: Sequence[bool], make: Callable[[float, LayerGrid, ConvolutionShape], Float32]
+        ) -> Sequence[Spectra | None]:
+            kernels = [
+                ((name, extinction), *size) if is_used else None
+                for extinction, size, is_used in zip(extinctions, sizes, used, strict=True)
+            ]
+            return self._kernels.spectra(kernels, lambda source, shape: make(source[1], grid, shape))
 
-        return collided_again(scattered, radiance, media, fill, back, grid, fly)
+        def convolve(kernels: Sequence[Spectra | None], i: int, power: Float32) -> Float32:
+            kernel = kernels[i]
+            assert kernel is not None
+            return self._kernels.convolver(sizes[i][0], i).convolve(power, kernel)
+
+        turned = [turns or flux is not None for turns, flux in zip(directed, scattered.flux, strict=True)]
+        flight = spectra("flight", [part is not None for part in scattered.power], flight_spectrum)
+        potential = spectra("potential", turned, potential_spectrum)
+        kernels = functools.partial(convolve, flight), functools.partial(convolve, potential)
+        return collided_again(scattered, extinctions, fill, back, grid, *kernels, directed)
 
     @staticmethod
-    def _gains(
-        first: Volumes,
-        second: Volumes,
-        often: Volumes,
-        fluence: Sequence[Often | None],
-        areas: Array,
-        media: Sequence[Medium],
-        fly: Callable[[Volumes], Volumes],
-    ) -> list[float]:
-        """Return factors on what scatters twice or more: what of it leaves is what leaves in the solution.
+    def _often(
+        first: Scattered,
+        second: Scattered,
+        again: Volumes,
+        leaving: Sequence[float | None],
+        flights: Sequence[DeltaEddington],
+        fly: Callable[..., Scattered],
+    ) -> tuple[Scattered, list[float]]:
+        """Return what scatters twice or more, and factors on it: what leaves of it is what leaves in the solution.
 
         In thick matter, where that is a small difference, they are the least.
         """
-        gains, asked = [RESOLVED.least_gain] * len(media), list(often)
-        for i, (once, twice, medium) in enumerate(zip(first, second, media, strict=True)):
+        gains = [RESOLVED.least_gain] * len(flights)
+        clear, directed = list(again), [flux is not None for flux in second.flux]
+        for i, (once, twice, flight) in enumerate(zip(first.power, second.power, flights, strict=True)):
             if once is not None and twice is not None:
-                escaping = 1.0 - _total(twice) / (medium.albedo * _total(once))
-                asked[i] = asked[i] if escaping > RESOLVED.clear_escape else None
-        if any(again is not None for again in asked):
-            met = fly(asked)
-            for i, (again, stopped, found) in enumerate(zip(asked, met, fluence, strict=True)):
-                if again is not None and stopped is not None and found is not None:
-                    gains[i] = max(gains[i], found.leaving(areas) / max(_total(again) - _total(stopped), 1e-30))
-        return gains
+                escaping = 1.0 - _total(twice) / (flight.albedo * _total(once))
+                clear[i] = clear[i] if escaping > RESOLVED.clear_escape else None
+        asked = [power if turns else of_clear for power, of_clear, turns in zip(again, clear, directed, strict=True)]
+        often = Scattered(again, second.flux)
+        met = fly(Scattered.evenly(asked), directed) if any(power is not None for power in asked) else None
+        if met is not None and any(directed):
+            flux = [
+                turned if more is None or turned is None else turned + np.float32(flight.turning) * more
+                for turned, more, flight in zip(second.flux, met.flux, flights, strict=True)
+            ]
+            often = Scattered(again, flux)
+            if any(power is not None and turns for power, turns in zip(clear, directed, strict=True)):
+                met = fly(Scattered(clear, flux))
+        if met is not None:
+            for i, (power, stopped, out) in enumerate(zip(clear, met.power, leaving, strict=True)):
+                if power is not None and stopped is not None and out is not None:
+                    gains[i] = max(gains[i], out / max(_total(power) - _total(stopped), 1e-30))
+        return often, gains
 
     def _fluence(
         self, second: Volumes, media: Sequence[Medium], body: Body, window: float, green: Sequence[Spectra | None]
@@ -264,6 +305,15 @@ class Within:
         iterates = tuple(none if often is None else often.end.iterate for often in found)
         self._last = End(boundary, tuple(channels), iterates)
         return found
+
+
+def _again(
+    second: Float32, found: Often, medium: Medium, flight: DeltaEddington, fill: Filled, grid: LayerGrid
+) -> Float32:
+    """Return the power that scatters twice or more, or again since it left and entered."""
+    # What entered is told by reduced coefficients.
+    entered = np.float32(flight.sigma_s / medium.sigma_s_prime) * found.entered
+    return often_scattered(second + entered, found.end.volume, flight, fill, grid)
 
 
 def _total(power: Float32) -> float:

@@ -25,8 +25,11 @@ def test_library_is_the_published_rows_and_ours(data_dir):
     for row in rows:
         found = materials.lookup(row["name"])
         assert (found.source, found.eta) == (row["source"], float(row["eta"]))
-        for key in ("sigma_s_prime", "sigma_a"):
-            assert getattr(found, key) == tuple(float(row[f"{key}_{channel}"]) for channel in "rgb")
+        for key in ("sigma_s_prime", "sigma_a", "g"):
+            assert getattr(found, key) == tuple(float(row[f"{key}_{channel}"] or 0.0) for channel in "rgb")
+        if found.source == "NGD06":  # and what was measured unreduced
+            unreduced = [float(row[f"sigma_s_{channel}"]) for channel in "rgb"]
+            np.testing.assert_allclose(found.sigma_s_prime / (1.0 - np.array(found.g)), unreduced, rtol=1e-3)
 
 
 def test_sources_count():

@@ -37,6 +37,28 @@ def test_extrapolation_factor_is_that_of_the_integrals(eta):
     assert extrapolation_factor(eta) == pytest.approx(expected, rel=2e-6)
 
 
+@pytest.mark.parametrize("g", [0.0, 0.3, 0.9, 0.999])
+def test_the_scaled_phase_function_has_the_moments_of_the_measured_one(g):
+    """Legendre moments of Henyey and Greenstein's are g^n: with the peak three of them stay, and so does diffusion."""
+    cosine, weights = np.polynomial.legendre.leggauss(200)
+    whole = Medium(2.0, 0.7, 1.33, g=g)
+    scaled, scattering = whole.delta_eddington(), 2.0 / (1.0 - g)
+    peak, rest = scattering - scaled.sigma_s, 0.5 * (1.0 + 3.0 * scaled.cosine * cosine)
+    for n in range(3):
+        of_rest = np.sum(weights * rest * np.polynomial.legendre.Legendre.basis(n)(cosine))
+        assert peak + scaled.sigma_s * of_rest == pytest.approx(scattering * g**n, rel=1e-12)
+    assert scaled.sigma_s * (1.0 - scaled.cosine) == pytest.approx(whole.sigma_s_prime, rel=1e-14)
+    assert (scaled.sigma_t - whole.sigma_a, scaled.albedo) == pytest.approx(
+        (scaled.sigma_s, scaled.sigma_s / scaled.sigma_t)
+    )
+    isotropic = whole.delta_eddington(0.0)
+    assert (isotropic.sigma_t, isotropic.cosine) == (whole.sigma_t_prime, 0.0)
+    assert (whole.diffusion, whole.bending(0.3)) == (
+        Medium(2.0, 0.7, 1.33).diffusion,
+        Medium(2.0, 0.7, 1.33).bending(0.3),
+    )
+
+
 def test_without_an_interface_nothing_is_reflected():
     assert extrapolation_factor(1.0) == pytest.approx(1.0, abs=1e-12)
 

@@ -1,6 +1,7 @@
 """Mixtures and dilution: laws in closed form, and the published measurements of diluted liquids."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,22 @@ def test_what_was_diluted_is_undiluted_again(water):
     added = np.array(WATER.sigma_a) * water / (1.0 - water)
     np.testing.assert_allclose(back.sigma_a, MILK.sigma_a + added, rtol=1e-12)
     assert back.eta == thin.eta
+
+
+def test_what_scatters_keeps_its_mean_cosine():
+    """Of all that scatters in a mixture: unreduced scattering adds, and so does it times the cosine."""
+    juice = materials.lookup("White Grapefruit Juice")
+    for share in (0.0, 0.3, 1.0):
+        parts = [(1.0 - share, MILK), (share, juice)]
+        scattering = sum(f * np.array(m.sigma_s_prime) / (1.0 - np.array(m.g)) for f, m in parts)
+        forward = sum(f * np.array(m.sigma_s_prime) * m.g / (1.0 - np.array(m.g)) for f, m in parts)
+        np.testing.assert_allclose(mix(MILK, juice, share).g, forward / scattering, rtol=1e-14)
+    for water in (0.0, 0.9, -3.0):
+        assert dilute(MILK, water).g == MILK.g
+    assert mix(MILK, MILK, 0.3).g == MILK.g
+    assert mix(CLEAR, MILK, 0.01).g == MILK.g
+    half = mix(replace(MILK, g=(0.0, 0.9, 0.999)), MILK, 0.5)
+    assert 0.0 < half.g[0] < MILK.g[0]
 
 
 def test_nothing_to_scatter_or_to_absorb_is_no_trouble():

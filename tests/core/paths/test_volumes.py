@@ -8,10 +8,10 @@ from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.light.maps import texel_solid_angles
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.paths.beams import traced
-from milkglass.core.paths.deposit import collided
+from milkglass.core.paths.deposit import collided, moments
 from milkglass.core.paths.emission import Ball, diverging, parallel, surrounding
 from milkglass.core.paths.filled import filled
-from milkglass.core.paths.flight import flight_spectrum
+from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
 from milkglass.core.paths.surface import Surface
 from tests.support.solids import ball, block, mesh_of
 
@@ -59,6 +59,29 @@ def test_the_spectrum_of_a_flight(k, expected):
     found = float(flight_spectrum(1.0, grid, shape)[0, 0, nearest]) / np.sinc(at * step / (2.0 * np.pi))
     assert np.arctan(k) / k == pytest.approx(expected, abs=1e-6)
     assert found == pytest.approx(np.arctan(at) / at, rel=0.02)
+
+
+def test_the_potential_of_a_flight_has_its_gradient():
+    """Its transform is (1 / k^2) (1 - arctan(k) / k); its integral 1/3, a sixth of the mean square of a flight."""
+    step, size = 0.3, 40
+    grid = LayerGrid(4, 4, 4, step, step, tuple(map(tuple, np.eye(4).tolist())))
+    shape = ConvolutionShape(*grid.shape, padding=(size,) * 3)
+    found = potential_spectrum(1.0, grid, shape)
+    assert found[0, 0, 0] == pytest.approx(1.0 / 3.0, rel=0.01)
+    for n in (1, 3, 6):
+        k = 2.0 * np.pi * n / (shape.padded_width * step)
+        expected = (1.0 - np.arctan(k) / k) / k**2 * np.sinc(k * step / (2.0 * np.pi))
+        assert found[0, 0, n] == pytest.approx(expected, rel=0.02)
+
+
+def test_light_that_collides_has_the_flux_of_its_beams(sphere):
+    surface, grid, around = Surface.of(sphere, 1.0), fit_nodes(sphere.bounds, 24), Ball.around(sphere)
+    towards = np.array([0.6, 0.0, 0.8])
+    beams = traced(surface, parallel(towards, (1.0, 2.0, 3.0), around, BEAMS))
+    power, *flux = moments(beams, (0.1, 0.2, 0.3), grid, 4)
+    np.testing.assert_array_equal(power, collided(beams, (0.1, 0.2, 0.3), grid))
+    for along, cosine in zip(flux, -towards, strict=True):
+        np.testing.assert_allclose(along, cosine * power, atol=1e-5 * power.max())
 
 
 def test_all_that_enters_collides(sphere):

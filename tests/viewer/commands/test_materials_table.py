@@ -22,7 +22,7 @@ def test_materials_in_a_pipe_are_one_whole_line_each(capsys, monkeypatch):
 def test_one_material_channel_by_channel(capsys):
     assert cli.main(["materials", "skim milk"]) == 0
     out = capsys.readouterr().out
-    rows = {line[:27].strip(): line[27:].split() for line in out.splitlines()[:7]}
+    rows = {line[:27].strip(): line[27:].split() for line in out.splitlines()[:8]}
     assert rows["reduced scattering sigma_s'"] == ["0.7", "1.22", "1.9", "1/mm"]
     assert rows["diffuse reflectance R_d"] == ["0.81495", "0.81298", "0.6823"]
     assert float(rows["mean free path 1/sigma_t'"][0]) == pytest.approx(1 / 0.7014, abs=1e-4)

@@ -1,5 +1,7 @@
 """A material by name, coefficients or colour, its profile, in scene files and on the command line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -207,3 +209,16 @@ def test_a_new_material_starts_pure_and_a_new_coefficient_keeps_what_is_added():
     options = {"material": "regular milk", "set": ["material.water=0.5", "material.eta=1.4"]}
     found = scene_from_options(NO_OPTIONS | options).material
     assert (found.name, found.water, found.eta) == ("Regular Milk", 0.5, None)
+
+
+def test_the_mean_cosine_of_a_name_is_the_library_s_unless_given():
+    milk = MaterialSettings(name="lowfat milk")
+    assert milk.resolve().g == materials.lookup("lowfat milk").g
+    own = apply_set(Scene(material=milk), ["material.g=[0.1, 0.2, 0.3]"])
+    assert own.material.resolve() == replace(materials.lookup("lowfat milk"), g=(0.1, 0.2, 0.3))
+    assert apply_set(own, ["material.name=marble"]).material.g is None
+    assert apply_set(Scene(material=MaterialSettings(name="marble")), ["material.g=[0,0,0]"]).material.name == "Marble"
+    coefficients = MaterialSettings.of(replace(materials.lookup("lowfat milk"), eta=1.4))
+    assert coefficients.g == milk.resolve().g
+    with pytest.raises(InputError, match=r"material\.g must be 3 numbers from 0 to 0\.999, not"):
+        MaterialSettings(name="marble", g=(0.0, 0.0, 1.0))

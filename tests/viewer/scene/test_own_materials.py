@@ -67,7 +67,7 @@ BROKEN = [
     ("[candle", "not a TOML file"),
     (b"\xff\xfe", "not a TOML file"),
     ("candle = 3", '"candle" must be a table'),
-    (GOOD + "colour = 1\n", 'candle: unknown key "colour"; known are sigma_s_prime, sigma_a, eta'),
+    (GOOD + "colour = 1\n", 'candle: unknown key "colour"; known are sigma_s_prime, sigma_a, eta, g'),
     (GOOD.replace("sigma_a", "sigma_aa"), 'candle: unknown key "sigma_aa"; did you mean "sigma_a"?'),
     (GOOD.replace("eta = 1.44\n", ""), "candle: eta is missing"),
     (GOOD.replace("0.003", "-1"), "candle: sigma_a must be 3 numbers from 0 to 1e+06 (1/mm), not [0.0008, -1, 0.012]"),
@@ -167,6 +167,23 @@ def test_command_line_finds_lists_imports_and_exports(tmp_path, folder, capsys):
     assert scene.material.sigma_a == (0.0008, 0.003, 0.012)
     assert scene.material.water == 0.5
     assert apply_set(scene, ["material.mix_with=candle"]).material.mix_eta == 1.44
+
+
+def test_the_mean_cosine_is_kept_with_the_rest(tmp_path, folder):
+    milk = materials.lookup("lowfat milk")
+    own_materials.save("milk of mine", milk)
+    assert own_materials.stored()[0].g == own_materials.named_like(milk).g == milk.g
+    own_materials.export_to(tmp_path / "out.toml")
+    own_materials.delete("milk of mine")
+    assert own_materials.import_from(tmp_path / "out.toml")[0].g == milk.g
+    scene = apply_set(Scene(), ["material.name=milk of mine", "material.mix_with=milk of mine"])
+    assert scene.material.g == scene.material.mix_g == scene.material.resolve().g == milk.g
+    folder.mkdir(exist_ok=True)
+    (folder / "materials.toml").write_text(GOOD)  # of a file without it scattering is isotropic
+    assert own_materials.lookup("candle").g == (0.0, 0.0, 0.0)
+    (folder / "materials.toml").write_text(GOOD + "g = [0, 0, 1]\n")
+    with pytest.raises(InputError, match=r"candle: g must be 3 numbers from 0 to 0\.999, not"):
+        own_materials.stored()
 
 
 def test_import_is_all_or_nothing(tmp_path, folder):

@@ -1,5 +1,6 @@
 """The panel's section on the material: the library with swatches, coefficients, and what follows from them."""
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,14 +9,14 @@ import numpy as np
 from milkglass.core.material import library as materials, single_scattering
 from milkglass.core.material.library import Material
 from milkglass.viewer.gui.command import Commands
-from milkglass.viewer.gui.controls import CHANNELS, RESET_HINT, TYPE_HINT, Controls, Reset, explained
+from milkglass.viewer.gui.controls import CHANNELS, REACH, RESET_HINT, TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.render.remarks import warnings
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.declaration import settings_of
-from milkglass.viewer.scene.material_settings import ADDED
+from milkglass.viewer.scene.material_settings import ADDED, ISOTROPIC
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import LibraryList, origin_of, reflectance, swatch
@@ -103,6 +104,7 @@ class MaterialSection(Section):
             self._coefficients("sigma_s_prime", "σs′")
             self._coefficients("sigma_a", "σa")
         self._eta()
+        self._forward()
         self._mixture.draw()
         self._profile.chooser(no_profile)
         self._controls.setting("model.size_mm", "Object size")
@@ -166,12 +168,13 @@ class MaterialSection(Section):
         changed[channel] = value
         given[key] = (changed[0], changed[1], changed[2])
         origin, settings = origin_of(self._session), self._session.scene.material
+        optical = {"eta": material.eta, "g": material.g}
         if origin is not None and (origin.sigma_s_prime, origin.sigma_a) == (given["sigma_s_prime"], given["sigma_a"]):
-            eta = None if material.eta == origin.eta else material.eta
+            changed_too = {key: None if value == getattr(origin, key) else value for key, value in optical.items()}
             added = {name: getattr(settings, name) for name in ADDED}
-            self._session.edit("material", name=origin.name, eta=eta, **added)
+            self._session.edit("material", name=origin.name, **changed_too, **added)
         else:
-            self._session.edit("material", **given, eta=material.eta)
+            self._session.edit("material", **given, **optical)
 
     def _eta(self) -> None:
         session = self._session
@@ -185,6 +188,32 @@ class MaterialSection(Section):
         )  # fmt: skip
         if new is not None:
             session.edit("material", eta=new)
+
+    def _forward(self) -> None:
+        """Draw three sliders of the mean cosine of scattering."""
+        session = self._session
+        material, origin = session.scene.material, origin_of(session)
+        declared, values = settings_of(material)["g"], material.base().g
+        default = ISOTROPIC if origin is None else origin.g
+
+        for channel, (letter, colour) in enumerate(CHANNELS):
+            name, label, reach = f"material.g.{letter}", f"forward g {letter}", REACH["material.g"]
+            self._controls.begin_row(label, resettable=True)
+            text = reach.format % values[channel]
+            new = self._controls.sliders.number(name, values[channel], reach.low, reach.high, text, colour=colour)
+            put = functools.partial(self._put_forward, values, channel)
+            if new is not None:
+                put(new)
+
+            tip = f"{explained(declared, None)}\n{TYPE_HINT}"
+            reset = functools.partial(put, default[channel])
+            self._controls.end_row(name, label, tip, reset, differs=values[channel] != default[channel])
+
+    def _put_forward(self, values: Sequence[float], channel: int, value: float) -> None:
+        changed = (*values[:channel], value, *values[channel + 1 :])
+        material = self._session.scene.material
+        is_library = material.name is not None and changed == materials.lookup(material.name).g
+        self._session.edit("material", g=None if is_library else changed)
 
     def _derived(self, live: Live, *, has_profile: bool) -> None:
         """Draw mean free path, reflectance and share of single scattering of the whole mixture."""

@@ -89,7 +89,7 @@ class ProfileRows:
         origin = origin_of(self._session)
         start: dict[str, Any] = {}
         if origin is not None:
-            given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta")}
+            given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta", "g")}
             given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
             start = given_by(MaterialSettings(**given), quantities)
         for i, channel in enumerate(channels):
@@ -130,7 +130,7 @@ def given_by(settings: MaterialSettings, quantities: str) -> dict[str, Any]:
     """Return the keys of a material given by other quantities: the same material, or the nearest there is."""
     material = settings.base()
     if quantities == COEFFICIENTS:
-        return {"sigma_s_prime": material.sigma_s_prime, "sigma_a": material.sigma_a, "eta": material.eta}
+        return {key: getattr(material, key) for key in (*COMBINATIONS[1], "eta", "g")}
     largest = 1.0 if quantities == COLOUR else 1.0 - LEAST_ABSORBED
     albedos = np.minimum(material.alpha_prime, largest)
     lengths = (
@@ -141,6 +141,7 @@ def given_by(settings: MaterialSettings, quantities: str) -> dict[str, Any]:
         "diffuse_reflectance": colour,
         LENGTH_KEYS[quantities][0]: tuple(np.minimum(lengths, LONGEST_PATH).tolist()),
         "eta": material.eta,
+        "g": material.g,
     }
 
 

@@ -46,7 +46,7 @@ class Object:
         transport = DiffusionTransport(resolution=NODES)
         dark = EnteringLight(np.zeros((len(self.samples), 3), np.float32))
         grid = transport.grid(self.mesh, np.eye(3))
-        problem = Problem(self.mesh, self.samples, grid, [light or dark], media, beams=self.beams)
+        problem = Problem(self.mesh, self.samples, grid, [light or dark], media, beams=self.beams, media_within=media)
         return transport.solve(problem, stages)
 
     def seen(self, extinction: Array, resolved, surroundings: Surroundings) -> Array:
@@ -111,6 +111,20 @@ def test_clear_and_murky_bodies_in_a_white_furnace_are_white(stretch):
         media = [Medium(1.0 / path, 0.0, ETA) for path in paths]
         radiance = found.seen(1.0 / np.array(paths), found.solved(media, Stages()).resolved, white)
         np.testing.assert_allclose(radiance.mean(axis=0), 1.0, atol=0.02)
+        assert radiance.std(axis=0).max() < 0.04
+
+
+@pytest.mark.slow
+def test_forward_scattering_in_a_white_furnace_is_white():
+    """What flies on forward, and what the surface sends back of it, add up to light from everywhere alike."""
+    found, white = lit(ball(RADIUS, subdivisions=5), sky), Surroundings.of(np.ones((2, 4, 3), np.float32))
+    for paths in ((500.0, 50.0, 25.0), (12.0, 6.0, 4.2)):
+        media = [Medium(1.0 / path, 0.0, ETA, g=g) for path, g in zip(paths, (0.9, 0.98, 0.5), strict=True)]
+        resolved = found.solved(media, Stages()).resolved
+        assert resolved.shares == (1.0, 1.0, 1.0)
+        extinction = np.array([medium.delta_eddington().sigma_t for medium in media])
+        radiance = found.seen(extinction, resolved, white)
+        np.testing.assert_allclose(radiance.mean(axis=0), 1.0, atol=0.04)
         assert radiance.std(axis=0).max() < 0.04
 
 

@@ -35,6 +35,7 @@ SECTIONS = ("Environment", "Ground", "Highlights", "Tone mapping", "Error", "Mod
 WITHOUT_CONTROL = {
     "material.mix_sigma_s_prime": "comes with mix_eta",
     "material.mix_sigma_a": "comes with mix_eta",
+    "material.mix_g": "comes with mix_eta",
     **{f"photo.{key}": "of a photograph (test_photo_pass.py)" for key in settings_of(PhotoSettings)},
 }
 
@@ -76,6 +77,10 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "colour": replace(scene, material=MaterialSettings(**given_by(scene.material, COLOUR))),
         "diffuse colour": replace(scene, material=MaterialSettings(**given_by(scene.material, DIFFUSE))),
         "ground": replace(scene, ground=GroundSettings(on=True)),
+        "murky": replace(
+            scene, material=MaterialSettings(sigma_s_prime=(9e-4,) * 3, sigma_a=(0.05,) * 3),  # solves no equation
+            transport=TransportSettings(method="diffusion", resolution=16),
+        ),
         "mixed": replace(scene, material=replace(scene.material, mix_with="ketchup")),
         "table": replace(
             scene, material=replace(scene.material, profile="table", profile_table=probe.with_name("table.csv"))
