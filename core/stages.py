@@ -80,9 +80,12 @@ class Stage(StrEnum):
     DEPTH_AND_SURFACE = "depth and surface", Part.OBJECT
 
     MODEL = "model", Part.SHAPE
+    CLEAR_PARTS = "clear parts", Part.IRRADIANCE
 
     FIND_BODIES = "find bodies", Part.BODIES
     BODY_MARKS = "body marks", Part.BODIES
+    CLEAR_MARKS = "marks of clear parts", Part.BODIES
+    CLEAR_BUFFERS = "clear parts to draw", Part.BODIES
 
     ROUGHNESS = "roughness", Part.SAMPLES
     THICKNESS = "thickness", Part.SAMPLES

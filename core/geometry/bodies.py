@@ -94,6 +94,16 @@ def bodies_at(mesh: Mesh, bodies: Bodies, points: npt.ArrayLike) -> Int32:
     return body
 
 
+def components(mesh: Mesh) -> tuple[Ints, int]:
+    """Return the connected component of each face, (m,), in the order of their first faces, and their number."""
+    first, group = position_groups(mesh.vertices)
+    faces = group[mesh.faces]
+    component, count = _components(faces, np.flatnonzero(~repeats_vertex(faces)), len(first))
+    _, first_face = np.unique(component, return_index=True)
+    rank = np.argsort(np.argsort(first_face))
+    return rank[component], count
+
+
 class _Components:
     """Components of a welded mesh: vertices (n, 3) about the origin, faces (m, 3), component (m,) of each face."""
 

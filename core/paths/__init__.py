@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 from milkglass.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from milkglass.core.paths.events import Chords as Chords, Rays as Rays, follow as follow
+    from milkglass.core.paths.events import (
+        Chords as Chords,
+        Rays as Rays,
+        follow as follow,
+        most_events as most_events,
+    )
     from milkglass.core.paths.glow import Glow as Glow
     from milkglass.core.paths.lamps import Lamp as Lamp
     from milkglass.core.paths.surface import ClearPart as ClearPart, Surface as Surface

@@ -29,11 +29,14 @@ class ClearPart:
         Index of refraction over that of the air, > 0.
     absorption : of R, G and B
         1/mm.
+    name : str
+        What sentences call it.
     """
 
     mesh: Mesh
     eta: float
     absorption: tuple[float, float, float]
+    name: str = ""
 
 
 class Faces(NamedTuple):

@@ -10,9 +10,11 @@ uniform float u_surround_strength;  // factor on the lobe's mean radiance
 uniform bool u_fresnel;
 uniform sampler2D t_highlights;     // mean radiance of an environment in the lobe about every direction
 
+float mirroring_eta;  // of the surface at this pixel
+
 float mirrored(vec3 normal, vec3 to_eye) {
     // abs: interpolated normals may turn from the eye at a silhouette
-    return u_fresnel ? 1.0 - fresnel_transmittance(u_eta, abs(dot(normal, to_eye))) : 1.0;
+    return u_fresnel ? 1.0 - fresnel_transmittance(mirroring_eta, abs(dot(normal, to_eye))) : 1.0;
 }
 
 vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {

@@ -22,6 +22,8 @@ uniform bool u_occluded;       // whether t_visible is there
 uniform sampler2D t_reentering;         // E of light that left the object and enters it again; any of another kind
 uniform sampler2D t_reentering_behind;  // the same on the other side of the object
 uniform bool u_occluded_lobe;  // whether t_lobe is there
+uniform float u_clear_from;    // number of the first body that scatters no light
+uniform float u_clear_eta;     // of the surface of such
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
 
 layout(location = 0) out vec4 o_irradiance;
@@ -34,6 +36,7 @@ void main() {
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
     vec3 normal = normal_and_body.xyz;
+    mirroring_eta = normal_and_body.a < u_clear_from ? u_eta : u_clear_eta;
     vec4 shading = shading_normal(pixel, normal);
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     vec3 irradiance, specular = vec3(0.0);
@@ -63,7 +66,9 @@ void main() {
     irradiance *= tint_entering(pixel);
     behind.irradiance *= tint_behind(position.xyz - behind.thickness * normal);
     vec3 local, other = vec3(0.0);
-    if (u_diffusion) {
+    if (normal_and_body.a >= u_clear_from) {
+        irradiance = vec3(0.0);
+    } else if (u_diffusion) {
         vec2 depths = depths_at(position.xyz, normal_and_body.a);
         local = entry_factor(t_own, cosine, depths.x) * irradiance;
         if (depths.y > 0.0) {

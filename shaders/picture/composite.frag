@@ -38,6 +38,7 @@ uniform mat4 u_world_to_clip;
 
 uniform vec4 u_eye;             // homogeneous, see irradiance_pixels.frag
 uniform float u_eta;
+uniform float u_clear_from;  // number of the first body that scatters no light
 uniform float u_exit_normalisation;  // N, sr
 uniform float u_weight;         // 1 / samples of a pixel
 
@@ -120,6 +121,7 @@ vec3 diffuse_exitance(vec3 position, vec4 normal_and_body, vec3 coordinates, vec
 
 // M of the surface that a pixel shows.
 vec3 exitance_at(ivec2 pixel, vec3 position, vec4 normal_and_body) {
+    if (normal_and_body.a >= u_clear_from) return vec3(0.0);
     vec3 coordinates = volume_coordinates(position, normal_and_body.a);
     vec4 local = texelFetch(t_local, pixel, 0);
     vec3 behind = vec3(texelFetch(t_irradiance, pixel, 0).a, texelFetch(t_specular, pixel, 0).a, local.a);

@@ -34,6 +34,7 @@ UFFIZI, GALILEO = (DATA / "hdr" / f"{name}.hdr" for name in ("uffizi_latlong_120
 PHOTO, MASK = DATA / "image" / "buddha_head.png", DATA / "image" / "buddha_head_mask.png"
 ON_GROUND = ("--set", "ground.on=true", "--set", "ground.reflectance=0.15", "--background", "#2a2d30")
 FIGURES = ROOT / "tests" / "figures"
+SCENES = ROOT / "viewer" / "scenes"
 PROGRAM = "milkglass.viewer.commands.cli"
 MEASURED = "JMLH01", "NGD06"  # sources of the library
 PLAIN = ("--background", "#000000")
@@ -261,6 +262,12 @@ def environments(studio: Studio) -> Pixels:
     return beside(*[studio.tile((320, 320), *options, "--environment", name) for name in names])
 
 
+def glasses(studio: Studio) -> Pixels:
+    """Draw the vessels of the scene files, each at the same height."""
+    sizes = {"apple_juice": (560, 560), "wine_bottle": (373, 560), "milk": (560, 560)}
+    return beside(*[studio.tile(size, "--scene", SCENES / f"{name}.toml") for name, size in sizes.items()])
+
+
 def figure(name: str, size: tuple[int, int], *options: object) -> Drawing:
     """Return what draws one of the paper's figures from its scene file."""
     return lambda studio: studio.tile(size, *options, "--scene", FIGURES / f"{name}.toml")
@@ -297,6 +304,7 @@ PICTURES: dict[str, Drawing] = {
     "galileo.png": galileo,
     "environments.png": environments,
     "measured.jpg": measured,
+    "glasses.jpg": glasses,
     "photograph.jpg": row(photograph((230, 352)), *[edited(name, (230, 352)) for name in ("jade", "marble", "wax")]),
     "figure3.jpg": row(*[edited(name, (314, 480)) for name in ("marble", "jade", "wax")]),
     "figure4.jpg": row(

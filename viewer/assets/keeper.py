@@ -36,6 +36,7 @@ from milkglass.viewer.assets.sources import (
     model_source,
     probe_source,
 )
+from milkglass.viewer.files.model import FileModel
 from milkglass.viewer.files.model_look import Look
 from milkglass.viewer.scene.keys import taken_anew
 from milkglass.viewer.scene.light_paths import ALL
@@ -95,9 +96,13 @@ class Assets:
 
     # files
 
+    def model(self, settings: ModelSettings) -> FileModel:
+        """Return a model in world space; errors as `viewer.files.model.read_model`, and as `FileModel.parted`."""
+        return self.get(model_source(settings))
+
     def mesh(self, settings: ModelSettings) -> LoadedMesh:
-        """Return a model in world space and what is wrong with it; errors as `viewer.files.model.read_model`."""
-        model = self.get(model_source(settings))
+        """Return the mesh of a model and what is wrong with it, as `model`."""
+        model = self.model(settings)
         return model.mesh, model.warnings
 
     def look(self, settings: ModelSettings) -> Look | None:

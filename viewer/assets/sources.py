@@ -18,6 +18,7 @@ from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
+from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.light.crossing import LEAST_ALBEDO, Crossings, Needed, few_crossings
 from milkglass.core.light.exchange import Hits
 from milkglass.core.light.ground import GroundPlane, GroundRays
@@ -34,7 +35,7 @@ from milkglass.viewer.assets.exchange import find_crossings, find_hits
 from milkglass.viewer.assets.ground import find_ground_rays
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
 from milkglass.viewer.files.images import read_radiance
-from milkglass.viewer.files.model import FileModel, builtin_model, read_model
+from milkglass.viewer.files.model import FileModel, builtin_model, builtin_vessel, read_model
 from milkglass.viewer.files.model_look import detail_of
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
 from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
@@ -95,6 +96,8 @@ class BuiltinModel:
 
     def load(self, assets: "Assets") -> FileModel:
         """Make the shape."""
+        if self.shape in VESSELS:
+            return builtin_vessel(self.shape, self.size_mm, self.up)
         return FileModel(builtin_model(self.size_mm, self.up))
 
 
@@ -108,6 +111,23 @@ class ModelInMemory:
     def load(self, assets: "Assets") -> FileModel:
         """Return the mesh as a model without a look of its own."""
         return FileModel(self.mesh)
+
+
+@dataclass(frozen=True)
+class PartedModel:
+    """A model without some of its parts, which have materials of their own; see `viewer.files.model.FileModel`."""
+
+    model: ModelSource
+    parts: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """What sentences about the model call it."""
+        return self.model.name
+
+    def load(self, assets: "Assets") -> FileModel:
+        """Take the parts out of the model."""
+        return assets.get(self.model).parted(self.parts, self.name)
 
 
 @dataclass(frozen=True)
@@ -381,7 +401,13 @@ class GroundRaysOf:
 
 
 def model_source(settings: ModelSettings) -> ModelSource:
-    """Return the source of a scene's model."""
+    """Return the source of a scene's model, without the parts that have materials of their own."""
+    whole = whole_source(settings)
+    return whole if settings.parts is None else PartedModel(whole, settings.parts)
+
+
+def whole_source(settings: ModelSettings) -> ModelSource:
+    """Return the source of a scene's model with all of its parts."""
     if settings.mesh is not None:
         return ModelInMemory(settings.mesh)
     if settings.path is not None:
@@ -403,4 +429,4 @@ def probe_source(environment: EnvironmentSettings) -> Source[Probe]:
 def depends_on(source: object, path: Path) -> bool:
     """Tell whether a source reads a file, or is computed of a model in it."""
     parts = vars(source).values()
-    return any(part == path or (isinstance(part, ModelFile) and depends_on(part, path)) for part in parts)
+    return any(part == path or (isinstance(part, ModelFile | PartedModel) and depends_on(part, path)) for part in parts)

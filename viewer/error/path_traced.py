@@ -125,6 +125,8 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
         raise InputError("--path-traced has the object in the way of light; leave environment.occluded on")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
+    if scene.materials:
+        raise InputError("--path-traced does not know parts with a material of their own; leave out materials")
     if importlib.util.find_spec("mitsuba") is None:
         raise InputError('--path-traced needs Mitsuba 3: pip install "milkglass[mitsuba]"')
 

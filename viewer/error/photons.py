@@ -148,6 +148,8 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the material does not scatter"
     if lit.detail is not None:
         return "photons do not know the colours and the relief of the model's surface"
+    if lit.clear:
+        return "photons do not know parts of the model with a material of their own"
     if lit.body_marks is not None and lit.quality.facts.uses_profile:
         return "bodies that are separate are compared with transport diffusion only"
     return None

@@ -7,7 +7,7 @@ drops what a file says about hard edges.
 import difflib
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +15,18 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from milkglass.core.arrays import Array, Ints
+from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
+from milkglass.core.geometry.bodies import components
 from milkglass.core.geometry.mesh import Mesh, check_size, compact, place_in_world, up_rotation
 from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.sculpture import sculpture
+from milkglass.core.geometry.vessels import VESSELS
+from milkglass.core.threads import computed_once
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
 
+MOST_NAMED = 20  # parts in a sentence
 # trimesh reads these too, given what `pip install` adds.
 EXTRA_PACKAGES = {
     "3dxml": "lxml networkx pillow",
@@ -37,11 +41,90 @@ EXTRA_PACKAGES = {
 
 @dataclass(frozen=True, eq=False)
 class FileModel:
-    """A model's mesh, sentences on what is wrong with its file, and how its surface looks, if the file says."""
+    """A model's mesh, sentences on what is wrong with its file, and how its surface looks, if the file says.
+
+    Attributes
+    ----------
+    mesh, warnings, look
+    of_face : (m,) int, optional
+        Part of each face of the mesh; without, all are of the first.
+    names : tuple of tuple of str
+        By which each part is known: of its material, then of its object.
+    clear : tuple of Mesh
+        Parts that have been taken out of it, see `parted`.
+    """
 
     mesh: Mesh
     warnings: tuple[str, ...] = ()
     look: Look | None = None
+    of_face: Ints | None = None
+    names: tuple[tuple[str, ...], ...] = ()
+    clear: tuple[Mesh, ...] = ()
+
+    @computed_once
+    def parts(self) -> tuple[tuple[tuple[str, ...], Bools], ...]:
+        """Return the names of each part and its faces, (m,); where the file has but one, its components by number."""
+        if self.of_face is not None and len(self.names) > 1:
+            return tuple((names, self.of_face == i) for i, names in enumerate(self.names))
+        of_face, count = components(self.mesh)
+        return tuple(((str(i + 1),), of_face == i) for i in range(count))
+
+    @computed_once
+    def whole(self) -> Mesh:
+        """Return the mesh with all that has been taken out of it."""
+        return joined(self.mesh, *self.clear) if self.clear else self.mesh
+
+    @property
+    def lift(self) -> float:
+        """Return how far the mesh is above the lowest point of the whole, mm."""
+        return float(self.mesh.bounds[0, 1] - self.whole.bounds[0, 1])
+
+    def parted(self, chosen: Sequence[str], name: str) -> "FileModel":
+        """Return the model with some of its parts taken out, which are meshes of their own.
+
+        Parameters
+        ----------
+        chosen : names of parts
+        name : str
+            What sentences call the model.
+
+        Raises
+        ------
+        InputError
+            No part has a name, or none is left.
+        """
+        left, clear = np.ones(len(self.mesh.faces), bool), []
+        for wanted in chosen:
+            faces = [of_part for names, of_part in self.parts if wanted in names]
+            if not faces:
+                known = ", ".join(dict.fromkeys(names[0] for names, _ in self.parts[:MOST_NAMED]))
+                more = f" and {len(self.parts) - MOST_NAMED} more" if len(self.parts) > MOST_NAMED else ""
+                raise InputError(f"materials.{wanted} names no part of {name}, whose parts are {known}{more}")
+            of_part = left & np.any(faces, axis=0)
+            if not of_part.any():
+                raise InputError(f"materials.{wanted} names faces of {name} that another table has named; keep one")
+            clear.append(submesh(self.mesh, of_part))
+            left &= ~of_part
+        if not left.any():
+            raise InputError(f"materials names all parts of {name}; leave one to [material], which scatters light")
+        look = None if self.look is None else self.look.of_faces(left)
+        return FileModel(submesh(self.mesh, left), self.warnings, look, clear=tuple(clear))
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Return meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.normals for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]).astype(np.int32),
+    )
+
+
+def submesh(mesh: Mesh, chosen: Bools) -> Mesh:
+    """Return some faces of a mesh, (m,) bool, with the vertices that they use."""
+    used, faces = compact(mesh.faces[chosen], len(mesh.vertices))
+    return Mesh.of(mesh.vertices[used], mesh.normals[used], faces)
 
 
 def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
@@ -91,15 +174,26 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
     if len(triangles) == 0:
         raise InputError(all_degenerate(path))
     placed = place_in_world(vertices[used], size_mm, up)
+    names = _part_names(scene)
     mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, triangles, rows[distinct])
     warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
-    return FileModel(mesh, warnings, looks.look(rows))
+    return FileModel(mesh, warnings, looks.look(rows), looks.parts(rows), names)
 
 
 def builtin_model(size_mm: float, up: str = "y") -> Mesh:
     """Place the built-in sculpture in world space; parameters as in `load_model`."""
     vertices, faces, normals = sculpture()
     return Mesh.of(place_in_world(vertices, size_mm, up), normals @ up_rotation(up).T, faces)
+
+
+def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:
+    """Place a vessel of `core.geometry.vessels` and what is in it in world space."""
+    parts = VESSELS[shape]()
+    counts = [len(part.faces) for part in parts.values()]
+    whole = joined(*parts.values())
+    placed, normals = place_in_world(whole.vertices, size_mm, up), whole.normals @ up_rotation(up).T
+    of_face = np.repeat(np.arange(len(parts)), counts)
+    return FileModel(Mesh.of(placed, normals, whole.faces), of_face=of_face, names=tuple((name,) for name in parts))
 
 
 def supported_suffixes() -> tuple[str, ...]:
@@ -174,6 +268,18 @@ def _join(scene: trimesh.Scene, looks: LookParts) -> tuple[Array, Array, Ints, I
         rows.append(looks.add(part, f)[:, order])
         offset += len(v)
     return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces), np.concatenate(rows)
+
+
+def _part_names(scene: trimesh.Scene) -> tuple[tuple[str, ...], ...]:
+    """Return the names of a scene's parts in the order of `_join`: of the material, the node and the geometry."""
+    found = []
+    for node in scene.graph.nodes_geometry:
+        name = scene.graph[node][1]
+        part = scene.geometry[name]
+        if isinstance(part, trimesh.Trimesh):
+            material = getattr(getattr(part.visual, "material", None), "name", None)
+            found.append(tuple(dict.fromkeys(str(known) for known in (material, node, name) if known)))
+    return tuple(found)
 
 
 def _given_normals(part: trimesh.Trimesh, linear: Array) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from milkglass.core.arrays import Float32, Int32, Ints
+from milkglass.core.arrays import Bools, Float32, Int32, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.detail import MeshDetail, TextureSet
 from milkglass.core.geometry.mesh import Mesh
@@ -73,6 +73,15 @@ class Look:
         """Whether the file has a normal map."""
         return any(material.normal is not None for material in self.materials)
 
+    def of_faces(self, chosen: Bools) -> "Look | None":
+        """Return the look of some faces, (m,) bool; None where it is plain."""
+        tables = self.rows[chosen], self.coordinates, self.colours, self.material[chosen]
+        look = Look(*tables, self.materials, self.mapped)
+        used = [self.materials[i] for i in np.unique(look.material)]
+        plain = len({material.factor for material in used}) == 1 and not self.mapped
+        plain = plain and all(material.colour is None and material.normal is None for material in used)
+        return None if plain and np.ptp(self.colours[look.rows.ravel()], axis=0).max() == 0.0 else look
+
 
 class LookParts:
     """Collects the look of a scene's parts while these are joined."""
@@ -93,6 +102,10 @@ class LookParts:
         self._materials.append(_material(getattr(part.visual, "material", None)))
         return (rows + start).astype(np.int32)
 
+    def parts(self, rows: Ints) -> Ints:
+        """Return the part of each face, numbered as they were added, (m,), for the rows (m, 3) of those kept."""
+        return np.asarray(np.searchsorted(self._starts, rows[:, 0], side="right") - 1)
+
     def look(self, rows: Ints) -> Look | None:
         """Return the look of all parts for the rows (m, 3) of the faces that were kept; None where it is plain."""
         pictures = any(m.colour is not None or m.normal is not None for m in self._materials)
@@ -100,7 +113,7 @@ class LookParts:
         if one_factor and not pictures and all(len(colours) == 1 for _, colours in self._tables):
             return None
         coordinates, colours = (np.concatenate([table[i] for table in self._tables]) for i in (0, 1))
-        part = np.searchsorted(self._starts, rows[:, 0], side="right") - 1
+        part = self.parts(rows)
         factors = np.array([material.factor for material in self._materials])[part]
         plain = np.ptp(colours[rows.ravel()], axis=0).max() == 0.0 and np.ptp(factors, axis=0).max() == 0.0
         if plain and not pictures and not self._mapped:

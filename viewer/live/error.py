@@ -343,7 +343,7 @@ def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> S
     size = (max(1, round(scale * width)), max(1, round(scale * height)))
     display = replace(scene.display, image_size=size)
     smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
-    camera = model_camera(scene.camera, finished.lit.model.mesh, size)
+    camera = model_camera(scene.camera, finished.lit.model.whole, size)
     try:
         return Shading(context, Stages()).surface(smaller, replace(finished.lit, camera=camera), finished.gather)
     finally:

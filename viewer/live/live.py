@@ -170,7 +170,7 @@ class Live:
         placed = self._developer.placed(drawn, lit)
         if placed is None:
             return None
-        camera = model_camera(placed.camera, lit.model.mesh, placed.display.image_size)
+        camera = model_camera(placed.camera, lit.model.whole, placed.display.image_size)
         return placed, replace(lit, camera=camera), self.finished
 
     def is_settled(self, scene: Scene) -> bool:

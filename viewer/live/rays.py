@@ -94,13 +94,16 @@ class RaysJob:
 
     def _sources(self, scene: Scene) -> tuple[RaySource, ...]:
         """Return what rays are to find for a scene whose mesh is loaded, the first one first."""
-        mesh: Mesh = self._assets.mesh(scene.model)[0]
+        model = self._assets.model(scene.model)
+        mesh = model.mesh
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
         matter, between = media(scene.material.resolve()), list[RaySource]()
         if settings.exchanges and not is_clear(settings.facts, matter, mesh):
             between = [HitsOf(mesh), *(self._through(mesh, matter) if settings.facts.solves else ())]
         around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
-        below: tuple[RaySource, ...] = (GroundRaysOf(mesh, scene.ground.gap_mm),) if scene.ground.on else ()
+        below: tuple[RaySource, ...] = (
+            (GroundRaysOf(mesh, scene.ground.gap_mm + model.lift),) if scene.ground.on else ()
+        )
         return (*between, *around, *below)
 
     def _through(self, mesh: Mesh, matter: Sequence[Medium]) -> list[RaySource]:

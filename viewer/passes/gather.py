@@ -66,6 +66,10 @@ class Gather:
         Light that left the object and enters it again.
     resolved : Resolved, optional
         What matter sends out along rays, in place of exitance where these are followed.
+    scattering : int, optional
+        Number of bodies that scatter light, where there are clear parts after them.
+    clear_eta : float
+        Index of refraction of these, for highlights.
     """
 
     volume: moderngl.Texture3D
@@ -78,11 +82,18 @@ class Gather:
     windows: moderngl.Texture | None = None
     reentry: Reentry | None = None
     resolved: "Resolved | None" = None
+    scattering: int | None = None
+    clear_eta: float = 1.0
 
     @property
     def left_to_surface(self) -> tuple[float, ...]:
         """Return the share of each channel's exitance that pixels show where rays are followed."""
         return (1.0,) * 3 if self.resolved is None else tuple(1.0 - share for share in self.resolved.shares)
+
+    @property
+    def clear_from(self) -> float:
+        """Return the number of the first body that scatters no light; that of none where all do."""
+        return np.inf if self.scattering is None else float(self.scattering)
 
     def light_uniforms(self) -> dict[str, object]:
         """Return values for sheet.glsl, entry.glsl and bodies.glsl."""
@@ -97,6 +108,8 @@ class Gather:
             "u_diffuse_cosine": tables.equation.diffuse_cosine,
             "t_depths": textures.depths,
             "u_thin_reach": tables.equation.reach,
+            "u_clear_from": self.clear_from,
+            "u_clear_eta": self.clear_eta,
             **self._placed,
         }
 
@@ -106,6 +119,7 @@ class Gather:
         return {
             "t_exitance": self.volume,
             "u_eta": self.eta,
+            "u_clear_from": self.clear_from,
             "u_exit_normalisation": self.exit_normalisation,
             "u_smooth": self.smooth,
             **self._placed,

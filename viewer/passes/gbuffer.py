@@ -18,7 +18,8 @@ from milkglass.viewer.passes.reentry import ReentryTargets
 class GBuffer:
     """Position and normal of the visible surface as float textures of one image size.
 
-    The alpha of `position` is 1 where the object is, that of `normal` is the body.
+    The alpha of `position` is 1 where the object is, that of `normal` is the body: clear parts after those that
+    scatter.
 
     `visible` is there where the environment's light is occluded, `lobe` where its highlights are: see
     `viewer.render.occlusion` and `viewer.passes.highlights`; `detail` where the surface has colours or relief,
@@ -32,6 +33,14 @@ class GBuffer:
     lobe: moderngl.Texture | None = None
     detail: Drawn | None = None
     reentry: ReentryTargets | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ClearBuffers:
+    """Clear parts of an object, with the body of each vertex, one float."""
+
+    mesh: MeshBuffers
+    bodies: moderngl.Buffer
 
 
 class GBufferPass:
@@ -72,11 +81,13 @@ class GBufferPass:
         occlusion: Occlusion | None = None,
         behind: moderngl.Buffer | None = None,
         lobes: moderngl.Buffer | None = None,
+        clear: "ClearBuffers | None" = None,
     ) -> None:
         """Draw the mesh seen through a world-to-clip matrix (4, 4), row vectors; both sides of open meshes.
 
         `bodies` holds the body of each vertex where there are several. `buffers` are those of an `occlusion`, if there
-        is one; of it, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted.
+        is one; of it, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted. `clear` parts are drawn
+        with it.
         """
         target.framebuffer.use()
         target.framebuffer.clear(depth=1.0)
@@ -95,6 +106,17 @@ class GBufferPass:
             )
         else:
             vertices = buffers.positions_and_normals(program, bodies)
-        program.set({"u_world_to_clip": world_to_clip})
-        vertices.render()
-        vertices.release()
+        drawn = [(program, vertices)]
+        if clear is not None:
+            program = self._visible_program if occlusion is not None else self._bodies_program
+            all_seen = {
+                "a_visible": (self._all, "3f/i"),
+                "a_behind": (self._all, "3f/i"),
+                "a_lobe": (self._no_lobe, "4f/i"),
+            }
+            of_bodies = {"a_body": (clear.bodies, "1f")}
+            drawn.append((program, clear.mesh.with_values(program, all_seen | of_bodies if occlusion else of_bodies)))
+        for program, vertices in drawn:
+            program.set({"u_world_to_clip": world_to_clip})
+            vertices.render()
+            vertices.release()

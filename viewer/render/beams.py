@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from milkglass.core.geometry.bodies import Bodies
-from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.medium import Medium
 from milkglass.core.paths.resolution import needs_beams
 from milkglass.core.stages import Stage, Stages
+from milkglass.viewer.render.lit_scene import Model
 from milkglass.viewer.render.paths import surface_of
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.camera import world_to_probe
@@ -24,7 +24,7 @@ from milkglass.viewer.scene.settings import EnvironmentSettings
 if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
     from milkglass.core.paths.beams import Beams
     from milkglass.core.paths.emission import Ball
-    from milkglass.core.paths.surface import Surface
+    from milkglass.core.paths.surface import ClearPart, Surface
 
 # Of all lights together. Under Uffizi 30,000 leave mottles where free paths are a few cells, 120,000 next to none.
 BEAMS, DRAFT_BEAMS = 120_000, 30_000
@@ -38,21 +38,22 @@ class BeamStages:
         self._run, self._surround = stages.run, surround
 
     def of(
-        self, scene: Scene, environment: EnvironmentSettings, mesh: Mesh, bodies: Bodies | None,
-        media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
+        self, scene: Scene, environment: EnvironmentSettings, model: Model, clear: "tuple[ClearPart, ...]",
+        bodies: Bodies | None, media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
     ) -> "Beams | None":  # fmt: skip
         """Return the beams of a scene's lights, None where no channel needs them; fewer as a `draft`.
 
-        `environment` is the scene's, perhaps with its strong sources left in it; `bodies` are those that scatter alone.
+        `environment` is the scene's, perhaps with its strong sources left in it; `bodies` are those that scatter alone,
+        `clear` parts of the model that do not.
         """
         if not any(needs_beams(medium, grid) for medium in media):
             return None
         from milkglass.core.paths.beams import joined
         from milkglass.core.paths.emission import Ball
 
-        run, eta = self._run, media[0].eta
-        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta], lambda: surface_of(mesh, bodies, eta))
-        around = run(Stage.BALL, [mesh], lambda: Ball.around(mesh))
+        run, eta, mesh, whole = self._run, media[0].eta, model.mesh, model.whole
+        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta, clear], lambda: surface_of(mesh, bodies, eta, clear))
+        around = run(Stage.BALL, [whole], lambda: Ball.around(whole))
         lamps = *scene.effective_lights(), *self._surround.lamps(environment)
         # Half for lamps, half for what comes from all around, where there are both.
         share = (DRAFT_BEAMS if draft else BEAMS) // max(bool(lamps) + shines(environment), 1)

@@ -18,6 +18,7 @@ from milkglass.viewer.passes.detail import DetailBuffers, DetailPass
 from milkglass.viewer.passes.detail_uniforms import Drawn, SampledSurface, SurfaceDetail
 from milkglass.viewer.scene.scene import Scene
 
+BESIDE_PARTS = "colours and relief of the model's surface are left out beside parts with a material of their own"
 NEAR_NODES = 48  # along the object's longest side, where the colour of the other side of a thin slab is looked up
 
 
@@ -32,8 +33,9 @@ class DetailStages:
     ) -> tuple[SampledSurface, SurfaceDetail | None, tuple[str, ...]]:
         """Return the uploaded samples, the colours and relief of the model if any, and sentences on what failed."""
         detail, troubles = self._assets.detail(scene.model, scene.detail)
-        if detail is None:
-            return self._uploaded(samples, samples, None), None, troubles
+        if detail is None or scene.materials:
+            left_out = () if detail is None else (BESIDE_PARTS,)
+            return self._uploaded(samples, samples, None), None, (*troubles, *left_out)
         run, (before, after) = self._run, scene.detail.powers
         strength = scene.detail.normal_strength
         buffers = run(Stage.DETAIL, [detail], lambda: DetailBuffers(self._context, detail))

@@ -89,7 +89,7 @@ class GroundStages:
         say: Callable[[str], None] = lambda _: None,
     ) -> Ground:
         """Return the plane of a scene; `rest` gives the probe without what shines as lamps."""
-        mesh, gap, environment = lit.model.mesh, scene.ground.gap_mm, scene.environment
+        mesh, gap, environment = lit.model.mesh, scene.ground.gap_mm + lit.model.lift, scene.environment
         plane, rays, emitters = GroundPlane.below(mesh, gap), None, None
 
         def report(share: float) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
@@ -16,6 +17,7 @@ from milkglass.core.transport.clear import ClearTransport
 from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets, shape_of
 from milkglass.viewer.assets.sources import PartedProbe
+from milkglass.viewer.files.model import joined
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import volume_texture
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
@@ -37,7 +39,11 @@ from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
 
+if TYPE_CHECKING:
+    from milkglass.core.paths.surface import ClearPart
+
 Progress = Callable[[str], None]
+NO_RAYS = "parts with a material of their own are seen by rays, which transport diffusion alone follows; left out"
 
 
 class Lighting:
@@ -79,7 +85,7 @@ class Lighting:
         if scene.model.bodies is None and bodies is not None:
             bodies = separate_by_default(bodies, settings.facts)
         count = 1 if bodies is None else bodies.count
-        camera = model_camera(scene.camera, model.mesh, scene.display.image_size)
+        camera = model_camera(scene.camera, model.whole, scene.display.image_size)
         profiles = scene.material.profiles(self._assets.profile_table)
         if settings.facts.needs_roughness:
             run(Stage.ROUGHNESS, [model], lambda: self._assets.roughness(model.mesh))
@@ -97,6 +103,8 @@ class Lighting:
         finer = self._assets.accept_finer
         samples = run(Stage.SAMPLES, [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface, detail, troubles = self._details.surface(scene, samples)
+        parts, left_out = self._clear_parts(scene, model, quality)
+        troubles += left_out
 
         scatters: Transport = transport
         body_marks = marks = None
@@ -158,12 +166,22 @@ class Lighting:
         beams = None
         if quality.facts.follows_sight and detail is None and not clear:
             alone = bodies if count > 1 else None
-            beams = self._beams.of(scene, environment, model.mesh, alone, matter, grid, draft=draft)
+            beams = self._beams.of(scene, environment, model, parts, alone, matter, grid, draft=draft)
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles
         return LitScene(
-            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams
+            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams, parts
         )
+
+    def _clear_parts(
+        self, scene: Scene, model: Model, quality: Quality
+    ) -> "tuple[tuple[ClearPart, ...], tuple[str, ...]]":
+        """Return the parts that do not scatter light, and a sentence where the transport cannot show them."""
+        if not model.clear:
+            return (), ()
+        if not quality.facts.follows_sight:
+            return (), (f"{', '.join(scene.model.parts or ())}: {NO_RAYS}",)
+        return self._run(Stage.CLEAR_PARTS, [model, scene.materials], lambda: clear_parts(scene, model)), ()
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what transport has scattered, for pixels to gather."""
@@ -177,7 +195,8 @@ class Lighting:
             fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
         placed = scattered.world_to_texture, lit.transport.smooth, lit.eta, lit.quality.exit_normalisation(lit.eta)
         windows, reentry = self._windows(scattered.windows), self._reentry(lit, scattered)
-        return Gather(volume, fluence, textures, *placed, windows, reentry, scattered.resolved)
+        clear = (lit.scattering, max(part.eta for part in lit.clear)) if lit.clear else ()
+        return Gather(volume, fluence, textures, *placed, windows, reentry, scattered.resolved, *clear)
 
     def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
         """Return the light that enters again, of an exchange that knows of any."""
@@ -230,8 +249,12 @@ class Lighting:
         return solver
 
     def _load(self, settings: ModelSettings) -> Model:
-        mesh, warnings = self._assets.mesh(settings)
-        return Model(mesh, MeshBuffers(self._context, mesh), warnings)
+        file = self._assets.model(settings)
+        model = Model(file.mesh, MeshBuffers(self._context, file.mesh), file.warnings)
+        if not file.clear:
+            return model
+        buffers = MeshBuffers(self._context, joined(*file.clear))
+        return replace(model, clear=file.clear, clear_buffers=buffers, with_clear=file.whole, lift=file.lift)
 
     def _irradiances(self, surface: SampledSurface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
         """Return E of each light at every sample, (n, 3) float32."""
@@ -268,6 +291,17 @@ def _total(irradiances: list[Float32], n: int) -> Float32:
     for part in irradiances:
         total += part
     return total
+
+
+def clear_parts(scene: Scene, model: Model) -> "tuple[ClearPart, ...]":
+    """Return the parts of a model that do not scatter light, with their materials."""
+    from milkglass.core.paths.surface import ClearPart
+
+    materials = ((name, settings.resolve()) for name, settings in scene.materials)
+    return tuple(
+        ClearPart(mesh, material.eta, material.sigma_a, name)
+        for mesh, (name, material) in zip(model.clear, materials, strict=True)
+    )
 
 
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:

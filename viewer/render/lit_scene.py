@@ -27,15 +27,40 @@ from milkglass.viewer.scene.camera import Camera
 
 if TYPE_CHECKING:
     from milkglass.core.paths.beams import Beams
+    from milkglass.core.paths.surface import ClearPart
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A loaded mesh, on the CPU and the GPU, with warnings of its flaws."""
+    """A loaded mesh, on the CPU and the GPU, with warnings of its flaws.
+
+    Attributes
+    ----------
+    mesh, buffers
+        What scatters light.
+    warnings : tuple of str
+    clear : tuple of Mesh
+        Parts that do not scatter light, in the order of the scene's materials.
+    clear_buffers : MeshBuffers, optional
+        Of all of them.
+    with_clear : Mesh, optional
+        The mesh with its clear parts, where it has any.
+    lift : float
+        How far the mesh is above the lowest point of the whole, mm.
+    """
 
     mesh: Mesh
     buffers: MeshBuffers
     warnings: tuple[str, ...]
+    clear: tuple[Mesh, ...] = ()
+    clear_buffers: MeshBuffers | None = None
+    with_clear: Mesh | None = None
+    lift: float = 0.0
+
+    @property
+    def whole(self) -> Mesh:
+        """Return all that is seen, clear parts too."""
+        return self.with_clear or self.mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +103,8 @@ class LitScene:
         Where light or its occlusion is known at the vertices of a refined mesh.
     beams : Beams, optional
         Of all lights through the object, where it needs them.
+    clear : tuple of ClearPart
+        Parts that only rays know, where the method follows any.
     """
 
     model: Model
@@ -102,6 +129,12 @@ class LitScene:
     unscattered: Float32 | None = None
     surface: RefinedSurface | None = field(default=None, compare=False)
     beams: "Beams | None" = None
+    clear: "tuple[ClearPart, ...]" = ()
+
+    @property
+    def scattering(self) -> int:
+        """Return the number of bodies that scatter, after which clear parts are numbered."""
+        return 1 if self.body_marks is None or self.bodies is None else self.bodies.count
 
     @property
     def occlusion(self) -> Occlusion | None:

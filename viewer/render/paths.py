@@ -24,7 +24,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import SMOOTH_SHININESS, EnvironmentSettings
 
 if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
-    from milkglass.core.paths import Surface, Surroundings, Tree
+    from milkglass.core.paths import ClearPart, Surface, Surroundings, Tree
 
 # Share of light that crosses thin parts, below which none is followed: of an environment; and of lamps alone, of which
 # specks are seen through the object (petals of jade let through 0.13: on 0.2 % of the pixels, 0.9 % of the light).
@@ -43,7 +43,7 @@ class Paths:
     tree : Tree, optional
         Where the scene needs any rays.
     meets_itself : bool
-        Whether rays that leave the object meet it again.
+        Whether rays that leave the object meet it again, or come to it through clear parts.
     why : tuple of str
         As of `PathParts`.
     """
@@ -87,13 +87,13 @@ class PathParts:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
         left = [float(np.exp(-extinction * thin)) for extinction in extinctions(lit)]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
-        clear = max(left) >= least or lit.beams is not None
+        clear = max(left) >= least or lit.beams is not None or bool(lit.clear)
         through = "rays" if max(left) >= least else "none"
         unscattered = (
             f"unscattered: {through} ({_channels(left)} is left behind thin parts of {thin:.3g} mm; "
             f"followed from {100.0 * least:g} % on)"
         )
-        return cls(mirrors, clear, (mirror, unscattered, *_scattering(lit)))
+        return cls(mirrors, clear, (mirror, unscattered, *_scattering(lit), *_clear(lit)))
 
 
 class PathStages:
@@ -111,19 +111,23 @@ class PathStages:
         if not (parts.mirrors or parts.clear):
             return Paths(None, meets_itself=False, why=parts.why)
         say("preparing rays through the object")
-        from milkglass.core.paths import Tree
+        from milkglass.core.paths import Tree, most_events
 
         bodies = None if lit.body_marks is None else lit.bodies
-        surface = self._run(Stage.PATH_SURFACE, [mesh, bodies, lit.eta], lambda: surface_of(mesh, bodies, lit.eta))
+        surface = self._run(
+            Stage.PATH_SURFACE,
+            [mesh, bodies, lit.eta, lit.clear],
+            lambda: surface_of(mesh, bodies, lit.eta, lit.clear),
+        )
         around, mirrors, clear = self._surroundings(scene), parts.mirrors, parts.clear
 
         def make() -> Tree:
-            extinction = np.array(extinctions(lit), np.float32)
-            of_bodies = np.tile(extinction, (len(surface.faces.etas), 1))
-            return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear)
+            of_bodies = np.array(surface.absorption)
+            of_bodies[: surface.scattering] = extinctions(lit)
+            return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear, events=most_events(surface))
 
         tree = self._run(Stage.PATHS, [surface, around, *extinctions(lit), mirrors, clear], make)
-        return Paths(tree, meets_itself=lit.exchange is not None, why=parts.why)
+        return Paths(tree, meets_itself=lit.exchange is not None or bool(lit.clear), why=parts.why)
 
     def _surroundings(self, scene: Scene) -> "Surroundings":
         environment, lamps = scene.environment, scene.effective_lights()
@@ -180,6 +184,17 @@ def _channels(shares: Iterable[float]) -> str:
     return ", ".join(f"{channel} {percent(share)}" for channel, share in zip(CHANNELS, shares, strict=True))
 
 
+def _clear(lit: LitScene) -> tuple[str, ...]:
+    """Return a sentence on the parts that do not scatter light, where there are any."""
+    if not lit.clear:
+        return ()
+    named = (
+        f"{part.name} (eta {part.eta:g}, absorption {', '.join(f'{value:g}' for value in part.absorption)} /mm)"
+        for part in lit.clear
+    )
+    return (f"clear parts: {'; '.join(named)}; seen by rays, and beams come through them",)
+
+
 def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
     """Return how thick a mesh is in its thin parts: a quantile of what rays along the normal tell, by area, mm."""
     areas = samples.areas.astype(np.float64)
@@ -191,13 +206,13 @@ def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
     return float(np.quantile(distance[met], THIN_QUANTILE)) if met.any() else 2.0 * mesh.radius
 
 
-def surface_of(mesh: Mesh, bodies: Bodies | None, eta: float) -> "Surface":
-    """Return the surface of a mesh for rays: of one body, or of several that scatter light each alone."""
+def surface_of(mesh: Mesh, bodies: Bodies | None, eta: float, clear: "tuple[ClearPart, ...]" = ()) -> "Surface":
+    """Return the surface for rays of a mesh, one body or several that scatter light each alone, and of clear parts."""
     from milkglass.core.paths import Surface
 
     if bodies is None:
-        return Surface.of(mesh, eta)
-    return Surface.of(mesh, np.full(bodies.count, eta), bodies.of_face)
+        return Surface.of(mesh, eta, clear=clear)
+    return Surface.of(mesh, np.full(bodies.count, eta), bodies.of_face, clear)
 
 
 def _surroundings(

@@ -14,7 +14,7 @@ from milkglass.core.stages import Stage, Stages, Steps, Unfinished
 from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
-from milkglass.viewer.passes.gbuffer import GBuffer, GBufferPass
+from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass
 from milkglass.viewer.passes.ground import GroundPass, GroundTargets
 from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
@@ -265,10 +265,11 @@ class Shading:
         if lit.body_marks is not None and surface is not None:
             of_vertex = lit.body_marks.of_vertex
             marks = run(Stage.REFINED_MARKS, [of_vertex, surface], lambda: surface.bodies(self._context, of_vertex))
+        clear = None if sample.tree is None else self._clear(lit)
         run(
             Stage.GBUFFER,
-            [buffers, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes],
-            lambda: self._gbuffer.render(buffers, clip, gbuffer, marks, occlusion, behind, lobes),
+            [buffers, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes, clear],
+            lambda: self._gbuffer.render(buffers, clip, gbuffer, marks, occlusion, behind, lobes, clear),
         )
         detail, again, sources = self._detail.draw(lit.detail, clip, size), None, lit.sources
         if gather.reentry is not None:
@@ -288,6 +289,17 @@ class Shading:
             traced = replace(found, left=traced.left)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
+
+    def _clear(self, lit: LitScene) -> ClearBuffers | None:
+        """Return the clear parts of the object on the GPU, where there are any."""
+        model, buffers = lit.model, lit.model.clear_buffers
+        if not lit.clear or buffers is None:
+            return None
+        numbers = [np.full(len(part.vertices), lit.scattering + i, np.float32) for i, part in enumerate(model.clear)]
+        marks = self._run(
+            Stage.CLEAR_MARKS, [model, lit.scattering], lambda: self._context.buffer(np.concatenate(numbers))
+        )
+        return self._run(Stage.CLEAR_BUFFERS, [marks], lambda: ClearBuffers(buffers, marks))
 
     def _drawn_again(
         self, gather: Gather, reentry: Reentry, clip: npt.NDArray[np.float64], size: tuple[int, int]

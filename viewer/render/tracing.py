@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.stages import Stage, Stages, Steps
@@ -26,16 +27,22 @@ RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
 
 class Leaving:
-    """M / (pi T) at the vertices of a lit object that rays ask for, computed once each in an OpenGL context."""
+    """M / (pi T) at the vertices of a lit object that rays ask for, computed once each in an OpenGL context.
+
+    Vertices of clear parts are numbered after its own; of them each has what the nearest vertex of the object has.
+    """
 
     def __init__(self, context: moderngl.Context, exitance: SurfaceExitance, lit: LitScene, gather: Gather) -> None:
         self._context, self._exitance, self._lit, self._gather = context, exitance, lit, gather
         n = len(lit.model.mesh.vertices)
         self._values, self._known = np.zeros((n, 3), np.float32), np.zeros(n, bool)
+        beside = [np.arange(n), *(cKDTree(lit.model.mesh.vertices).query(part.mesh.vertices)[1] for part in lit.clear)]
+        self._nearest = np.concatenate(beside)
 
     def __call__(self, vertices: Ints) -> Float32:
         """Return the values of vertices, (m, 3), for their numbers, (m,)."""
-        missing, gather = vertices[~self._known[vertices]], self._gather
+        vertices, gather = self._nearest[vertices], self._gather
+        missing = np.unique(vertices[~self._known[vertices]])
         if len(missing):
             with current(self._context):
                 exitance = self._exitance.at_vertices(missing, self._lit, gather)

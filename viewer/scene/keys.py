@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Key = tuple[object, ...]
 LIGHTS = "lights"
+MATERIALS = "materials"
 
 _versions: Counter[Path] = Counter()
 
@@ -32,14 +33,16 @@ def taken_anew(path: Path) -> None:
 def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[str] = ()) -> Key:
     """Return the values, hashable, of all settings that move one of some parts themselves; lights are those that shine.
 
-    Tables and `LIGHTS` may be left out (`without`, their names). A file is its name and its `version`.
+    Tables, `LIGHTS` and `MATERIALS` may be left out (`without`, their names). A file is its name and its `version`.
     """
     moving = frozenset(parts)
+    clear = () if MATERIALS in without else tuple((name, *_values(own, moving)) for name, own in scene.materials)
     of_lights = tuple((light.KIND, *_values(light, moving)) for light in scene.effective_lights())
     lit = () if LIGHTS in without or all(len(light) == 1 for light in of_lights) else of_lights
     return (
         *(value for name in TABLES if name not in without for value in _values(getattr(scene, name), moving)),
         lit,
+        clear,
     )
 
 

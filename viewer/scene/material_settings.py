@@ -181,6 +181,11 @@ class MaterialSettings:
         coefficients = {key: getattr(material, key) for key in ("sigma_s_prime", "sigma_a", "eta", "g")}
         return cls(**coefficients, **values)
 
+    @classmethod
+    def clear(cls, eta: float = DEFAULT_ETA, sigma_a: Vector = (0.0, 0.0, 0.0)) -> "MaterialSettings":
+        """Return settings of a material that does not scatter, as glass, which may absorb."""
+        return cls(sigma_s_prime=(0.0, 0.0, 0.0), sigma_a=sigma_a, eta=eta)
+
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""
         return _resolved(self)

@@ -21,9 +21,9 @@ from milkglass.core.stages import Part
 from milkglass.viewer.scene import own_materials, toml_files
 from milkglass.viewer.scene.camera import view_rotation
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
-from milkglass.viewer.scene.keys import Key, values_moving
+from milkglass.viewer.scene.keys import MATERIALS, Key, values_moving
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, Light
-from milkglass.viewer.scene.material_settings import RIVALS
+from milkglass.viewer.scene.material_settings import COMBINATIONS, RIVALS
 from milkglass.viewer.scene.settings import (
     DEFAULT_LIGHTS,
     TABLES,
@@ -46,7 +46,11 @@ __all__ = [
     "apply_set", "changed",
 ]  # fmt: skip
 
+# A vessel is of glass, where nothing is said of its parts.
+BUILTIN_MATERIALS = {vessel: {"glass": MaterialSettings.clear(1.52)} for vessel in ("tumbler", "bottle")}
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
+CLEAR = {"sigma_s_prime": [0, 0, 0], "sigma_a": [0, 0, 0]}  # of a part, where its table does not say more
+PartMaterials = tuple[tuple[str, MaterialSettings], ...]
 _RIVALS = {
     "model": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
     "environment": (({"path"}, {"builtin"}), ({"builtin"}, {"path"})),
@@ -58,7 +62,9 @@ _RIVALS = {
 class Scene:
     """Frozen and hashable; every table checks its own values.
 
-    ``lights`` None means not given: a default pair then lights the object unless an environment does.
+    ``lights`` None means not given: a default pair then lights the object unless an environment does. ``materials``
+    are pairs of a part's name and its material, or a mapping: parts that do not scatter light, as glass around a
+    liquid; ``material`` is what all others are of.
     """
 
     model: ModelSettings = field(default_factory=ModelSettings)
@@ -72,6 +78,7 @@ class Scene:
     ground: GroundSettings = field(default_factory=GroundSettings)
     display: DisplaySettings = field(default_factory=DisplaySettings)
     photo: PhotoSettings = field(default_factory=PhotoSettings)
+    materials: PartMaterials = ()
 
     def __post_init__(self) -> None:
         for name, table in TABLES.items():
@@ -84,6 +91,11 @@ class Scene:
                 names = ", ".join(kind.__name__ for kind in LIGHT_KINDS.values())
                 raise InputError(f"lights must be a tuple of {names}, or None")
             object.__setattr__(self, "lights", tuple(lights))
+        materials = self.materials or BUILTIN_MATERIALS.get(self.model.builtin_name or "", ())
+        object.__setattr__(self, "materials", _checked_materials(materials))
+        parts = tuple(name for name, _ in self.materials) or None
+        if self.model.parts != parts:
+            object.__setattr__(self, "model", replace(self.model, parts=parts))
         if self.display.background == "environment" and not self.environment.given:
             fix = "set environment.path or environment.builtin too"
             raise InputError(f'display.background is "environment" but there is none; {fix}')
@@ -158,6 +170,20 @@ class Scene:
         toml_files.write(path, _to_toml(self, Path(os.path.abspath(path)).parent), "the scene file")
 
 
+def _checked_materials(given: PartMaterials | Mapping[str, MaterialSettings]) -> PartMaterials:
+    """Return the materials of parts as pairs; raise `InputError` where one is none, or scatters light."""
+    pairs = tuple(given.items()) if isinstance(given, Mapping) else tuple(given)
+    for name, settings in pairs:
+        if not isinstance(settings, MaterialSettings):
+            raise InputError(f"materials.{name} must be MaterialSettings, not a {type(settings).__name__}")
+        if any(settings.resolve().sigma_s_prime):
+            raise InputError(
+                f"materials.{name} scatters light; a part with a material of its own may only absorb and refract it:"
+                f" give materials.{name}.sigma_s_prime = [0, 0, 0], and what scatters as [material]"
+            )
+    return pairs
+
+
 def default_scene() -> Scene:
     """Return what a newcomer sees: the sculpture in jade on a dark ground, a warm key behind it, a cool fill beside."""
     return Scene(
@@ -172,7 +198,7 @@ class Change(NamedTuple):
     """One value that replaces a scene's."""
 
     table: str
-    key: str  # empty for the list of lights
+    key: str  # empty for all lights, and for the materials of all parts
     value: Any
     label: str  # what messages call it
 
@@ -180,18 +206,33 @@ class Change(NamedTuple):
 def changed(scene: Scene, changes: Iterable[Change]) -> Scene:
     """Return the scene with all changes made together, a later one winning over an earlier one."""
     new: dict[str, dict[str, Any]] = {}
+    materials = dict(scene.materials)
     for change in changes:
         if change.table == "lights":
             scene = replace(scene, lights=change.value)
             continue
-        value = settings_of(TABLES[change.table])[change.key].checked(change.value, change.label)
+        if change.table == MATERIALS:
+            materials = dict(change.value)
+            continue
+        declared = MaterialSettings if _part_of(change.table) else TABLES[change.table]
+        value = settings_of(declared)[change.key].checked(change.value, change.label)
         new.setdefault(change.table, {})[change.key] = value
     tables = {}
     for table, values in new.items():
-        dropped = {key for chosen, rivals in _RIVALS.get(table, ()) if chosen & values.keys() for key in rivals}
-        values = {key: _default(table, key) for key in dropped - values.keys()} | _spelled_out(table, values)
-        tables[table] = replace(getattr(scene, table), **values)
-    return replace(scene, **tables)
+        part = _part_of(table)
+        kind = MaterialSettings.TABLE if part else table
+        dropped = {key for chosen, rivals in _RIVALS.get(kind, ()) if chosen & values.keys() for key in rivals}
+        values = {key: _default(kind, key) for key in dropped - values.keys()} | _spelled_out(kind, values)
+        if part:
+            materials[part] = replace(materials.get(part, MaterialSettings.clear()), **values)
+        else:
+            tables[table] = replace(getattr(scene, table), **values)
+    return replace(scene, **tables, materials=tuple(materials.items()))
+
+
+def _part_of(table: str) -> str:
+    """Return the part whose material a table is, "materials.NAME"; empty where it is another one."""
+    return table.removeprefix("materials.") if table.startswith("materials.") else ""
 
 
 def _default(table: str, key: str) -> Any:
@@ -218,13 +259,18 @@ def _parse_assignment(assignment: str) -> Change:
         raise InputError(f"--set {assignment!r} is not an assignment; write table.key=value")
     if name == "lights":
         return Change("lights", "", _lights(_toml_value(text), label), label)
+    if name == MATERIALS:
+        return Change(MATERIALS, "", _materials(_toml_value(text), Path()), label)
     keys = {f"{table}.{key}": (table, key) for table in TABLES for key in settings_of(TABLES[table])}
+    of_part = name.rpartition(".")[0]
+    if _part_of(of_part):
+        keys = {f"{of_part}.{key}": (of_part, key) for key in settings_of(MaterialSettings)}
     if name not in keys:
         raise InputError(f"{label} is unknown; {nearest(name, [*keys, 'lights'])}")
     table, key = keys[name]
     value = _toml_value(text)
     # A file called 7 or a material called nan is still text.
-    if settings_of(TABLES[table])[key].kind in ("text", "path") and not isinstance(value, str):
+    if settings_of(TABLES.get(table, MaterialSettings))[key].kind in ("text", "path") and not isinstance(value, str):
         value = text
     return Change(table, key, value, label)
 
@@ -242,13 +288,31 @@ def _from_document(document: Mapping[str, Any], base: Path) -> Scene:
     for name, content in document.items():
         if name == "lights":
             tables[name] = _lights(content, name)
+        elif name == MATERIALS:
+            tables[name] = _materials(content, base)
         elif name not in TABLES:
-            raise InputError(f'unknown table "{name}"; {nearest(name, [*TABLES, "lights"])}')
+            raise InputError(f'unknown table "{name}"; {nearest(name, [*TABLES, "lights", MATERIALS])}')
         elif not isinstance(content, dict):
             raise InputError(f"{name} must be a table; write [{name}] on a line and its keys below")
         else:
             tables[name] = _table(TABLES[name], content, name, base)
     return Scene(**tables)
+
+
+def _materials(content: Any, base: Path) -> PartMaterials:
+    """Make the materials of parts; what a table does not say is of clear glass."""
+    if not isinstance(content, dict) or not all(isinstance(table, dict) for table in content.values()):
+        raise InputError("materials must be tables; write [materials.NAME] for each part, and its keys below")
+    materials = {}
+    for name, table in content.items():
+        defines = {key for keys in COMBINATIONS for key in keys} & set(table)
+        given = table if defines - set(CLEAR) else CLEAR | table
+        try:
+            materials[name] = _table(MaterialSettings, given, f"materials.{name}", base)
+        except InputError as error:
+            told = str(error)
+            raise InputError(told if f"materials.{name}" in told else f"materials.{name}: {told}") from None
+    return tuple(materials.items())
 
 
 def _table(table: Any, content: Mapping[str, Any], label: str, base: Path) -> Any:
@@ -263,7 +327,7 @@ def _table(table: Any, content: Mapping[str, Any], label: str, base: Path) -> An
         values[key] = declared[key].checked(value, f"{label}.{key}")
     for missing in (f.name for f in dataclasses.fields(table) if is_required(f) and f.name not in values):
         raise InputError(f"{label}.{missing} is missing; it must be {declared[missing].expected()}")
-    return table(**_spelled_out(label, values))
+    return table(**_spelled_out(table.TABLE, values))
 
 
 def _spelled_out(table: str, values: dict[str, Any]) -> dict[str, Any]:
@@ -291,8 +355,19 @@ def _to_toml(scene: Scene, base: Path) -> str:
     document: dict[str, Any] = {}
     for name in (f.name for f in dataclasses.fields(scene)):
         content = getattr(scene, name)
-        if content == PhotoSettings():
-            continue  # most scenes have no photograph
+        if content in (PhotoSettings(), ()) and name != "lights":
+            continue  # most scenes have no photograph, and one material
+        if name == MATERIALS:
+            usual = _content(MaterialSettings.clear(), base)
+            document[name] = {
+                part: {
+                    key: value
+                    for key, value in _content(own, base).items()
+                    if key in {*CLEAR, "eta"} or value != usual[key]
+                }
+                for part, own in content
+            }
+            continue
         if name != "lights":
             document[name] = _content(content, base)
         elif content is not None:

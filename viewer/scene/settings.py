@@ -207,7 +207,7 @@ class DetailSettings:
 # ruff: noqa: RUF009  (setting() makes a dataclasses.field, fresh for each class)
 
 Vector = tuple[float, float, float]
-BUILTINS = ("sculpture",)
+BUILTINS = ("sculpture", "tumbler", "bottle")
 
 
 @dataclass(frozen=True)
@@ -250,6 +250,7 @@ class ModelSettings:
         why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
     mesh: "Mesh | None" = in_memory(moves=Part.SHAPE)  # in world space, instead of path and builtin
+    parts: tuple[str, ...] | None = in_memory(moves=Part.SHAPE)  # with a material of their own; a scene knows these
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)

@@ -5,8 +5,14 @@ from dataclasses import Field
 from typing import Any
 
 from milkglass.viewer.scene.declaration import Setting, is_required
+from milkglass.viewer.scene.keys import MATERIALS
 from milkglass.viewer.scene.lights import LIGHT_KINDS
 from milkglass.viewer.scene.settings import TABLES
+
+PARTS_WHY = (
+    "material of the part of the model with that name, keys as of `material`, without which it is clear glass of eta "
+    "1.5; it does not scatter light (`sigma_s_prime = [0, 0, 0]`), and other parts are of `material`"
+)
 
 
 def settings_markdown() -> str:
@@ -14,6 +20,7 @@ def settings_markdown() -> str:
     rows = ["| key | default | unit | range | what and why |", "|---|---|---|---|---|"]
     for name, table in TABLES.items():
         rows += [_row(f"{name}.{field.name}", field) for field in _declared(table)]
+    rows.append(f"| `{MATERIALS}.NAME` | none |  | a table | {PARTS_WHY} |")
     for kind, light in LIGHT_KINDS.items():
         rows += [_row(f"lights.{field.name} ({kind})", field) for field in _declared(light)]
     return "\n".join(rows) + "\n"

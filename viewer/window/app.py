@@ -270,7 +270,7 @@ class App:
         live = self.view.live
         left = ""
         if live.finished is not None:
-            mesh = live.finished.lit.model.mesh
+            mesh = live.finished.lit.model.whole
             size = self.session.scene.model.size_mm
             left = f"{self.session.model_name}   {len(mesh.faces):,} triangles   {size:g} mm"
         if live.loading:

@@ -215,7 +215,7 @@ BAD_FILES = [
     ("[camera]\nview_angle_deg = 180", "camera.view_angle_deg must be a number from 1 to 120, not 180"),
     ("[model]\npath = 3", "model.path must be a file name, not 3"),
     ("[model]\npath = ''", 'model.path must be a file name, not ""'),
-    ("[model]\nbuiltin = 'teapot'", 'model.builtin must be "sculpture", not "teapot"'),
+    ("[model]\nbuiltin = 'teapot'", 'model.builtin must be one of "sculpture", "tumbler", "bottle", not "teapot"'),
     ("[model]\nbuiltin = 'sculpture'\npath = 'a.ply'", "model.path and model.builtin are both given"),
     ("[model]\nsize_mm = -1.0", "model.size_mm must be a number from 0.001 to 1e6, not -1.0"),
     ("[model]\nup = 'Y'", 'model.up must be one of "x", "y", "z", "-x", "-y", "-z", not "Y"'),

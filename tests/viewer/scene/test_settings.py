@@ -71,8 +71,11 @@ def test_material_by_coefficients():
 def test_table_of_keys_has_every_key_once():
     lines = settings_markdown().splitlines()
     keys = [line.split("`")[1].split()[0] for line in lines[2:]]
-    tables = [*TABLES.items(), *(("lights", light) for light in LIGHT_KINDS.values())]
-    assert keys == [f"{name}.{key}" for name, table in tables for key in settings_of(table)]
+    of_tables, of_lights = (
+        [f"{name}.{key}" for name, table in tables for key in settings_of(table)]
+        for tables in (TABLES.items(), [("lights", light) for light in LIGHT_KINDS.values()])
+    )
+    assert keys == [*of_tables, "materials.NAME", *of_lights]
     assert {line.count("|") for line in lines} == {6}
     assert (
         "| `camera.zoom` | the silhouette's box fills the picture |  | a number from 0.01 to 100 |"

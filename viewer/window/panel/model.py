@@ -9,7 +9,8 @@ from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.live.live import Live
 from milkglass.viewer.scene.declaration import settings_of
 from milkglass.viewer.scene.settings import BUILTINS, ModelSettings
-from milkglass.viewer.window.panel.section import Section, Seen
+from milkglass.viewer.window.panel.parts import PartRows
+from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 NO_MAP = "The model has no texture coordinates that a picture could lie on."
 NO_COLOURS = "The model has no colours; give it a texture."
@@ -22,6 +23,10 @@ class ModelSection(Section):
     """Draws the model's file, its up axis, its bodies, the colours and the relief of its surface."""
 
     title = "Model"
+
+    def __init__(self, tools: Tools) -> None:
+        super().__init__(tools)
+        self._parts = PartRows(tools.session, tools.controls)
 
     def shows(self) -> bool:
         """Whether the window shows a model."""
@@ -44,11 +49,12 @@ class ModelSection(Section):
                 if bodies.count == 1
                 else f"{bodies.count} bodies, each scatters light alone"
             )
+        self._parts.draw(live)
         self._surface(live)
         if path is not None:
             if imgui.button("Built-in sculpture"):
                 model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)
-                session.put(replace(session.scene, model=model))
+                session.put(replace(session.scene, model=model, materials=()))
             controls.mark("model.builtin")
 
     def _surface(self, live: Live) -> None:

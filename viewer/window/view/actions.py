@@ -100,7 +100,9 @@ class Actions:
         elif suffix in PROFILE_SUFFIXES:
             opened = self._scatter_by(path)
         elif suffix in supported_suffixes():
-            opened = self._session.edit("model", path=str(path), texture=None, normal_map=None)
+            values = {"path": str(path), "texture": None, "normal_map": None}
+            changes = [Change("model", key, value, f"model.{key}") for key, value in values.items()]
+            opened = self._session.change([Change("materials", "", (), "materials"), *changes])
         else:
             known = "a mesh, a light probe (.hdr, .exr), a profile (.csv) or a scene (.toml)"
             self._session.fail(f"{path.name} is none of {known} that can be opened here")

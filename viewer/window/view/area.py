@@ -239,7 +239,7 @@ class ViewArea:
         """Have a model that has no zoom yet fill the view, once: an orbit then keeps its distance."""
         camera, lit = self._session.scene.camera, self.live.lit
         if self.subject.moves_camera and camera.zoom is None and lit is not None:
-            self._session.frame(framed(camera, lit.model.mesh, self.size))
+            self._session.frame(framed(camera, lit.model.whole, self.size))
             self._framed = True
 
     def _warn(self) -> None:

@@ -43,7 +43,7 @@ class ViewMouse:
             session.put(navigation.lights_turned(session.scene, dx, dy, size[1]))
         elif down[2] or imgui.get_io().key_shift:
             if live.finished is not None:
-                radius = live.finished.lit.model.mesh.radius
+                radius = live.finished.lit.model.whole.radius
                 session.look(navigation.panned(camera, radius, dx, dy, (max(1, int(size[0])), max(1, int(size[1])))))
         elif down[0]:
             session.look(navigation.orbited(camera, dx, dy, size[1]))

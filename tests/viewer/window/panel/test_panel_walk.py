@@ -26,6 +26,7 @@ from milkglass.viewer.scene.settings import (
 )
 from milkglass.viewer.session.session import SHOWN
 from milkglass.viewer.window.curves.view import PER_RADIUS
+from milkglass.viewer.window.panel.parts import CLEAR, SCATTERS
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by
 from tests.support.driving import small_scene, write_knot, write_pair
 from tests.support.skins import picture, write_ball
@@ -335,11 +336,45 @@ def try_zoom(walker: Walker) -> None:
     assert walker.session.scene.camera.zoom == pytest.approx(framed)
 
 
+def try_parts(walker: Walker) -> None:
+    """The parts of a model, each of the material or clear, of an index and an absorption of its own."""
+    session, start = walker.session, walker.session.scene
+    pair = replace(start.model, path=Path(walker.app.preferences.folder) / "pair.ply")
+    session.put(replace(start, model=pair, transport=TransportSettings(resolution=24)))
+    walker.settle()
+    choose("materials.1", CLEAR)(walker)
+    walker.settle()
+    clear = dict(session.scene.materials)
+    assert clear["1"].resolve().sigma_a == (0.0, 0.0, 0.0)
+    pictures = [walker.picture()]
+    for box in ("materials.1.eta", *(f"materials.1.sigma_a.{letter}" for letter in "RGB")):
+        before = session.scene.materials
+        walker.click(box, 0.7)
+        assert session.scene.materials != before
+        pictures.append(walker.picture())
+        assert differ(pictures[-1], pictures[-2]), box
+    for box in ("materials.1.eta", *(f"materials.1.sigma_a.{letter}" for letter in "RGB")):
+        walker.click(f"{box}.reset")
+        walker.frames(2)
+    assert not differ(walker.picture(), pictures[0])
+    choose("materials.1", SCATTERS)(walker)
+    assert session.scene.materials == ()
+    walker.settle()
+    choose("materials.2", CLEAR)(walker)
+    walker.settle()
+    for _ in range(2):
+        session.undo()
+    assert dict(session.scene.materials) == clear
+    session.put(start)
+
+
 def kind_of(box: str) -> str:
     """Which kind of control a name is: one entry of a list stands for all, and one light for another."""
-    return re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
+    named = re.sub(r"^lights\.\d+", "lights.N", re.sub(r"=.*", "=", box))
+    return re.sub(r"^materials\.\d+", "materials.N", named)
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_every_control_changes_what_it_says(walker):
     scene, probe = walker.session.scene, Path(walker.app.preferences.folder) / "probe.exr"
@@ -352,7 +387,17 @@ def test_every_control_changes_what_it_says(walker):
         assert not differ(walker.picture(), picture), name
     walker.session.put(scene)
     walker.settle()
-    for walk in (try_zoom, try_what_is_shown, try_way, try_lights, try_toolbar, try_profiles, try_error, try_sections):
+    for walk in (
+        try_zoom,
+        try_what_is_shown,
+        try_way,
+        try_lights,
+        try_toolbar,
+        try_profiles,
+        try_error,
+        try_parts,
+        try_sections,
+    ):
         walk(walker)
     seen, used = ({kind_of(box) for box in boxes if not INSIDE.match(box)} for boxes in (walker.seen, walker.used))
     assert seen - used == set()

@@ -1,0 +1,70 @@
+"""Pictures of matter in clear parts: a tumbler with what is in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from milkglass.core.light.probe import Probe
+from milkglass.viewer.render.picture import Frame
+from milkglass.viewer.render.renderer import Renderer, render
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.settings import (
+    CameraSettings,
+    DisplaySettings,
+    EnvironmentSettings,
+    MaterialSettings,
+    ModelSettings,
+    TransportSettings,
+)
+
+WHITE = EnvironmentSettings(probe=Probe.from_pixels(np.ones((16, 32, 3), np.float32)))
+MILK = MaterialSettings(sigma_s_prime=(2.0, 2.0, 2.0), sigma_a=(0.0, 0.0, 0.0), eta=1.33)
+
+
+def tumbler(material: MaterialSettings, **values) -> Scene:
+    scene = Scene(
+        model=ModelSettings(builtin="tumbler", size_mm=95.0),
+        material=material,
+        environment=WHITE,
+        camera=CameraSettings(elevation_deg=12.0),
+        display=DisplaySettings(image_size=(64, 64)),
+        transport=TransportSettings(resolution=32),
+    )
+    return replace(scene, **values)
+
+
+def radiance_on(frame: Frame) -> np.ndarray:
+    return frame.radiance[frame.alpha >= 1.0]
+
+
+def test_a_filled_glass_in_a_white_furnace_is_not_to_be_seen(context, few_rays):
+    np.testing.assert_allclose(radiance_on(render(tumbler(MaterialSettings.clear(1.33)))), 1.0, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("material", "error", "deviation"),
+    [(MILK, 0.01, 0.04), (replace(MILK, sigma_s_prime=(0.02, 0.1, 0.2)), 0.06, 0.05)],
+)
+def test_what_scatters_in_a_glass_is_hardly_to_be_seen_in_a_white_furnace(context, material, error, deviation):
+    scene = tumbler(material, transport=TransportSettings(), display=DisplaySettings(image_size=(128, 128)))
+    found = radiance_on(render(scene))
+    np.testing.assert_allclose(found.mean(axis=0), 1.0, atol=error)
+    assert found.std() < deviation
+
+
+def test_pictures_depend_on_the_material_of_a_part_and_say_it(context, few_rays):
+    renderer, clear = Renderer(context), tumbler(MaterialSettings.clear(1.33))
+    amber = replace(clear, materials={"glass": MaterialSettings.clear(1.5, (0.0, 0.1, 0.5))})
+    plain, tinted, again = (renderer.render(scene, samples=1) for scene in (clear, amber, clear))
+    np.testing.assert_array_equal(again.radiance, plain.radiance)
+    red, green, blue = radiance_on(tinted).mean(axis=0)
+    assert red > 0.98
+    assert blue < 0.8 * green < 0.9 * red
+    assert any("clear parts: glass (eta 1.5, absorption 0, 0.1, 0.5 /mm)" in sentence for sentence in tinted.parts)
+
+
+def test_a_transport_that_follows_no_rays_says_that_it_leaves_clear_parts_out(context, few_rays):
+    frame = render(tumbler(MILK, transport=TransportSettings(method="ewald", resolution=32)), samples=1)
+    assert any(sentence.startswith("glass: parts with a material of their own") for sentence in frame.warnings)
