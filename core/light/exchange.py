@@ -40,6 +40,7 @@ from milkglass.core.light.vertex_rays import (
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
+LEFT = -2  # in place of a face that a ray meets
 NEGLIGIBLE = 0.002  # share of what leaves a surface that meets it again, below which nothing is worth computing
 
 
@@ -56,9 +57,9 @@ class Hits:
     cosines : (k, 2) float16
         At the vertex and at the first hit.
     faces : (k, 2) int32
-        First and second hit; -1 for none.
-    directions : (k, 3) float16
-        Unit, of mirrored rays that leave the object; 0 of others.
+        First and second hit; -1 for none, `LEFT` where the mirrored ray leaves the object.
+    directions : (j, 3) float16
+        Unit, of those that leave.
     """
 
     rays: int
@@ -92,8 +93,8 @@ class Hits:
         `radiance` gives that of the surroundings, (m, 3), in unit directions (m, 3).
         """
         entering, mirrored = self.factors(eta)
-        left = np.flatnonzero(self.directions.any(axis=1))
-        arriving = radiance(self.directions[left].astype(np.float64)) * (entering * mirrored)[left, None]
+        left = np.flatnonzero(self.faces[:, 1] == LEFT)
+        arriving = radiance(self.directions.astype(np.float64)) * (entering * mirrored)[left, None]
         return irradiance(arriving, self.vertices[left], len(self.first) - 1, self.rays)
 
     def factors(self, eta: float) -> tuple[Float32, Float32]:
@@ -110,19 +111,20 @@ class Pattern:
 
     def __init__(self, hits: Hits, emitters: Ints, count: int) -> None:
         self._hits = hits
-        columns = np.where(hits.faces >= 0, emitters[hits.faces], -1)
+        columns = np.where(hits.faces >= 0, emitters.astype(np.int32)[hits.faces], np.int32(-1))
         self._used = columns >= 0
         # Rays are in the order of rows, and those of a row that meet the same emitter are one entry.
         rows = np.concatenate([[0], np.cumsum(self._used.sum(axis=1))])[hits.first].astype(np.int32)
-        self._shape, entries = (len(hits.first) - 1, count), columns[self._used].astype(np.int32)
-        sorting = csr_array((np.arange(len(entries)), entries, rows), shape=self._shape)
+        self._shape, entries = (len(hits.first) - 1, count), columns[self._used]
+        del columns
+        sorting = csr_array((np.arange(len(entries), dtype=np.int32), entries, rows), shape=self._shape)
         sorting.sort_indices()
         starts = np.ones(len(entries), bool)
         starts[1:] = sorting.indices[1:] != sorting.indices[:-1]
         starts[rows[:-1][np.diff(rows) > 0]] = True
-        self._order, self._starts = sorting.data.astype(np.int32), np.flatnonzero(starts)
-        self._columns = sorting.indices[self._starts]
-        self._rows = np.searchsorted(self._starts, rows).astype(np.int32)
+        self._order, self._columns, first = sorting.data, sorting.indices[starts], np.flatnonzero(starts)
+        self._rays = np.diff(first, append=len(entries)).astype(np.uint16)  # of each entry
+        self._rows = np.searchsorted(first, rows).astype(np.int32)
 
     def matrix(self, eta: float) -> csr_array:
         """Return the matrix for an index of refraction."""
@@ -130,7 +132,8 @@ class Pattern:
         arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
         values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
         values = values[self._used][self._order]
-        sums = np.add.reduceat(values, self._starts) if len(values) else values
+        first = np.cumsum(self._rays, dtype=np.intp) - self._rays
+        sums = np.add.reduceat(values, first) if len(values) else values
         return csr_array((sums, self._columns, self._rows), shape=self._shape)
 
 
@@ -183,8 +186,8 @@ def _hits(caster: Caster, vertices: Ints) -> tuple[Ints, Float16, Int32, Float16
     return (
         met.counts,
         np.stack([met.at_vertex, met.facing], axis=1).astype(np.float16),
-        np.stack([met.faces, np.where((second >= 0) & front, second, -1)], axis=1).astype(np.int32),
-        np.where((second < 0)[:, None], mirrored, 0.0).astype(np.float16),
+        np.stack([met.faces, np.where(second < 0, LEFT, np.where(front, second, -1))], axis=1).astype(np.int32),
+        mirrored[second < 0].astype(np.float16),
     )
 
 

@@ -11,7 +11,7 @@ from milkglass.core.light.exchange import NEGLIGIBLE, Hits, cast_hits, self_visi
 from milkglass.core.light.vertex_rays import RAYS
 from milkglass.viewer.assets.ray_cache import RayCache
 
-CACHE = RayCache("exchange", version=2)
+CACHE = RayCache("exchange", version=3)
 DTYPES = {"first": np.int64, "cosines": np.float16, "faces": np.int32, "directions": np.float16}
 
 CROSSINGS_VERSION = 2

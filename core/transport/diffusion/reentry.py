@@ -26,7 +26,7 @@ from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.entry import Scattering, enter, scattering
 from milkglass.core.transport.diffusion.patches import Patches
 
-KEPT_MEDIA = 6  # two materials
+KEPT_MEDIA = 3  # those of a material
 # What leaves and meets the surface again, as a share of what has entered, below which a channel does without: it
 # changes a picture by at most 0.3 %.
 NEGLIGIBLE_SHARE = 0.005

@@ -7,7 +7,7 @@ import pytest
 
 from milkglass.core.geometry.refine import refined
 from milkglass.core.light.casting import BakeCancelled
-from milkglass.core.light.exchange import NEGLIGIBLE, Exchange, cast_hits, nearest_emitters, self_visible_share
+from milkglass.core.light.exchange import LEFT, NEGLIGIBLE, Exchange, cast_hits, nearest_emitters, self_visible_share
 from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from tests.support.shapes import cube
@@ -73,7 +73,7 @@ def test_surroundings_come_by_way_of_the_mirror():
     hits = cast_hits(fine)
     found = hits.mirrored(eta, lambda directions: np.ones((len(directions), 3)))[:, 0]
     vertices, cosines = hits.vertices, hits.cosines.astype(np.float64)
-    left = hits.directions.any(axis=1)
+    left = hits.faces[:, 1] == LEFT
     expected = np.zeros(len(found))
     np.add.at(
         expected, vertices[left],
