@@ -26,6 +26,8 @@ from milkglass.core.paths.surroundings import Surroundings
 from milkglass.core.threads import pool_map
 
 BATCH = 16384  # rays of sight at a time: a tenth of a second
+SHARES = 8  # batches of fewer rays, so that all threads have some
+LEAST_BATCH = 1024
 
 
 class PathsSuperseded(Exception):  # noqa: N818  (not an error)
@@ -161,17 +163,18 @@ class Tree:
             If `go_on`, which is asked before every batch, says no.
         """
         k = len(sight.points)
+        size = min(max(-(-k // SHARES), LEAST_BATCH), BATCH)
         seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
 
         def trace(start: int) -> list[Surfaces]:
             if not go_on():
                 raise PathsSuperseded
-            batch, met = slice(start, start + BATCH), list[Surfaces]()
+            batch, met = slice(start, start + size), list[Surfaces]()
             for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met), strict=True):
                 values[batch] = of_batch
             return met
 
-        parts = [part for met in pool_map(trace, range(0, k, BATCH)) for part in met]
+        parts = [part for met in pool_map(trace, range(0, k, size)) for part in met]
         if self.leaving is not None and parts:
             self._add_leaving(Surfaces(*(np.concatenate(column) for column in zip(*parts, strict=True))), seen)
         return seen

@@ -2,10 +2,10 @@
 
 Parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport relative to bare
 transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), light between parts
-(`viewer.bench.exchange`), the window (`viewer.bench.window`), error of the transport against equation (1)
-(`viewer.bench.error`), sums over samples at the same error (`viewer.bench.rivals`), error of the whole renderer
-(`viewer.bench.chain`), of an occluded environment (`viewer.bench.occlusion`), and of all methods relative to photons
-(`viewer.bench.transport`).
+(`viewer.bench.exchange`), the window (`viewer.bench.window`), clear and murky matter (`viewer.bench.sight`), error of
+the transport against equation (1) (`viewer.bench.error`), sums over samples at the same error (`viewer.bench.rivals`),
+error of the whole renderer (`viewer.bench.chain`), of an occluded environment (`viewer.bench.occlusion`), and of all
+methods relative to photons (`viewer.bench.transport`).
 """
 
 import os
@@ -32,6 +32,7 @@ from milkglass.viewer.bench import (
     photo as bench_photo,
     report as bench_report,
     rivals as bench_rivals,
+    sight as bench_sight,
     solving as bench_solving,
     speed as bench_speed,
     transport as bench_transport,
@@ -66,6 +67,7 @@ class Plan:
     photographs: tuple[int, ...] = (1024,)  # pixels a side
     window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
     window_repeats: int = 24
+    sight_repeats: int = 5  # clear and murky matter
     # the transport relative to bare transforms, on shapes and on the model of the scene
     yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
     yardstick_repeats: int = 15
@@ -106,6 +108,7 @@ QUICK = Plan(
     frame_repeats=2,
     process_repeats=1,
     window=(),
+    sight_repeats=0,
     yardsticks=("knot",),
     yardstick_repeats=5,
     solved=("knot",),
@@ -132,6 +135,7 @@ PARTS = {
     "photographs": ("photographs",),
     "processes": ("processes",),
     "window": ("window",),
+    "sight": ("sight_repeats",),
     "yardsticks": ("yardsticks",),
     "solving": ("solved",),
     "exchange": ("exchange_repeats", "exchange_processes"),
@@ -285,6 +289,10 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
         window += _collected(found_rows, bench_window.ROWS_A_SETTING, f"window, {scheme}")
     if window:
         bench_window.report_window(report, window)
+    if plan.sight_repeats:
+        with tempfile.TemporaryDirectory() as folder:
+            sight = bench_sight.sight_rows(scene, Path(folder), plan.sight_repeats)
+            bench_sight.report_sight(report, _collected(sight, bench_sight.N_ROWS, "clear and murky matter"))
 
 
 def _errors(plan: Plan, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport) -> None:

@@ -24,6 +24,7 @@ from milkglass.viewer.assets import sources
 from milkglass.viewer.bench import (
     exchange as bench_exchange,
     run as bench,
+    sight as bench_sight,
     solving as bench_solving,
     window as bench_window,
 )
@@ -156,7 +157,7 @@ def test_plans_name_what_exists():
         assert PAPER in plan.schemes
         assert set(plan.shapes) <= SHAPES.keys()
         assert set(plan.lights) <= LIGHTS.keys()
-        for name in plan.materials:
+        for name in (*plan.materials, bench_sight.CLEAR, bench_sight.MURKY, bench_sight.DENSE):
             materials.lookup(name)
         for scheme in (*plan.schemes, *plan.frames, *plan.picture_schemes):
             assert isinstance(scheme.settings, TransportSettings)
