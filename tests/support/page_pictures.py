@@ -263,9 +263,14 @@ def environments(studio: Studio) -> Pixels:
 
 
 def glasses(studio: Studio) -> Pixels:
-    """Draw the vessels of the scene files, each at the same height."""
+    """Draw the vessels of the scene files, each at the same height, from pixels of twice the size."""
     sizes = {"apple_juice": (560, 560), "wine_bottle": (373, 560), "milk": (560, 560)}
-    return beside(*[studio.tile(size, "--scene", SCENES / f"{name}.toml") for name, size in sizes.items()])
+    return beside(
+        *[
+            studio.tile(size, "--scene", SCENES / f"{name}.toml", "--image-size", f"{2 * size[0]}x{2 * size[1]}")
+            for name, size in sizes.items()
+        ]
+    )
 
 
 def figure(name: str, size: tuple[int, int], *options: object) -> Drawing:

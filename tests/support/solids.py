@@ -32,6 +32,13 @@ def block(extents, at=(0.0, 0.0, 0.0)) -> trimesh.Trimesh:
     return part
 
 
+def hollow(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> Mesh:
+    """A wall between two surfaces."""
+    turned = inner.copy()
+    turned.invert()
+    return mesh_of(outer, turned)
+
+
 def sheet(z: float, side: float = 2.0) -> trimesh.Trimesh:
     corners = 0.5 * side * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return trimesh.Trimesh(np.column_stack([corners, np.full(4, z)]), [[0, 1, 2], [0, 2, 3]], process=False)

@@ -1,5 +1,6 @@
 """Rays of sight traced for the pixels of a G-buffer, batch by batch."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -8,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32, Ints
+from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import current
 from milkglass.viewer.passes.composite import TREE_LAYERS, CompositePass, Traced
@@ -19,10 +21,11 @@ from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.scene.light_paths import LightPaths
 
 if TYPE_CHECKING:
-    from milkglass.core.paths import Sight, Tree
+    from milkglass.core.paths import ClearPart, Sight, Tree
     from milkglass.core.paths.resolved import Resolved
 
 MOST_SAMPLES = 4  # of a pixel, whose rays are followed
+RESUME = 1e-5  # radii behind a face at which rays that look for the next one start
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
 
@@ -38,6 +41,7 @@ class Leaving:
         self._values, self._known = np.zeros((n, 3), np.float32), np.zeros(n, bool)
         beside = [np.arange(n), *(cKDTree(lit.model.mesh.vertices).query(part.mesh.vertices)[1] for part in lit.clear)]
         self._nearest = np.concatenate(beside)
+        self._dimming = dimming(lit.model.mesh, lit.clear)
 
     def __call__(self, vertices: Ints) -> Float32:
         """Return the values of vertices, (m, 3), for their numbers, (m,)."""
@@ -46,9 +50,30 @@ class Leaving:
         if len(missing):
             with current(self._context):
                 exitance = self._exitance.at_vertices(missing, self._lit, gather)
+            exitance = exitance * self._dimming[missing]
             self._values[missing] = exitance * gather.left_to_surface / gather.exit_normalisation
             self._known[missing] = True
         return self._values[vertices]
+
+
+def dimming(mesh: Mesh, parts: "Sequence[ClearPart]") -> Float32:
+    """Return what clear parts leave of light from all around on its way to a mesh's vertices, (n, 3).
+
+    By their thickness along the normal, and the mean way through a plate that light from all around takes.
+    """
+    left, starts = np.zeros((len(mesh.vertices), 3)), mesh.vertices.astype(np.float64)
+    for part in parts:
+        if not any(part.absorption):
+            continue
+        ray, face = part.mesh.rays.all_hits(starts, mesh.normals.astype(np.float64), RESUME * part.mesh.radius)
+        planes, corners = face_normals(part.mesh.vertices, part.mesh.faces)[face], part.mesh.faces[face, 0]
+        facing = np.einsum("ij,ij->i", planes, mesh.normals[ray])
+        off = np.einsum("ij,ij->i", planes, part.mesh.vertices[corners] - starts[ray])
+        across = np.sign(facing) * off / np.where(facing == 0.0, np.inf, facing)
+        thickness = np.maximum(np.bincount(ray, across, len(starts)), 0.0)
+        longer = 2.0 * part.eta**2 * (1.0 - np.sqrt(1.0 - 1.0 / part.eta**2))
+        left += longer * thickness[:, None] * np.asarray(part.absorption)
+    return np.exp(-left).astype(np.float32)
 
 
 class Tracing:

@@ -49,6 +49,7 @@ __all__ = [
 # A vessel is of glass, where nothing is said of its parts.
 BUILTIN_MATERIALS = {vessel: {"glass": MaterialSettings.clear(1.52)} for vessel in ("tumbler", "bottle")}
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
+MOST_CLEAR = 30  # as of `core.paths.surface`, which needs numerics that reading a scene does without
 CLEAR = {"sigma_s_prime": [0, 0, 0], "sigma_a": [0, 0, 0]}  # of a part, where its table does not say more
 PartMaterials = tuple[tuple[str, MaterialSettings], ...]
 _RIVALS = {
@@ -173,6 +174,8 @@ class Scene:
 def _checked_materials(given: PartMaterials | Mapping[str, MaterialSettings]) -> PartMaterials:
     """Return the materials of parts as pairs; raise `InputError` where one is none, or scatters light."""
     pairs = tuple(given.items()) if isinstance(given, Mapping) else tuple(given)
+    if len(pairs) > MOST_CLEAR:
+        raise InputError(f"materials has {len(pairs)} parts; at most {MOST_CLEAR} may have a material of their own")
     for name, settings in pairs:
         if not isinstance(settings, MaterialSettings):
             raise InputError(f"materials.{name} must be MaterialSettings, not a {type(settings).__name__}")

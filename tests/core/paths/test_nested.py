@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.paths.beams import Emitted, traced
 from milkglass.core.paths.events import NESTED_EVENTS, Chords, follow, most_events
@@ -17,12 +16,6 @@ from tests.support import solids
 LIQUID, GLASS, NONE = 1.33, 1.5, (0.0, 0.0, 0.0)
 
 
-def hollow(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> Mesh:
-    turned = inner.copy()
-    turned.invert()
-    return solids.mesh_of(outer, turned)
-
-
 def ball(radius: float) -> trimesh.Trimesh:
     return solids.ball(radius, subdivisions=4)
 
@@ -30,7 +23,7 @@ def ball(radius: float) -> trimesh.Trimesh:
 def filled(liquid: float, eta: float = GLASS, absorption=NONE) -> Surface:
     """A ball of liquid of some radius in a shell of glass from 8 to 10 mm."""
     return Surface.of(
-        solids.mesh_of(ball(liquid)), LIQUID, clear=[ClearPart(hollow(ball(10.0), ball(8.0)), eta, absorption)]
+        solids.mesh_of(ball(liquid)), LIQUID, clear=[ClearPart(solids.hollow(ball(10.0), ball(8.0)), eta, absorption)]
     )
 
 
@@ -50,10 +43,6 @@ def seen_through(surface: Surface, extinction, around, radius: float, count: int
     return np.sum(found, axis=0)
 
 
-def box(size: tuple[float, float, float]) -> trimesh.Trimesh:
-    return trimesh.creation.box(size)
-
-
 def together(layers: list[tuple[float, np.ndarray]]) -> np.ndarray:
     """What a stack of surfaces lets through: each its reflectance, and the share that what follows it leaves."""
     through, back = np.ones(3), np.zeros(3)  # back: reflectance of the stack so far as what comes after sees it
@@ -69,8 +58,8 @@ def test_a_stack_of_plane_media_lets_through_what_fresnel_says(overlap, absorbs,
 
     Paths end in their weaker branch below a weight of 0.02, which goes on in the stronger: that is the error.
     """
-    wall = hollow(box((40.0, 40.0, 10.0)), box((36.0, 36.0, 6.0)))
-    liquid = solids.mesh_of(box((36.0 + overlap, 36.0 + overlap, 6.0 + overlap)))
+    wall = solids.hollow(solids.block((40.0, 40.0, 10.0)), solids.block((36.0, 36.0, 6.0)))
+    liquid = solids.mesh_of(solids.block((36.0 + overlap, 36.0 + overlap, 6.0 + overlap)))
     tint, murk = absorbs * np.array([0.0, 0.02, 0.1]), absorbs * np.array([0.0, 0.05, 0.01])
     surface = Surface.of(liquid, LIQUID, clear=[ClearPart(wall, GLASS, tuple(tint))])
     behind = sky(lambda d: np.where(d[..., 2] < 0.0, 1.0, 0.0))
@@ -105,7 +94,7 @@ def test_glass_of_the_index_of_its_liquid_is_one_with_it():
 def test_glass_of_the_index_of_air_is_not_there():
     around, murk = sky(lambda d: 1.0 + 0.5 * d[..., 0] - 0.4 * d[..., 2]), (0.01, 0.03, 0.06)
     liquid = solids.mesh_of(ball(7.8))
-    shell = ClearPart(hollow(ball(10.0), ball(8.0)), 1.0, NONE)
+    shell = ClearPart(solids.hollow(ball(10.0), ball(8.0)), 1.0, NONE)
     # Of an index whose mirror is kept, be it the first on the path or not.
     alone = seen_through(Surface.of(liquid, 1.8), murk, around, 7.7)
     nested = seen_through(Surface.of(liquid, 1.8, clear=[shell]), murk, around, 7.7)
@@ -114,7 +103,9 @@ def test_glass_of_the_index_of_air_is_not_there():
     assert error.mean() < 1e-4
 
 
-@pytest.mark.parametrize(("liquid", "wall"), [(hollow(ball(10.0), ball(8.0)), 2.0), (solids.mesh_of(ball(10.0)), 5.0)])
+@pytest.mark.parametrize(
+    ("liquid", "wall"), [(solids.hollow(ball(10.0), ball(8.0)), 2.0), (solids.mesh_of(ball(10.0)), 5.0)]
+)
 def test_glass_floats_in_a_cavity_of_matter_and_lies_in_matter(liquid, wall):
     surface = Surface.of(liquid, LIQUID, clear=[ClearPart(solids.mesh_of(ball(5.0)), GLASS, NONE)])
     events = follow(surface, beam(50, 0.1), np.zeros((2, 3), np.float32), events=NESTED_EVENTS)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from milkglass.core.light.probe import Probe
+from milkglass.core.paths.surface import ClearPart
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer, render
+from milkglass.viewer.render.tracing import dimming
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
     CameraSettings,
@@ -17,6 +19,7 @@ from milkglass.viewer.scene.settings import (
     ModelSettings,
     TransportSettings,
 )
+from tests.support import solids
 
 WHITE = EnvironmentSettings(probe=Probe.from_pixels(np.ones((16, 32, 3), np.float32)))
 MILK = MaterialSettings(sigma_s_prime=(2.0, 2.0, 2.0), sigma_a=(0.0, 0.0, 0.0), eta=1.33)
@@ -68,3 +71,13 @@ def test_pictures_depend_on_the_material_of_a_part_and_say_it(context, few_rays)
 def test_a_transport_that_follows_no_rays_says_that_it_leaves_clear_parts_out(context, few_rays):
     frame = render(tumbler(MILK, transport=TransportSettings(method="ewald", resolution=32)), samples=1)
     assert any(sentence.startswith("glass: parts with a material of their own") for sentence in frame.warnings)
+
+
+def test_opaque_matter_is_dimmed_by_the_thickness_of_what_is_before_it():
+    wall = solids.hollow(solids.block((12.0, 12.0, 12.0)), solids.block((10.0, 10.0, 10.0)))
+    part = ClearPart(wall, 1.5, (0.0, 0.1, 1.0))
+    for matter, thickness in ((4.0, 1.0), (10.4, 0.8)):  # with air between, and reaching into it
+        found = dimming(solids.mesh_of(solids.block((matter, matter, matter))), [part])
+        longer = 2.0 * 1.5**2 * (1.0 - np.sqrt(1.0 - 1.0 / 1.5**2))
+        expected = np.exp(-longer * thickness * np.array(part.absorption))
+        np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-4)

@@ -366,6 +366,7 @@ def try_parts(walker: Walker) -> None:
         session.undo()
     assert dict(session.scene.materials) == clear
     session.put(start)
+    walker.settle()
 
 
 def kind_of(box: str) -> str:
