@@ -56,6 +56,13 @@ class Beam:
         gain = 2.0 / (1.0 + np.cos(half))
         yield WalkLight(channels, _Disc(towards / np.linalg.norm(towards), half), gain * irradiance)
 
+    def arriving(self, directions: Array) -> Array:
+        """Return R, G and B from unit directions (n, 3), (n, 3), of a disc."""
+        half = 0.5 * np.radians(self.angle_deg)
+        towards = np.asarray(self.direction, np.float64) / np.linalg.norm(self.direction)
+        seen = directions @ towards >= np.cos(half)
+        return np.asarray(seen[:, None] * np.asarray(self.irradiance) / (np.pi * np.sin(half) ** 2))
+
 
 class _Disc(Directions):
     """Directions within `half`, radians, of a unit one (3,)."""
@@ -107,6 +114,15 @@ class Surroundings:
             if irradiance[-1] > 0.0:
                 directions = _OfMap(irradiance, edges, self.to_probe)
                 yield WalkLight(np.array([channel]), directions, self.intensity * irradiance[-1:])
+
+    def arriving(self, directions: Array) -> Array:
+        """Return R, G and B of the texels in unit directions (n, 3), (n, 3)."""
+        height, width = self.radiance.shape[:2]
+        x, y, z = (directions @ self.to_probe).T
+        rows = np.arccos(np.clip(y, -1.0, 1.0)) / np.pi * height
+        columns = (np.arctan2(x, -z) / (2.0 * np.pi) + 0.5) * width
+        row, column = (np.clip(at.astype(np.int64), 0, n - 1) for at, n in ((rows, height), (columns, width)))
+        return np.asarray(self.intensity * self.radiance[row, column], np.float64)
 
 
 class _OfMap(Directions):

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from milkglass.viewer.error.report import ErrorReport
     from milkglass.viewer.render.picture import Frame
 
+EYE_PARTS = ("whole", "mirror", "unscattered", "once", "often")
+
 
 def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str | None) -> None:
     """Raise InputError for a report that cannot be written, or that would overwrite a picture or an input."""
@@ -72,18 +74,33 @@ def summary(report: "ErrorReport", path: str) -> str:
         )
     if transport is not None:
         lines.append(_transport_line(transport))
+        if "why" in transport:
+            lines[-1] += f" By {transport['by']}, since {transport['why']}."
     return "\n".join(lines)
 
 
 def _transport_line(content: dict[str, Any]) -> str:
     if "not_measured" in content:
         return f"Error against transport was not measured: {content['not_measured']}."
+    if "paths" in content:
+        parts = (f"{name} {_part_line(content[name])}" for name in EYE_PARTS)
+        return (
+            f"Radiance of {content['blocks']} blocks of pixels against {content['paths']} paths from the eye (R, G, B; "
+            f"share, ratio of means, rms, noise in %): {'; '.join(parts)}."
+        )
     between = content["between_parts"]
     inside, outside, whole = (_percents(part["rms"]) for part in (content, between, content["whole"]))
     return (
         f"Error against a walk of photons, over the whole surface: transport inside rms {inside} %, "
         f"light between parts {outside} % (which is {_percents(between['share'])} % of the light), both {whole} %, "
         f"flux {_percents(content['whole']['bias'])} %."
+    )
+
+
+def _part_line(content: dict[str, Any]) -> str:
+    return " | ".join(
+        "/".join("-" if value is None else f"{100.0 * value:.0f}" for value in content[name])
+        for name in ("share", "ratio", "rms", "noise")
     )
 
 

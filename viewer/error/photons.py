@@ -136,6 +136,17 @@ def photon_lights(scene: Scene, probe: Probe | None) -> list[PhotonLight]:
 
 def obstacle(scene: Scene, lit: LitScene) -> str | None:
     """Return the reason why a scene cannot be compared with photons, in a few words, or None."""
+    if (reason := unlike_paths(scene, lit)) is not None:
+        return reason
+    if not any(scene.material.resolve().sigma_s_prime):
+        return "the material does not scatter"
+    if lit.body_marks is not None and lit.quality.facts.uses_profile:
+        return "bodies that are separate are compared with transport diffusion only"
+    return None
+
+
+def unlike_paths(scene: Scene, lit: LitScene) -> str | None:
+    """Return the reason why neither photons nor paths from the eye know what a scene has, in a few words, or None."""
     for light in scene.effective_lights():
         if not light.DISTANT:
             return f"photons come from distant lights only, and the scene has a {light.KIND} light"
@@ -144,12 +155,8 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
         return "the object is in the way of photons, and environment.occluded is off"
     if not scene.effective_lights() and not (environment.given and environment.intensity > 0.0):
         return "the scene has no light"
-    if not any(scene.material.resolve().sigma_s_prime):
-        return "the material does not scatter"
     if lit.detail is not None:
         return "photons do not know the colours and the relief of the model's surface"
     if lit.clear:
         return "photons do not know parts of the model with a material of their own"
-    if lit.body_marks is not None and lit.quality.facts.uses_profile:
-        return "bodies that are separate are compared with transport diffusion only"
     return None

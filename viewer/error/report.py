@@ -22,11 +22,13 @@ from milkglass.core.reference.environment import HEIGHT, occluded_irradiance
 from milkglass.core.reference.transport_error import BetweenPartsError, TransportError
 from milkglass.core.stages import Timings
 from milkglass.core.threads import one_blas_thread
+from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
+from milkglass.viewer.error.eye import LEAST_ANGLE_DEG, PartError, eye_error, judged_by_eye
 from milkglass.viewer.error.illumination import lights_of, with_reentry
 from milkglass.viewer.error.map import error_map
-from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk
+from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk, unlike_paths
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 from milkglass.viewer.files.images import Pixels8, check_output, write_png
 from milkglass.viewer.render.lit_scene import LitScene
@@ -35,6 +37,58 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.whole_file import replacement
+
+
+def transport_content(
+    renderer: Renderer,
+    scene: Scene,
+    illumination: Illumination,
+    photons: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Return the error of a scene's transport as JSON, against paths from the eye or photons, or why there is none.
+
+    It says which, and why; arguments as of `photon_content`, and there are as many paths as `photons`.
+    """
+    is_by_eye, why = judged_by_eye(scene, renderer.light(scene).model.mesh)
+    content = (eye_content if is_by_eye else photon_content)(renderer, scene, illumination, photons, seed, progress)
+    told = {"by": "paths from the eye" if is_by_eye else "photons", "why": why}
+    return content if "not_measured" in content else told | content
+
+
+def eye_content(
+    renderer: Renderer,
+    scene: Scene,
+    illumination: Illumination,
+    paths: int,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Return the error of a picture's radiance against paths from the eye as JSON, part by part, or why there is none.
+
+    The fields are those of `PartError` under the name of each part; arguments as of `viewer.error.eye.eye_error`.
+    """
+    start, lit = time.perf_counter(), renderer.light(scene)
+    reason = unlike_paths(scene, lit)
+    if reason is None and not is_closed(row_sums(lit.model.mesh)):
+        reason = "paths go through closed meshes only"
+    if reason is not None:
+        return {"not_measured": reason}
+    try:
+        error = eye_error(renderer, scene, paths, seed, progress or (lambda _: None))
+    except InputError as problem:
+        return {"not_measured": str(problem).rstrip(".")}
+    return {
+        "of": "radiance of blocks of pixels, against paths from the eye",
+        "whole": _numbers(error.whole),
+        **{name: _numbers(part) for name, part in error.parts.items()},
+        "blocks": error.blocks,
+        "paths": error.paths,
+        "least_lamp_deg": LEAST_ANGLE_DEG,
+        "lost": error.lost,
+        "seconds": round(time.perf_counter() - start, 3),
+    }
 
 
 def photon_content(
@@ -77,7 +131,7 @@ def photon_content(
     }
 
 
-def _numbers(error: TransportError | BetweenPartsError) -> dict[str, list[float | None]]:
+def _numbers(error: TransportError | BetweenPartsError | PartError) -> dict[str, list[float | None]]:
     """Return the columns of an error as JSON."""
     return {name: _finite(values) for name, values in asdict(error).items()}
 
@@ -238,7 +292,7 @@ def error_report(
     if (parted := renderer.parted(scene.environment)) is not None:
         content["environment"] = environment_content(scene, lit, parted, seed)
     if photons:
-        content["transport_error"] = photon_content(renderer, scene, illumination, photons, seed, photon_progress)
+        content["transport_error"] = transport_content(renderer, scene, illumination, photons, seed, photon_progress)
     return ErrorReport(content, error_map(error, frame.alpha, frame.exitance), error.deviation)
 
 

@@ -300,7 +300,6 @@ def of_coefficients(scene, *sigma_s_prime: float):
     [
         (1.0, (DirectionalLight(FRONT), PointLight((0.0, 0.0, 50.0))), "the scene has a point light"),
         (1.0, (), "the scene has no light"),
-        (0.0, (DirectionalLight(FRONT),), "the material does not scatter"),
     ],
 )
 def test_what_photons_cannot_tell_is_said(renderer_of, scattering, lights, reason):
@@ -310,6 +309,24 @@ def test_what_photons_cannot_tell_is_said(renderer_of, scattering, lights, reaso
     assert list(found) == ["not_measured"]
     assert reason in found["not_measured"]
     assert summary(report, "a.json").splitlines()[1].startswith("Error against transport was not measured: ")
+
+
+@pytest.mark.slow
+def test_clear_matter_is_compared_with_paths_from_the_eye(renderer_of):
+    scene = of_coefficients(scene_of("transport.method=diffusion", method="ewald"), 0.0, 0.0, 0.0)
+    report = error_report(renderer_of("ball"), scene, points=5, photons=3000)
+    found = report.content["transport_error"]
+    assert found["by"] == "paths from the eye"
+    assert found["scattered"]["ratio"] == [None, None, None]
+    line = summary(report, "a.json").splitlines()[-1]
+    assert line.startswith(
+        f"Radiance of {found['blocks']} blocks of pixels against {found['paths']} paths from the eye"
+    )
+    assert "By paths from the eye, since light loses its course about 0.96 times" in line
+    json.dumps(report.content, allow_nan=False)
+    near = replace(scene, lights=(PointLight((0.0, 0.0, 50.0)),))
+    content = error_report(renderer_of("ball"), near, points=5, photons=10).content["transport_error"]
+    assert list(content) == ["not_measured"]
 
 
 @pytest.mark.slow
