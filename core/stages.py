@@ -119,6 +119,7 @@ class Stage(StrEnum):
     ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
     EXCHANGE = "exchange between parts", Part.IRRADIANCE
     MIRROR = "mirror", Part.OCCLUSION
+    NO_EXCHANGE = "no exchange between parts", Part.IRRADIANCE
     EXCHANGE_THROUGH = "exchange through thin parts", Part.IRRADIANCE
     MIRRORED = "mirrored surroundings", Part.IRRADIANCE
     CROSSED = "surroundings through thin parts", Part.IRRADIANCE
@@ -166,6 +167,7 @@ class Stage(StrEnum):
     EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
     SURFACE_CROSSING = "exchange through thin parts of patches", Part.TRANSPORT
+    SURFACE_GROUND = "exchange with the ground", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT
     SOURCES_G = "sources of G", Part.TRANSPORT
     SOURCES_B = "sources of B", Part.TRANSPORT
@@ -208,12 +210,20 @@ class Stage(StrEnum):
     COMPOSITE = "composite", Part.LOOK
     EXPOSURE = "exposure", Part.LOOK
 
-    GROUND_RAYS = "rays from the ground", Part.GROUND
-    GROUND_SKY = "environment on the ground", Part.GROUND
+    GROUND_PLANE = "ground plane", Part.LIGHT
+    STANDING = "light above the ground", Part.LIGHT
+    HORIZON = "horizon", Part.LIGHT
+    GROUND_RAYS = "rays from the ground", Part.OCCLUSION
+    GROUND_SKY = "environment on the ground", Part.IRRADIANCE
+    GROUND_LAMPS = "lamps on the ground", Part.IRRADIANCE
+    GROUND_SHARP_LAMPS = "sharp lamps on the ground", Part.IRRADIANCE
+    GROUND_EXCHANGE = "exchange by way of the ground", Part.IRRADIANCE
+    GROUND_MIRROR = "mirror of the ground", Part.IRRADIANCE
+    GROUND_RETURNED = "light from the ground", Part.IRRADIANCE
+    GROUND = "ground", Part.IRRADIANCE
+    GROUND_DRAWN = "ground with emitters", Part.GROUND
     GROUND_EMITTERS = "emitters before the ground", Part.GROUND
     GROUND_GLOW = "glow on the ground", Part.GROUND
-    GROUND = "ground", Part.GROUND
-    GROUND_LAMPS = "lamps on the ground", Part.GROUND
     GROUND_AROUND = "light around the ground", Part.GROUND
     GROUND_TARGETS = "ground targets", Part.GROUND
     GROUND_PIXELS = "ground at pixels", Part.GROUND

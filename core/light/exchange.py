@@ -29,6 +29,7 @@ from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.crossing import Crossings
+from milkglass.core.light.ground import GroundExchange
 from milkglass.core.light.vertex_rays import (
     RAYS,
     TEST_RAYS,
@@ -67,6 +68,12 @@ class Hits:
     cosines: Float16
     faces: Int32
     directions: Float16
+
+    @classmethod
+    def none(cls, n: int) -> "Hits":
+        """Return the hits of n vertices that do not see the mesh."""
+        faces, directions = np.empty((0, 2), np.int32), np.empty((0, 3), np.float16)
+        return cls(RAYS, np.zeros(n + 1, np.int64), np.empty((0, 2), np.float16), faces, directions)
 
     @property
     def vertices(self) -> Ints:
@@ -231,6 +238,8 @@ class Exchange:
         Of a body alone: those that it has.
     crossings : Crossings, optional
         Paths from these vertices through the object's matter, where much light takes them.
+    ground : GroundExchange, optional
+        A plane below the object, which returns light too.
     """
 
     refined: Refined
@@ -240,16 +249,17 @@ class Exchange:
     faces: Ints | None = None
     emitting: Bools | None = None
     crossings: Crossings | None = None
+    ground: GroundExchange | None = None
 
     @property
     def surface(self) -> tuple[object, ...]:
-        """Return what it depends on but paths through matter, as a key of stages."""
+        """Return what it depends on but paths through matter and the ground, as a key of stages."""
         return self.refined, self.hits, self.entering, self.leaving, self.faces, self.emitting
 
     def of_body(self, faces: Ints, emitting: Bools, chosen: Ints) -> "Exchange":
         """Return the exchange between what a body lets out and the whole surface; `chosen` are the body's samples."""
         entering, leaving = (None if tint is None else tint[chosen] for tint in (self.entering, self.leaving))
-        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting, self.crossings)
+        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting, self.crossings, self.ground)
 
     def tinted(self, irradiance: Float32) -> Float32:
         """Return irradiance at the samples, (samples, 3), times what the surface's colours let in."""

@@ -4,6 +4,7 @@ The directions of a vertex are a lattice of the golden ratio, turned by a random
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +48,17 @@ class Met:
     arriving: Float32
 
 
+class _Cast(NamedTuple):
+    """Rays cast from vertices: vertex, cosine and direction of each; those that met a face, these faces, and where."""
+
+    points: Ints
+    cosines: Float32
+    directions: Float32
+    met: Ints
+    faces: Ints
+    places: Float32
+
+
 class Caster:
     """Casts rays from the vertices of a mesh.
 
@@ -71,27 +83,40 @@ class Caster:
 
     def met(self, vertices: Ints) -> Met:
         """Return the rays of vertices that met the mesh from in front."""
+        cast = self._cast(vertices)
+        met, face, places = cast.met, cast.faces, cast.places
+        arriving = cast.directions[met]
+        facing = -np.einsum("ij,ij->i", arriving, self.face_normals[face])
+        front = facing > 0.0
+        met, face, facing, arriving, places = met[front], face[front], facing[front], arriving[front], places[front]
+        counts = np.bincount(cast.points[met], minlength=len(vertices))
+        return Met(counts, cast.cosines[met], facing, face, places, arriving)
+
+    def left(self, vertices: Ints) -> tuple[Ints, Float32, Float32]:
+        """Return the k rays of vertices that met nothing: whose (k,), of these; cosines (k,), directions (k, 3)."""
+        cast = self._cast(vertices)
+        free = np.ones(len(cast.points), bool)
+        free[cast.met] = False
+        return cast.points[free], cast.cosines[free], cast.directions[free]
+
+    def _cast(self, vertices: Ints) -> "_Cast":
         cosines, directions = self._directions(vertices)
         cast = np.repeat(np.flatnonzero(self._normals[vertices].any(axis=1)), cosines.shape[1])
         ray = np.arange(len(cast)) % cosines.shape[1]
-        met, face, places = self._first(vertices[cast], directions[cast, ray], LIFTS[0])
-        backs = np.einsum("ij,ij->i", directions[cast[met], ray[met]], self.face_normals[face]) >= 0.0
+        towards = directions[cast, ray]
+        met, face, places = self._first(vertices[cast], towards, LIFTS[0])
+        backs = np.einsum("ij,ij->i", towards[met], self.face_normals[face]) >= 0.0
         # Most hits of back faces: the vertex lies below a fold of the surface, and its rays start above it.
         buried = np.bincount(cast[met], backs, minlength=len(vertices)) > 0.5 * cosines.shape[1]
         if buried.any():
             again = np.flatnonzero(buried[cast])
-            retried = self._first(vertices[cast[again]], directions[cast[again], ray[again]], LIFTS[1])
+            retried = self._first(vertices[cast[again]], towards[again], LIFTS[1])
             kept = ~buried[cast[met]]
             met = np.concatenate([met[kept], again[retried[0]]])
             order = np.argsort(met)
             met, face = met[order], np.concatenate([face[kept], retried[1]])[order]
             places = np.concatenate([places[kept], retried[2]])[order]
-        arriving = directions[cast[met], ray[met]]
-        facing = -np.einsum("ij,ij->i", arriving, self.face_normals[face])
-        front = facing > 0.0
-        met, face, facing, arriving, places = met[front], face[front], facing[front], arriving[front], places[front]
-        counts = np.bincount(cast[met], minlength=len(vertices))
-        return Met(counts, cosines[cast[met], ray[met]], facing, face, places, arriving)
+        return _Cast(cast, cosines[cast, ray], towards, met, face, places)
 
     def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
         """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.light.exchange import Exchange
+from milkglass.core.light.ground import GroundReturn
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import EnteringFlux
 
@@ -26,10 +27,13 @@ def reentering(lit: EnteringFlux, exchange: Exchange, exitance: Array, stages: S
     """
     samples, eta = lit.solid.samples, lit.media[0].eta
     spacing = float(np.sqrt(lit.solid.area / max(len(samples), 1)))
+    emitters = stages.run(
+        Stage.EXCHANGE_GEOMETRY,
+        (exchange, samples),
+        lambda: exchange.emitters(samples.points, samples.normals, spacing),
+    )
     matrix = stages.run(
-        Stage.SURFACE_EXCHANGE,
-        (exchange, samples, eta),
-        lambda: exchange.hits.matrix(eta, exchange.emitters(samples.points, samples.normals, spacing), len(samples)),
+        Stage.SURFACE_EXCHANGE, (exchange, samples, eta), lambda: exchange.hits.matrix(eta, emitters, len(samples))
     )
     at_samples = stages.run(Stage.BODY_INTERPOLATION, (exchange, samples), lambda: exchange.at_samples(samples))
     leaving = np.maximum(exitance, 0.0)
@@ -38,6 +42,12 @@ def reentering(lit: EnteringFlux, exchange: Exchange, exitance: Array, stages: S
     leaving = leaving * np.minimum(1.0, most / np.maximum(total, np.finfo(np.float64).tiny))
     if exchange.leaving is not None:
         leaving = leaving * exchange.leaving
-    irradiance = np.asarray(matrix @ leaving.astype(np.float32))
+    leaving = leaving.astype(np.float32)
+    irradiance = np.asarray(matrix @ leaving)
+    if (ground := exchange.ground) is not None:
+        below = stages.run(
+            Stage.SURFACE_GROUND, (ground, emitters, eta), lambda: GroundReturn(ground, eta, emitters, len(samples))
+        )
+        irradiance = irradiance + np.stack([below.irradiance(i, leaving[:, i]) for i in range(3)], axis=1)
     flux = exchange.tinted(at_samples @ irradiance) * samples.areas[:, None]
     return irradiance, np.asarray(flux, np.float32)

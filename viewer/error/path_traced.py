@@ -133,7 +133,7 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
 
 def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedResult:
     """Render a scene and return its comparison with traced paths; see `trace`."""
-    renderer = Renderer(headless_context())
+    renderer, scene = Renderer(headless_context()), scene.floating()
     lit = renderer.light(scene)
     if lit.detail is not None:
         off = "--set detail.albedo=off --set detail.normal_strength=0"

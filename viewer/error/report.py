@@ -263,6 +263,7 @@ def error_report(
     InputError
         As `Renderer.render`; if the picture does not show the object.
     """
+    scene = scene.floating()  # which references do not know
     picture = renderer.draw(scene, PictureRequest(parts=True, path_step=0), tinted=False)
     frame = read_frame(picture, renderer.timings)
     lit = renderer.light(scene)

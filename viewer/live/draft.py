@@ -16,12 +16,14 @@ STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to abo
 class Detail:
     """How well a frame is drawn: `draft` while something moves; antialiasing samples of a pixel.
 
-    A picture at rest with lights of a size may take several frames, unless it has to be there `at_once`.
+    A picture at rest with lights of a size may take several frames, unless it has to be there `at_once`. One of the
+    object `alone` has no ground in it.
     """
 
     draft: bool = False
     samples: int = 1
     at_once: bool = False
+    alone: bool = False
 
 
 def allowance() -> Allowance:

@@ -20,12 +20,15 @@ from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import Part, Stages
+from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.live.dependence import light_key
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
+from milkglass.viewer.passes.ground import GroundPass
+from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.keys import Key
@@ -233,13 +236,13 @@ class LiveError:
     def _start(self, asked: Question, scene: Scene, live: Live, finished: Finished) -> None:
         self.trouble = None
         try:
-            around = live.renderer.parted(scene.environment)
             if finished.lit.quality.facts.uses_profile:
-                surface = surface_of(self._context, scene, finished)
-                self._submit(asked, lambda job: self._measure(job, scene, surface, finished, around))
+                ground = finished.lit.ground
+                shown = scene if ground is None else ground.standing.lit(scene)
+                around, surface = live.renderer.parted(shown.environment), surface_of(self._context, scene, finished)
+                self._submit(asked, lambda job: self._measure(job, shown, surface, finished, around))
             else:
-                walk = self._walk_of(scene, live, finished, around)
-                self._submit(asked, walk)
+                self._submit(asked, self._walk_of(scene.floating(), live, finished))
         except Exception as error:
             self._fail(asked, error)
 
@@ -250,17 +253,17 @@ class LiveError:
         job.future = self._worker.submit(work, job)  # type: ignore[assignment]
         job.future.add_done_callback(lambda _: self._wake())  # type: ignore[union-attr]
 
-    def _walk_of(
-        self, scene: Scene, live: Live, finished: Finished, around: PartedProbe | None
-    ) -> "Callable[[_Job], Walked]":
-        """Return what compares a solution with photons, in the worker; all that takes OpenGL is done here."""
+    def _walk_of(self, scene: Scene, live: Live, finished: Finished) -> "Callable[[_Job], Walked]":
+        """Return what compares a solution without a ground with photons, in the worker; OpenGL is asked here."""
         from milkglass.viewer.error.illumination import lights_of
         from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk
 
-        lit, environment, key = finished.lit, scene.environment, light_key(scene)
+        environment, key, shown_lit = scene.environment, light_key(scene), finished.lit
+        lit = shown_lit if shown_lit.ground is None else live.renderer.light(scene)
         if (reason := obstacle(scene, lit)) is not None:
             raise InputError(f"not measured: {reason}")
         probe = live.renderer.probe(environment) if environment.given else None
+        around = live.renderer.parted(environment)
         without = replace(scene, transport=replace(scene.transport, exchange="off"))
         lit_alone = lit if lit.exchange is None else live.renderer.light(without)
 
@@ -270,10 +273,13 @@ class LiveError:
             if kept is not None and kept[0] == key:
                 return Walked(job.of, kept[1], 0.0)
             reference = photon_walk(scene, lit.model.mesh, probe, PHOTONS, progress=job.report)
-            shown = alone = lit, finished.scattered
+
+            def solved(other: LitScene) -> Scattered:
+                return live.scatter(other, lambda _: not job.cancelled.is_set())
+
+            shown = alone = lit, finished.scattered if lit is shown_lit else solved(lit)
             if lit_alone is not lit:
-                scattered = live.scatter(lit_alone, lambda _: not job.cancelled.is_set())
-                alone = lit_alone, scattered
+                alone = lit_alone, solved(lit_alone)
             job.report(1.0)
             error = photon_error(reference, shown, alone, lights_of(scene, around, lit))
             self._photons = key, error
@@ -345,6 +351,8 @@ def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> S
     smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
     camera = model_camera(scene.camera, finished.lit.model.whole, size)
     try:
-        return Shading(context, Stages()).surface(smaller, replace(finished.lit, camera=camera), finished.gather)
+        return Shading(context, Stages(), GroundPass(context)).surface(
+            smaller, replace(finished.lit, camera=camera), finished.gather
+        )
     finally:
         leave_framebuffer(context)  # what was drawn into is gone now

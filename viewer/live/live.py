@@ -108,7 +108,7 @@ class Live:
         if newest is None:
             return None
         drawn, lit, gather = newest
-        looks: Key = (*looks_of(drawn, lit), self.finished, show, exposure_for)
+        looks: Key = (*looks_of(drawn, lit), self.finished, show, exposure_for, detail.alone)
         # A draft of what is shown already would take the processor from the worker, and show nothing new.
         if not (detail.draft and looks == self._looks and self.picture is not None):
             part = show if show in SCATTERED else ""
@@ -121,6 +121,7 @@ class Live:
                     exposure_for=exposure_for,
                     quick=not detail.at_once,
                     path_step=step,
+                    ground=not detail.alone,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
                 self._traced = radiance

@@ -100,7 +100,10 @@ class RaysJob:
         matter, between = media(scene.material.resolve()), list[RaySource]()
         if settings.exchanges and not is_clear(settings.facts, matter, mesh):
             between = [HitsOf(mesh), *(self._through(mesh, matter) if settings.facts.solves else ())]
-        around: tuple[RaySource, ...] = (VisibilityOf(mesh),) if needs_visibility(scene.environment) else ()
+        has_ground = scene.ground.on and scene.environment.occluded  # which is around too
+        around: tuple[RaySource, ...] = ()
+        if has_ground or needs_visibility(scene.environment):
+            around = (VisibilityOf(mesh),)
         below: tuple[RaySource, ...] = (
             (GroundRaysOf(mesh, scene.ground.gap_mm + model.lift),) if scene.ground.on else ()
         )

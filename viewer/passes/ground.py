@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from milkglass.core.light.ground import GroundPlane
+from milkglass.core.arrays import Float32
+from milkglass.core.light.ground import SIDE, GroundPlane
 from milkglass.core.stages import Steps
 from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.context import float_targets
@@ -15,15 +16,20 @@ from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.scene.camera import Camera
 from milkglass.viewer.scene.settings import GroundSettings
 
-LAMPS_SIDE = 224  # places along a side of the map of lights with a size
+LAMPS_SIDE = 2 * SIDE  # places along a side of the map of lamps
 
 
 @dataclass(frozen=True, eq=False)
 class LampMaps:
-    """Irradiance of lights with a size at the places of a map, with the object in their way and in the open."""
+    """Irradiance of lamps at the places of a map, with the object in their way and in the open."""
 
     lit: moderngl.Texture
     open: moderngl.Texture
+
+    def at_places(self) -> Float32:
+        """Return it at the places of a plane's map with the object in the way, (n, 3)."""
+        values = np.frombuffer(self.lit.read(), np.float32).reshape(SIDE, LAMPS_SIDE // SIDE, SIDE, -1, 4)
+        return np.asarray(values.mean(axis=(1, 3))[..., :3].reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +100,7 @@ class GroundPass:
         return program, self._context.vertex_array(program.program, [])
 
     def lamp_maps(self, plane: GroundPlane, sources: tuple[LightSource, ...]) -> Steps[LampMaps]:
-        """Sum the irradiance of lights with a size at the places of a map of a plane; a step is a band of a light."""
+        """Sum the irradiance of lamps at the places of a map of a plane; a step is a band of a lamp."""
         context, size = self._context, (LAMPS_SIDE, LAMPS_SIDE)
         lit, open_, places = float_targets(context, size, 3)
         for texture in (lit, open_):
@@ -106,8 +112,8 @@ class GroundPass:
         framebuffer = context.framebuffer([lit, open_])
         framebuffer.use()
         framebuffer.clear()
-        program, triangle = self._soft
         for source in sources:
+            program, triangle = self._soft if source.is_soft else self._sharp
             rows = max(8, PIXELS_A_STEP // (LAMPS_SIDE * source.sub_lights))
             for low in range(0, LAMPS_SIDE, rows):
                 program.set({**_uniforms(source), "t_place": places})

@@ -171,7 +171,7 @@ def placed_scene(scene: Scene, geometry: Geometry, light: Probe) -> Scene:
         transport = replace(transport, resolution=OBJECT_NODES)
     display = replace(scene.display, image_size=(columns, rows), background="black")
     return replace(
-        scene,
+        scene.floating(),
         model=replace(scene.model, path=None, builtin=None, mesh=geometry.mesh),
         camera=geometry.camera,
         display=display,

@@ -18,7 +18,6 @@ from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
-from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
@@ -38,13 +37,12 @@ class BeamStages:
         self._run, self._surround = stages.run, surround
 
     def of(
-        self, scene: Scene, environment: EnvironmentSettings, model: Model, clear: "tuple[ClearPart, ...]",
+        self, lamps: Sequence[Light], environment: EnvironmentSettings, model: Model, clear: "tuple[ClearPart, ...]",
         bodies: Bodies | None, media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
     ) -> "Beams | None":  # fmt: skip
-        """Return the beams of a scene's lights, None where no channel needs them; fewer as a `draft`.
+        """Return the beams of lamps and an environment, None where no channel needs them; fewer as a `draft`.
 
-        `environment` is the scene's, perhaps with its strong sources left in it; `bodies` are those that scatter alone,
-        `clear` parts of the model that do not.
+        `bodies` are those that scatter alone, `clear` parts of the model that do not.
         """
         if not any(needs_beams(medium, grid) for medium in media):
             return None
@@ -54,7 +52,6 @@ class BeamStages:
         run, eta, mesh, whole = self._run, media[0].eta, model.mesh, model.whole
         surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta, clear], lambda: surface_of(mesh, bodies, eta, clear))
         around = run(Stage.BALL, [whole], lambda: Ball.around(whole))
-        lamps = *scene.effective_lights(), *self._surround.lamps(environment)
         # Half for lamps, half for what comes from all around, where there are both.
         share = (DRAFT_BEAMS if draft else BEAMS) // max(bool(lamps) + shines(environment), 1)
         count = share // max(len(lamps), 1)

@@ -10,7 +10,8 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
-from milkglass.core.light.exchange import Exchange
+from milkglass.core.light.exchange import Exchange, Hits
+from milkglass.core.light.ground import GroundExchange
 from milkglass.core.light.mirror import ROUNDS, Mirror
 from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import transmittance
@@ -46,11 +47,13 @@ class ExchangeStages:
         surface: SampledSurface,
         leaving: Float32 | None,
         media: Sequence[Medium],
+        ground: GroundExchange | None,
         say: Callable[[str], None],
     ) -> Exchange | None:
         """Return the exchange of a mesh, None where it is not wanted, not baked, or there is next to none.
 
-        `leaving` are factors of colours on exitance, (samples, 3); `media` those of R, G and B.
+        `leaving` are factors of colours on exitance, (samples, 3); `media` those of R, G and B; `ground` is the plane
+        below, where there is one.
         """
         if not settings.exchanges or not (self._assets.bakes or self._assets.has(HitsOf(mesh))):
             return None
@@ -60,17 +63,29 @@ class ExchangeStages:
 
         hits = self._run(Stage.EXCHANGE_RAYS, [mesh], lambda: self._assets.get(HitsOf(mesh, report)))
         if hits is None:
-            return None
-        fine = self._assets.get(RefinedOf(mesh))
-        exchange = self._run(
-            Stage.EXCHANGE,
-            [hits, fine, surface.weights, leaving],
-            lambda: Exchange(fine, hits, surface.weights, leaving),
-        )
+            if ground is None:
+                return None
+            exchange = self.without_hits(mesh, surface, leaving)
+        else:
+            fine = self._assets.get(RefinedOf(mesh))
+            exchange = self._run(
+                Stage.EXCHANGE,
+                [hits, fine, surface.weights, leaving],
+                lambda: Exchange(fine, hits, surface.weights, leaving),
+            )
         crossings = self._crossings(mesh, media, say) if settings.facts.solves else None
-        if crossings is None:
+        if crossings is None and ground is None:
             return exchange
-        return self._run(Stage.EXCHANGE_THROUGH, [exchange, crossings], lambda: replace(exchange, crossings=crossings))
+        key = exchange, crossings, ground
+        return self._run(Stage.EXCHANGE_THROUGH, key, lambda: replace(exchange, crossings=crossings, ground=ground))
+
+    def without_hits(self, mesh: Mesh, surface: SampledSurface, leaving: Float32 | None) -> Exchange:
+        """Return an exchange of a mesh that does not see itself: what light of other sources has for its vertices."""
+        fine = self._assets.get(RefinedOf(mesh))
+        none = Hits.none(len(fine.mesh.vertices))
+        return self._run(
+            Stage.NO_EXCHANGE, [fine, surface.weights, leaving], lambda: Exchange(fine, none, surface.weights, leaving)
+        )
 
     def _crossings(self, mesh: Mesh, media: Sequence[Medium], say: Callable[[str], None]) -> Crossings | None:
         """Return paths through matter, None where too little light has any, or they are not there yet."""
@@ -98,10 +113,11 @@ class ExchangeStages:
         samples: SurfaceSamples,
         around: tuple[Probe, EnvironmentSettings] | None,
         media: Sequence[Medium],
+        from_ground: Float32 | None = None,
     ) -> Float32 | None:
         """Return the irradiance at the vertices of light that has met the surface but not scattered, (n, 3), or None.
 
-        The surface has mirrored it onto itself, or it has crossed thin parts.
+        The surface has mirrored it onto itself, or it has crossed thin parts; or the ground returns it.
 
         Parameters
         ----------
@@ -111,10 +127,13 @@ class ExchangeStages:
         around : probe and its environment, optional
             Light from all around, without what shines as lamps.
         media : of R, G and B
+        from_ground : (n, 3), optional
+            What the ground returns.
         """
         if not lamps and around is None:
-            return None
-        parts, from_lamps, eta, crossings = list[Float32](), list[Float32](), media[0].eta, exchange.crossings
+            return from_ground
+        parts, from_lamps = list[Float32]() if from_ground is None else [from_ground], list[Float32]()
+        eta, crossings = media[0].eta, exchange.crossings
         extinctions = tuple(medium.sigma_t_prime for medium in media)
         mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
         for i, (light, entering) in enumerate(lamps, start=1):

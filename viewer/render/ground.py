@@ -1,20 +1,24 @@
-"""The plane that the object stands on: what it sees of the object, and the light on it."""
+"""The plane that the object stands on: the light on it, what it sees of the object, and what it gives back."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32, Ints
+from milkglass.core.arrays import Array, Float32, Int32, Ints
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.blur import blurred
+from milkglass.core.light.exchange import nearest_emitters
 from milkglass.core.light.ground import (
     RAYS,
     SIDE,
+    GroundExchange,
+    GroundMirror,
     GroundPlane,
     GroundRays,
-    emitters_of_faces,
+    Horizon,
     upward_directions,
 )
 from milkglass.core.light.probe import Probe, irradiance_direct, lookup
@@ -23,17 +27,56 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import GroundRaysOf, RefinedOf
 from milkglass.viewer.gl.context import clamped_texture
 from milkglass.viewer.passes.gather import Gather
-from milkglass.viewer.passes.ground import GroundLight, GroundPass
+from milkglass.viewer.passes.ground import GroundLight, GroundPass, LampMaps
+from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.render.exchange import coarse
 from milkglass.viewer.render.exitance import SurfaceExitance
-from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.sources import shines
+from milkglass.viewer.render.lit_scene import LitScene, Model
+from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, POINT
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 EMITTERS = 4096  # points of the object's surface whose exitance the plane sees
 CELL_DEG = float(np.degrees(np.sqrt(2.0 * np.pi / RAYS)) / 2.0)  # half the angle that a ray stands for
+SUB_LIGHTS = 64  # of a lamp with a size, on the plane in the open
+RING = 8  # places around the end of the map, whose light in the open is that of all beyond
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A plane below an object, and light around both with the plane in its way; compared by identity.
+
+    Attributes
+    ----------
+    plane : GroundPlane
+    gap : float
+        Between it and the object, mm.
+    albedo : 3 floats
+    lamps, strong : tuples of Light
+        Of the scene, and of its environment, above the plane.
+    environment : EnvironmentSettings
+        With the plane in the open below its horizon, without what shines as lamps.
+    radiance : (3,) float64
+        Of the plane in the open.
+    sky : Probe, turn and factor, optional
+        The environment alone.
+    """
+
+    plane: GroundPlane
+    gap: float
+    albedo: tuple[float, float, float]
+    lamps: tuple[Light, ...]
+    strong: tuple[Light, ...]
+    environment: EnvironmentSettings
+    radiance: Array
+    sky: tuple[Probe, float, float] | None
+
+    def lit(self, scene: Scene) -> Scene:
+        """Return a scene without a ground, but lit as with it, if it were in the open everywhere."""
+        return replace(scene.floating(), lights=(*self.lamps, *self.strong), environment=self.environment)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,57 +96,138 @@ class Emitters:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A plane below an object, before the object's exitance is known; compared by identity.
+    """A plane below an object, and the light on it but for the object's exitance; compared by identity.
 
     Attributes
     ----------
-    plane : GroundPlane
+    standing : Standing
     open_irradiance : (3,) float64
         Of light from all around in the open.
-    sky : (n, 3) float32
-        Of the same at the map's places, with the object in the way.
-    rays : GroundRays, optional
-        None while they are not cast.
+    around : (n, 3) float32
+        Of the same at the map's places, with the object in the way, which mirrors some of it.
+    sharp : tuple of LightSource
+        Lamps without a size.
+    soft : LampMaps
+        Of the others.
+    exchange : GroundExchange, optional
+        None while no rays are cast.
+    mirror : GroundMirror, optional
+        Likewise, and for a draft.
     emitters : Emitters, optional
-        With the rays.
+        With the rays, where the plane is drawn.
     """
 
-    plane: GroundPlane
+    standing: Standing
     open_irradiance: Array
-    sky: Float32
-    rays: GroundRays | None
-    emitters: Emitters | None
+    around: Float32
+    sharp: tuple[LightSource, ...]
+    soft: LampMaps
+    exchange: GroundExchange | None
+    mirror: GroundMirror | None
+    emitters: Emitters | None = None
 
 
 class GroundStages:
-    """Makes grounds, each step only when what it depends on has changed."""
+    """Makes grounds in one OpenGL context, each step only when what it depends on has changed."""
 
-    def __init__(self, stages: Stages, assets: Assets) -> None:
-        self._run, self._assets = stages.run, assets
+    def __init__(self, stages: Stages, assets: Assets, surround: Surround, ground: GroundPass) -> None:
+        self._run, self._spread, self._assets = stages.run, stages.spread, assets
+        self._surround, self._ground = surround, ground
 
-    def of(
-        self,
-        scene: Scene,
-        lit: LitScene,
-        rest: Callable[[EnvironmentSettings], Probe],
-        say: Callable[[str], None] = lambda _: None,
-    ) -> Ground:
-        """Return the plane of a scene; `rest` gives the probe without what shines as lamps."""
-        mesh, gap, environment = lit.model.mesh, scene.ground.gap_mm + lit.model.lift, scene.environment
-        plane, rays, emitters = GroundPlane.below(mesh, gap), None, None
+    def standing(self, scene: Scene, model: Model, environment: EnvironmentSettings) -> Standing | None:
+        """Return the plane below a scene's model, and its lamps and environment with the plane in their way; or None.
+
+        The `environment` is perhaps one with its strong sources left in it.
+        """
+        run, settings, mesh = self._run, scene.ground, model.mesh
+        if not settings.on:
+            return None
+        gap = settings.gap_mm + model.lift
+        plane = run(Stage.GROUND_PLANE, [mesh, gap], lambda: GroundPlane.below(mesh, gap))
+        rest, factor = None, 1.0
+        if shines(environment):
+            rest, factor = self._surround.rest(environment), environment.intensity
+        horizon = run(Stage.HORIZON, [rest], lambda: Horizon.of(rest))
+        lamps, strong = _above(plane, scene.effective_lights()), _above(plane, self._surround.lamps(environment))
+
+        def make() -> Standing:
+            irradiance = factor * horizon.irradiance + sum(far_irradiance(plane, light) for light in (*lamps, *strong))
+            radiance = np.array(settings.albedo) / np.pi * irradiance
+            turned = replace(
+                environment, path=None, builtin=None, probe=horizon.over(radiance / factor), extract=False,
+                intensity=factor,
+            )  # fmt: skip
+            sky = None if rest is None else (rest, environment.rotation_deg, factor)
+            return Standing(plane, gap, settings.albedo, lamps, strong, turned, radiance, sky)
+
+        return run(Stage.STANDING, [plane, horizon, environment, settings.albedo, lamps, strong], make)
+
+    def exchange(self, standing: Standing | None, mesh: Mesh, say: Callable[[str], None]) -> GroundExchange | None:
+        """Return a plane as part of the exchange of light between the object's parts; None while no rays are cast."""
+        if standing is None:
+            return None
 
         def report(share: float) -> None:
-            say(f"casting rays from the ground: {100.0 * share:.0f} %")
+            say(f"casting rays between the object and the ground: {100.0 * share:.0f} %")
 
-        source = GroundRaysOf(mesh, gap, report)
-        if self._assets.bakes or self._assets.has(source):
-            rays = self._run(Stage.GROUND_RAYS, [mesh, gap], lambda: self._assets.get(source))
-            emitters = self._run(Stage.GROUND_EMITTERS, [rays, lit.samples], lambda: self._emitters(lit, rays))
-        around = (rest(environment), environment.rotation_deg, environment.intensity) if shines(environment) else None
-        seen = rays if environment.occluded else None
-        open_irradiance, sky = self._run(Stage.GROUND_SKY, [around, seen, plane], lambda: _sky(around, seen, SIDE**2))
-        parts = plane, open_irradiance, sky, rays, emitters
-        return self._run(Stage.GROUND, parts, lambda: Ground(*parts))
+        source = GroundRaysOf(mesh, standing.gap, report)
+        if not (self._assets.bakes or self._assets.has(source)):
+            return None
+        key = self._run(Stage.GROUND_RAYS, [mesh, standing.gap], lambda: self._assets.get(source)), standing.albedo
+        return self._run(Stage.GROUND_EXCHANGE, key, lambda: GroundExchange(*key))
+
+    def lit(
+        self,
+        standing: Standing | None,
+        exchange: GroundExchange | None,
+        sources: Sequence[LightSource],
+        eta: float,
+        *,
+        draft: bool,
+    ) -> tuple[Ground | None, Float32 | None]:
+        """Return a plane with the light of sources on it, and what is known of the irradiance that it returns.
+
+        That is what enters at the vertices of the refined mesh, (n, 3), over what the plane in the open returns; None
+        while no rays are there, and for a `draft`.
+
+        Raises
+        ------
+        Unfinished
+            The stages have an allowance, and the lamps take more.
+        """
+        if standing is None:
+            return None, None
+        run, plane, environment = self._run, standing.plane, standing.environment
+        lamps = [source for source in sources if source.kind in (DIRECTIONAL, POINT)]
+        soft, sharp = (tuple(source for source in lamps if source.is_soft is is_soft) for is_soft in (True, False))
+        maps = self._spread(Stage.GROUND_LAMPS, [plane, *soft], lambda: self._ground.lamp_maps(plane, soft))
+        seen = exchange.rays if exchange is not None and environment.occluded else None
+        open_irradiance, around = run(
+            Stage.GROUND_SKY, [standing.sky, seen, plane], lambda: _sky(standing.sky, seen, SIDE**2)
+        )
+        returned = mirror = None
+        if exchange is not None and not draft:
+            mirror = run(Stage.GROUND_MIRROR, [exchange, eta], lambda: GroundMirror(exchange, eta))
+            sharp_maps = self._spread(
+                Stage.GROUND_SHARP_LAMPS, [plane, *sharp], lambda: self._ground.lamp_maps(plane, sharp)
+            )
+            sky, both = around, (maps, sharp_maps)
+            around, returned = run(
+                Stage.GROUND_RETURNED,
+                [exchange, mirror, standing, sky, *both, eta],
+                lambda: _returned(exchange, mirror, standing, sky, both, eta),
+            )
+        parts = standing, open_irradiance, around, sharp, maps, exchange, mirror
+        key = standing, open_irradiance, around, *sharp, maps, exchange, mirror
+        return run(Stage.GROUND, key, lambda: Ground(*parts)), returned
+
+    def drawn(self, ground: Ground, lit: LitScene) -> Ground:
+        """Return a plane as it is drawn, with what of the object's surface lights it."""
+        if ground.exchange is None:
+            return ground
+        rays = ground.exchange.rays
+        emitters = self._run(Stage.GROUND_EMITTERS, [rays, lit.samples], lambda: self._emitters(lit, rays))
+        return self._run(Stage.GROUND_DRAWN, [ground, emitters], lambda: replace(ground, emitters=emitters))
 
     def _emitters(self, lit: LitScene, rays: GroundRays) -> Emitters:
         """Choose points of the surface by area."""
@@ -117,7 +241,63 @@ class GroundStages:
         )
         spacing = float(np.sqrt(mesh.area / max(count, 1)))
         fine = self._assets.get(RefinedOf(mesh)).mesh
-        return Emitters(few, emitters_of_faces(fine, rays.faces, few.points, few.normals, spacing))
+        return Emitters(few, _emitters_of_faces(fine, rays.faces, few.points, few.normals, spacing))
+
+
+def _above(plane: GroundPlane, lights: tuple[Light, ...]) -> tuple[Light, ...]:
+    """Return the lights whose middle is above a plane."""
+    return tuple(light for light in lights if light.vector[1] > (0.0 if light.DISTANT else plane.height))
+
+
+def far_irradiance(plane: GroundPlane, light: Light) -> Array:
+    """Return the irradiance of a light in the open where the map of a plane ends, (3,)."""
+    angles = 2.0 * np.pi * np.arange(RING) / RING
+    x, z = np.array(plane.centre)[:, None] + plane.reach * np.stack([np.cos(angles), np.sin(angles)])
+    points = np.stack([x, np.full(RING, plane.height), z], axis=1)
+    parts = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
+    total = 0.0
+    for i, vector in enumerate(parts.vectors):
+        towards = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
+        cosines = np.maximum(towards[:, 1] / np.linalg.norm(towards, axis=1), 0.0)
+        total += float(np.mean(cosines * parts.emission(i, points)))
+    return np.array(parts.colour) * total / len(parts)
+
+
+def _emitters_of_faces(mesh: Mesh, faces: Int32, points: Float32, normals: Float32, spacing: float) -> Ints:
+    """Return the emitter of each face of a mesh, (faces,), for some `faces` alone (0 of others).
+
+    Other arguments as of `core.light.exchange.nearest_emitters`.
+    """
+    found, met = np.zeros(len(mesh.faces), np.intp), np.unique(faces[faces >= 0])
+    if len(met):
+        found[met] = nearest_emitters(Mesh(mesh.vertices, mesh.normals, mesh.faces[met]), points, normals, spacing)
+    return found
+
+
+def _returned(
+    ground: GroundExchange,
+    mirror: GroundMirror,
+    standing: Standing,
+    sky: Float32,
+    maps: tuple[LampMaps, ...],
+    eta: float,
+) -> tuple[Float32, Float32]:
+    """Return the irradiance from all around at the places with what the object mirrors, and what the vertices get.
+
+    `sky` is from all around alone, (places, 3); the latter is over that of the plane in the open.
+    """
+    lamps = np.sum([of_lamps.at_places() for of_lamps in maps], axis=0)
+    environment, returning = standing.environment, np.array(standing.albedo, np.float32) / np.float32(np.pi)
+    probe = environment.probe
+    assert probe is not None
+    texels, to_probe = coarse(probe.latlong), world_to_probe(environment.rotation_deg)
+
+    def radiance(directions: Array) -> Array:
+        return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
+
+    lit = mirror.lit(sky + lamps + ground.rays.mirrored(eta, radiance))
+    difference = returning * lit - standing.radiance.astype(np.float32)
+    return lit - lamps, np.asarray(ground.rays.returning.matrix(eta) @ difference)
 
 
 def _along_curve(points: Float32, radius: float) -> Ints:
@@ -147,43 +327,31 @@ class GroundLighting:
         self,
         context: moderngl.Context,
         stages: Stages,
-        ground: GroundPass,
         exitance: SurfaceExitance,
     ) -> None:
-        self._context, self._run, self._spread = context, stages.run, stages.spread
-        self._ground, self._exitance = ground, exitance
+        self._context, self._run, self._exitance = context, stages.run, exitance
 
     def light(self, ground: Ground, lit: LitScene, gather: Gather) -> GroundLight:
-        """Return the light on a plane.
-
-        Raises
-        ------
-        Unfinished
-            The stages have an allowance, and the lamps take more.
-        """
+        """Return the light on a plane."""
         volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
         at_places = self._run(
             Stage.GROUND_GLOW,
             [ground, lit.model, lit.detail, *lit.sources, *volume],
             lambda: self._at_places(ground, lit, gather),
         )
-        lamps = [source for source in lit.sources if source.kind in (DIRECTIONAL, POINT)]
-        soft, sharp = (tuple(source for source in lamps if source.is_soft is is_soft) for is_soft in (True, False))
-        maps = self._spread(
-            Stage.GROUND_LAMPS, [ground.plane, *soft], lambda: self._ground.lamp_maps(ground.plane, soft)
-        )
 
         def make() -> GroundLight:
             around = clamped_texture(self._context, at_places.reshape(SIDE, SIDE, 3))
             red, green, blue = ground.open_irradiance.tolist()
-            return GroundLight(ground.plane, sharp, maps, around, (red, green, blue))
+            return GroundLight(ground.standing.plane, ground.sharp, ground.soft, around, (red, green, blue))
 
-        return self._run(Stage.GROUND_AROUND, [at_places, maps, *sharp], make)
+        return self._run(Stage.GROUND_AROUND, [at_places, ground], make)
 
     def _at_places(self, ground: Ground, lit: LitScene, gather: Gather) -> Float32:
         """Return the irradiance from all around, and of what leaves the object, at the places of the map: (n, 3)."""
-        if ground.rays is None or ground.emitters is None:
-            return ground.sky
-        emitters = ground.emitters
-        matrix = ground.rays.glow(gather.eta, gather.exit_normalisation, emitters.of_face, len(emitters.samples))
-        return np.asarray(ground.sky + matrix @ self._exitance.at(emitters.samples, lit, gather), np.float32)
+        if ground.exchange is None or ground.emitters is None:
+            return ground.around
+        rays, emitters = ground.exchange.rays, ground.emitters
+        matrix = rays.glow(gather.eta, gather.exit_normalisation, emitters.of_face, len(emitters.samples))
+        glow = matrix @ self._exitance.at(emitters.samples, lit, gather)
+        return np.asarray(ground.around + (glow if ground.mirror is None else ground.mirror.lit(glow)), np.float32)

@@ -22,6 +22,7 @@ from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import volume_texture
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
 from milkglass.viewer.passes.gather import Gather, TableTextures
+from milkglass.viewer.passes.ground import GroundPass
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
 from milkglass.viewer.passes.light_source import LightSource, reentering
@@ -36,6 +37,7 @@ from milkglass.viewer.render.occlusion import OcclusionStages
 from milkglass.viewer.render.paths import Paths, PathStages, is_clear
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import model_camera
+from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
 
@@ -49,7 +51,9 @@ NO_RAYS = "parts with a material of their own are seen by rays, which transport 
 class Lighting:
     """Lights scenes in one OpenGL context; every stage runs only when what it depends on has changed."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets) -> None:
+    def __init__(
+        self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets, ground: GroundPass
+    ) -> None:
         self._context = context
         self._run, self._spread = stages.run, stages.spread
         self._assets = assets
@@ -63,7 +67,7 @@ class Lighting:
         self._occlusions = OcclusionStages(context, stages, assets)
         self._exchanges = ExchangeStages(stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
-        self._grounds = GroundStages(stages, assets)
+        self._grounds = GroundStages(stages, assets, self._surround, ground)
         self._beams = BeamStages(stages, self._surround)
         self._paths = PathStages(stages, self._surround)
 
@@ -120,25 +124,31 @@ class Lighting:
         if draft and self._occlusions.is_available(environment, model.mesh):
             # Its windows and lamps stay in it: a turn is then a product, not a shadow map for each of them.
             environment = replace(environment, extract=False)
+        lamps: tuple[Light, ...] = scene.effective_lights()
+        strong: tuple[Light, ...] = self._surround.lamps(environment)
+        if (standing := self._grounds.standing(scene, model, environment)) is not None:
+            lamps, strong, environment = standing.lamps, standing.strong, standing.environment
         occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
-        environment_sources, lobes = self._surround.sources(
-            environment, material.eta, *on_model, marks, occlusion, draft
-        )
-        lamps = enumerate(scene.effective_lights(), start=1)
-        sources = (
-            *(self._lamps.source(light, Stage.LIGHT.of(i), *on_model, marks, draft) for i, light in lamps),
-            *environment_sources,
-        )
+        even, lobes = self._surround.even(environment, material.eta, occlusion)
+        numbered = [(light, Stage.LIGHT.of(i)) for i, light in enumerate(lamps, start=1)]
+        numbered += [(light, Stage.PROBE_SOURCE.of(i)) for i, light in enumerate(strong, start=1)]
+        shining = [self._lamps.source(light, name, *on_model, marks, draft) for light, name in numbered]
+        sources = (*shining, *(() if even is None else (even,)))
 
+        reflecting = self._grounds.exchange(standing, model.mesh, say)
+        ground, from_ground = self._grounds.lit(standing, reflecting, sources, material.eta, draft=draft)
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
         exchange, clear = None, is_clear(settings.facts, matter, model.mesh)
         if clear:
             scatters = run(Stage.CLEAR_TRANSPORT, [scatters], lambda: ClearTransport(scatters))
         else:
-            exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, say)
+            exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, reflecting, say)
+        carrier = exchange
+        if carrier is None and from_ground is not None and not clear:
+            carrier = self._exchanges.without_hits(model.mesh, surface, leaving)
         refined = None if occlusion is None else occlusion.surface
-        if exchange is not None:
-            refined = self._exchanges.uploaded(exchange, model.buffers)
+        if carrier is not None:
+            refined = self._exchanges.uploaded(carrier, model.buffers)
 
         say("lighting the surface")
         irradiances = self._irradiances(surface, sources, material.eta)
@@ -148,17 +158,16 @@ class Lighting:
             lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
         )
         lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
-        unscattered = None
+        unscattered = None if clear else from_ground
         if exchange is not None and not draft:  # a turned lamp casts rays again
-            shining = *scene.effective_lights(), *self._surround.lamps(environment)
             lit_by = [
                 (lamp, surface.unweighted(entering))
-                for lamp, entering in zip(shining, irradiances[: len(shining)], strict=True)
+                for lamp, entering in zip((*lamps, *strong), irradiances, strict=False)
             ]
             around = (self._surround.rest(environment), environment) if shines(environment) else None
-            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter)
-        if exchange is not None and unscattered is not None:
-            again = self._exchanges.flux(exchange, unscattered, surface)
+            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter, from_ground)
+        if carrier is not None and unscattered is not None:
+            again = self._exchanges.flux(carrier, unscattered, surface)
             flux = run(Stage.TOTAL_FLUX, [flux, again], lambda: flux + again)
             if quality.facts.takes_each_light:
                 lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
@@ -166,12 +175,13 @@ class Lighting:
         beams = None
         if quality.facts.follows_sight and detail is None and not clear:
             alone = bodies if count > 1 else None
-            beams = self._beams.of(scene, environment, model, parts, alone, matter, grid, draft=draft)
+            beams = self._beams.of((*lamps, *strong), environment, model, parts, alone, matter, grid, draft=draft)
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles
         return LitScene(
-            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams, parts
-        )
+            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams,
+            parts, ground,
+        )  # fmt: skip
 
     def _clear_parts(
         self, scene: Scene, model: Model, quality: Quality
@@ -217,9 +227,9 @@ class Lighting:
             return None
         return self._run(Stage.BODY_WINDOWS, [windows], lambda: self._layers.windows(windows))
 
-    def ground(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Ground | None:
+    def ground(self, scene: Scene, lit: LitScene) -> Ground | None:
         """Return the plane that the object stands on, where a scene has one."""
-        return self._grounds.of(scene, lit, self._surround.rest, say) if scene.ground.on else None
+        return self._grounds.drawn(lit.ground, lit) if scene.ground.on and lit.ground is not None else None
 
     def paths(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Paths | None:
         """Return the rays of sight of a lit scene, where it needs any."""

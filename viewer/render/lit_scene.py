@@ -28,6 +28,7 @@ from milkglass.viewer.scene.camera import Camera
 if TYPE_CHECKING:
     from milkglass.core.paths.beams import Beams
     from milkglass.core.paths.surface import ClearPart
+    from milkglass.viewer.render.ground import Ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,8 @@ class LitScene:
         Of all lights through the object, where it needs them.
     clear : tuple of ClearPart
         Parts that only rays know, where the method follows any.
+    ground : Ground, optional
+        That the object stands on.
     """
 
     model: Model
@@ -130,6 +133,7 @@ class LitScene:
     surface: RefinedSurface | None = field(default=None, compare=False)
     beams: "Beams | None" = None
     clear: "tuple[ClearPart, ...]" = ()
+    ground: "Ground | None" = field(default=None, compare=False)
 
     @property
     def scattering(self) -> int:

@@ -42,6 +42,8 @@ class PictureRequest:
         Whether radiance gets exposure and tone map; a photograph has its own.
     path_step : int
         Side of the squares of pixels that share the rays of sight of one of them, where a scene needs any; 0 for none.
+    ground : bool
+        Whether the plane that the object stands on is drawn, where a scene has one.
     """
 
     offsets: tuple[tuple[float, float], ...] = pixel_offsets(1)
@@ -51,6 +53,7 @@ class PictureRequest:
     quick: bool = False
     develop: bool = True
     path_step: int = 1
+    ground: bool = True
 
     @property
     def keeps_parts(self) -> bool:
@@ -70,7 +73,7 @@ class PictureRequest:
     @property
     def shows_ground(self) -> bool:
         """Whether the plane that the object stands on is drawn where a scene has one: in pictures of radiance."""
-        return self.develop and self.show == OUTPUTS[0]
+        return self.ground and self.develop and self.show == OUTPUTS[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
 from milkglass.viewer.passes.gather import Gather
+from milkglass.viewer.passes.ground import GroundPass
 from milkglass.viewer.render import memory
 from milkglass.viewer.render.ground import Ground
 from milkglass.viewer.render.lighting import Lighting, Progress
@@ -111,8 +112,9 @@ class Renderer:
         # Two sets of stages, because transport may run in a thread of its own.
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
         with current(context):
-            self._lighting = Lighting(context, self.stages, effort, assets or Assets())
-            self._shading = Shading(context, self.stages)
+            ground = GroundPass(context)
+            self._lighting = Lighting(context, self.stages, effort, assets or Assets(), ground)
+            self._shading = Shading(context, self.stages, ground)
 
     @property
     def timings(self) -> Timings:
@@ -147,7 +149,7 @@ class Renderer:
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
-        ground, paths = self._ground(scene, lit, request, say), self._paths(scene, lit, request, say)
+        ground, paths = self._ground(scene, lit, request), self._paths(scene, lit, request, say)
         if last:
             lit = self._without_transport(lit)
             memory.give_back()
@@ -204,10 +206,8 @@ class Renderer:
         paths = self._lighting.paths(scene, lit)
         return paths is not None and paths.tree is not None
 
-    def _ground(
-        self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
-    ) -> Ground | None:
-        return self._lighting.ground(scene, lit, say) if request.shows_ground else None
+    def _ground(self, scene: Scene, lit: LitScene, request: PictureRequest) -> Ground | None:
+        return self._lighting.ground(scene, lit) if request.shows_ground else None
 
     def _paths(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None

@@ -62,7 +62,7 @@ class Sample(NamedTuple):
 class Shading:
     """Draws lit scenes in one OpenGL context."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages) -> None:
+    def __init__(self, context: moderngl.Context, stages: Stages, ground: GroundPass) -> None:
         self._context = context
         self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
@@ -73,9 +73,9 @@ class Shading:
         self._detail = DrawnDetail(context, stages)
         self._reentry = ReentryPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
-        self._ground = GroundPass(context)
+        self._ground = ground
         exitance = SurfaceExitance(context, self._irradiance, self._composite, self._no_probe)
-        self._ground_lighting = GroundLighting(context, stages, self._ground, exitance)
+        self._ground_lighting = GroundLighting(context, stages, exitance)
         self._tracing = Tracing(context, stages, self._composite, exitance)
         self._seen: GBuffer | None = None
 

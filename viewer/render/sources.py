@@ -80,6 +80,8 @@ class Surround:
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""
+        if environment.probe is not None:
+            return environment.probe
         source = probe_source(environment)
         return self._run(Stage.PROBE, [source], lambda: self._assets.get(source))
 
@@ -87,8 +89,9 @@ class Surround:
         """Return the sources of the probe that shine as lamps, and the probe of the rest; None if nothing shines."""
         if not shines(environment):
             return None
-        key = [self.probe(environment), environment.extract]
-        return self._run(Stage.PROBE_SOURCES, key, lambda: self._assets.surround(environment))
+        if not environment.extract:
+            return (), self.probe(environment)
+        return self._run(Stage.PROBE_SOURCES, [self.probe(environment)], lambda: self._assets.surround(environment))
 
     def rest(self, environment: EnvironmentSettings) -> Probe:
         """Return the probe of an environment that shines, without what shines as lamps."""
@@ -101,23 +104,13 @@ class Surround:
         parts = self.parted(environment)
         return () if parts is None else probe_lamps(environment, parts[0])
 
-    def sources(
-        self, environment: EnvironmentSettings, eta: float, mesh: Mesh, buffers: MeshBuffers,
-        bodies: moderngl.Buffer | None, occlusion: Occlusion | None, draft: bool,
-    ) -> tuple[list[LightSource], LobeFilter | None]:  # fmt: skip
-        """Return the light sources of an environment, lamps first, and the probe of the rest filtered for highlights.
-
-        `bodies` as of `viewer.passes.shadows.ShadowsPass.render`; `occlusion` is of the rest.
-        """
+    def even(
+        self, environment: EnvironmentSettings, eta: float, occlusion: Occlusion | None
+    ) -> tuple[LightSource | None, LobeFilter | None]:
+        """Return the source of an environment's light but for its lamps, and its probe filtered for highlights."""
         if not shines(environment):
-            return [], None
-        run, parts = self._run, self.parted(environment)
-        assert parts is not None
-        strong, rest = parts
-        found = [
-            self._lamps.source(light, Stage.PROBE_SOURCE.of(i), mesh, buffers, bodies, draft)
-            for i, light in enumerate(probe_lamps(environment, strong), start=1)
-        ]
+            return None, None
+        run, rest = self._run, self.rest(environment)
         table = run(
             Stage.ENVIRONMENT_TABLE,
             [rest, eta],
@@ -128,7 +121,7 @@ class Surround:
             [table, environment, occlusion],
             lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
-        return [*found, ambient], run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
+        return ambient, run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
 
 
 def shines(environment: EnvironmentSettings) -> bool:

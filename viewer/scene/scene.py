@@ -119,6 +119,10 @@ class Scene:
         """Return the values of the settings that move one of some parts themselves, hashable."""
         return values_moving(self, parts)
 
+    def floating(self) -> "Scene":
+        """Return the scene without its ground."""
+        return replace(self, ground=replace(self.ground, on=False))
+
     @property
     def gloss(self) -> Gloss:
         """What highlights are drawn with."""

@@ -104,7 +104,8 @@ class EnvironmentSettings:
         why="turn of the probe about the up axis"
     )
     intensity: float = setting(
-        "number", 1.0, low=0, high=1e6, moves=(Part.LIGHT, Part.DISPLAY), why="factor on the probe's radiance"
+        "number", 1.0, low=0, high=1e6, moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
+        why="factor on the probe's radiance"
     )
     builtin: str | None = setting(
         "text", None, optional=True, choices=BUILTIN_PROBES,
@@ -425,23 +426,24 @@ class DisplaySettings:
 
 @dataclass(frozen=True)
 class GroundSettings:
-    """A plane that the object stands on, which catches its shadow and the light that leaves it."""
+    """A plane that the object stands on: it catches its shadow and the light that leaves it, and gives light back."""
 
     TABLE: ClassVar[str] = "ground"
 
     on: bool = setting(
-        "boolean", False, moves=Part.GROUND,
-        why="whether the object stands on a plane, which catches its shadow and the light that leaves it"
+        "boolean", False, moves=(Part.LIGHT, Part.OCCLUSION, Part.GROUND),
+        why="whether the object stands on a plane, which catches its shadow and gives light back"
     )
     gap_mm: float = setting(
-        "number", 0.0, unit="mm", low=0, high=1e6, moves=Part.GROUND,
+        "number", 0.0, unit="mm", low=0, high=1e6, moves=(Part.LIGHT, Part.OCCLUSION, Part.GROUND),
         why="from the plane up to the object's lowest point; the object floats above 0"
     )
     color: Vector = setting(
-        "number", (1.0, 1.0, 1.0), length=3, low=0, high=1, moves=Part.GROUND, why="R, G, B of its colour, linear"
+        "number", (1.0, 1.0, 1.0), length=3, low=0, high=1, moves=(Part.LIGHT, Part.OCCLUSION, Part.GROUND),
+        why="R, G, B of its colour, linear"
     )
     reflectance: float = setting(
-        "number", 0.5, low=0, high=1, moves=Part.GROUND,
+        "number", 0.5, low=0, high=1, moves=(Part.LIGHT, Part.OCCLUSION, Part.GROUND),
         why="share of the light on it that it returns, of a white one; evenly all around"
     )
     shown: str = setting(

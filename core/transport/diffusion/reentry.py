@@ -20,6 +20,7 @@ from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
+from milkglass.core.light.ground import GroundExchange, GroundReturn
 from milkglass.core.material.medium import Medium
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
@@ -73,13 +74,15 @@ class SurfaceExchange:
     entry : Entry
         Of light from all around.
     share : float
-        Of light that leaves everywhere alike, what enters again but for what crosses matter.
+        Of light that leaves everywhere alike, what enters again but for what crosses matter, at most of a channel.
     """
 
     def __init__(self, geometry: ExchangeGeometry, depths: Depths, eta: float) -> None:
         self.boundary, samples = geometry.boundary, geometry.samples
         self._emitters: Ints = geometry.emitters
         self._crossings: Crossings | None = None
+        self._ground: GroundReturn | None = None
+        self._eta = eta
         self._to_vertices = geometry.pattern.matrix(eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
@@ -87,9 +90,19 @@ class SurfaceExchange:
         self._lock = threading.Lock()
         self._sources: dict[tuple[float, float], Scattering] = {}
         self._across: dict[float, csr_array | None] = {}
-        areas = self.boundary.patches.areas
-        alone = self._to_vertices @ np.ones(len(areas), np.float32)
-        self.share = float((self._to_patches[0] @ alone).sum() / areas.sum())
+        self.share = self._share(self._to_vertices @ np.ones(len(self.boundary.patches), np.float32))
+
+    def _share(self, irradiance: Float32) -> float:
+        """Return what enters over what leaves, for irradiance at the vertices of exitance 1."""
+        return float((self._to_patches[0] @ irradiance).sum() / self.boundary.patches.areas.sum())
+
+    def above(self, ground: GroundExchange) -> "SurfaceExchange":
+        """Return the exchange with what a plane below the object returns; they share all else."""
+        other, n = copy.copy(self), len(self.boundary.patches)
+        other._ground = GroundReturn(ground, self._eta, self._emitters, n)
+        brightest = int(np.argmax(ground.albedo))
+        other.share += self._share(other._ground.irradiance(brightest, np.ones(n, np.float32)))
+        return other
 
     def through(self, crossings: Crossings) -> "SurfaceExchange":
         """Return the exchange with light that crosses matter on these paths; they share all else."""
@@ -112,7 +125,9 @@ class SurfaceExchange:
         if self._leaving is not None:
             leaving *= self._leaving[:, channel]
         entering, across = self._to_vertices @ leaving, self._matrix_across(medium)
-        return np.asarray(entering if across is None else entering + across @ leaving)
+        if across is not None:
+            entering = entering + across @ leaving
+        return np.asarray(entering if self._ground is None else entering + self._ground.irradiance(channel, leaving))
 
     def _matrix_across(self, medium: Medium) -> csr_array | None:
         """Return the matrix from exitance to what enters at the vertices across matter, None where that is little."""

@@ -284,6 +284,9 @@ class DiffusionTransport:
             if (crossings := exchange.crossings) is not None:
                 alone = between
                 between = stages.run(Stage.SURFACE_CROSSING, (alone, crossings), lambda: alone.through(crossings))
+            if (ground := exchange.ground) is not None:
+                floating = between
+                between = stages.run(Stage.SURFACE_GROUND, (floating, ground), lambda: floating.above(ground))
         around = None if between is None else between.entry
         entries = [
             stages.run(

@@ -1,4 +1,4 @@
-"""A plane below an object: irradiance of what leaves a ball, and of the sky that the ball keeps from it."""
+"""A plane below an object: what leaves a ball for it, the sky that the ball keeps from it, and what it gives back."""
 
 import threading
 
@@ -7,7 +7,18 @@ import pytest
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.casting import BakeCancelled
-from milkglass.core.light.ground import RAYS, SIDE, GroundPlane, cast_from_ground, upward_directions
+from milkglass.core.light.ground import (
+    RAYS,
+    SIDE,
+    GroundExchange,
+    GroundMirror,
+    GroundPlane,
+    GroundReturn,
+    Horizon,
+    cast_from_ground,
+    upward_directions,
+)
+from milkglass.core.light.probe import Probe, irradiance_direct
 from milkglass.core.material.fresnel import hemispherical_transmittance
 from tests.support.shapes import ball, cube
 
@@ -85,3 +96,51 @@ def test_casting_ends_when_it_is_cancelled(below):
     cancelled.set()
     with pytest.raises(BakeCancelled):
         cast_from_ground(BALL, below[0], cancelled=cancelled)
+
+
+def test_the_plane_gives_back_what_a_sphere_sees_of_a_disc(below):
+    """Radiance 1 within a circle, seen from vertices without an interface, by other rays."""
+    plane, rays = below
+    places = plane.places().astype(np.float64)
+    radius, rng = 2.0 * RADIUS, np.random.default_rng(3)
+    disc = (np.hypot(places[:, 0], places[:, 2]) < radius).astype(np.float32)
+    received = rays.returning.matrix(1.0) @ disc
+    for vertex in rng.choice(len(BALL.vertices), 40, replace=False):
+        point, normal = BALL.vertices[vertex].astype(np.float64), BALL.normals[vertex].astype(np.float64)
+        towards = rng.normal(size=(20000, 3))
+        towards = towards / np.linalg.norm(towards, axis=1, keepdims=True) + normal
+        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        end = point + (plane.height - point[1]) / towards[:, 1:2] * towards
+        expected = np.pi * np.mean((towards[:, 1] < 0.0) & (np.hypot(end[:, 0], end[:, 2]) < radius))
+        assert received[vertex] == pytest.approx(expected, abs=0.04 * np.pi)
+
+
+def test_below_the_horizon_a_probe_is_the_plane(below):
+    latlong = np.zeros((32, 64, 3), np.float32)
+    latlong[:16], latlong[16:] = (1.0, 2.0, 3.0), 100.0
+    horizon = Horizon.of(Probe.from_pixels(latlong))
+    np.testing.assert_allclose(horizon.irradiance, np.pi * np.array([1.0, 2.0, 3.0]), rtol=2e-3)
+    probe = horizon.over(np.array([0.5, 0.0, 1.0]))
+    expected = Probe.from_pixels(np.where(np.arange(32)[:, None, None] < 16, latlong, [0.5, 0.0, 1.0]).astype("f4"))
+    np.testing.assert_allclose(probe.latlong, expected.latlong)
+    np.testing.assert_allclose(probe.sh, expected.sh, atol=1e-5)
+    dark = Horizon.of(None).over(np.ones(3)).latlong
+    np.testing.assert_allclose(
+        irradiance_direct(dark, [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], 1.0), [[np.pi] * 3, [0.5 * np.pi] * 3], rtol=0.01
+    )
+
+
+def test_a_white_plane_below_a_white_slab_keeps_all_light_between_them():
+    """On a contact nothing escapes: exitance 1 comes back whole, by an interface that mirrors, too."""
+    slab = cube(20.0)
+    plane = GroundPlane.below(slab, 0.0)
+    ground = GroundExchange(cast_from_ground(slab, plane), (1.0, 0.5, 0.0))
+    under = np.abs(plane.places()[:, [0, 2]]).max(axis=1) < 8.0
+    returned = GroundReturn(ground, 1.5, np.zeros(len(slab.faces), int), 1)
+    mirror = GroundMirror(ground, 1.5)
+    assert mirror.lit(np.ones(SIDE**2, np.float32), 2).max() == 1.0
+    # F_r of a diffuse light at 1.5, 0.0918, once and twice more.
+    np.testing.assert_allclose(mirror.lit(np.ones(SIDE**2, np.float32), 0)[under], 1.1, rtol=0.01)
+    assert returned.irradiance(2, np.ones(1, np.float32)).max() == 0.0
+    # The corners of the lower face see a quarter of the plane below it, and more that is dark here.
+    assert (returned.irradiance(0, np.ones(1, np.float32))[slab.normals[:, 1] < -0.9] > 0.1).all()

@@ -10,6 +10,7 @@ from tests.support.skies import sky
 
 GROUND = {"ground", "ground targets", "ground at pixels", "glow on the ground", "lamps on the ground"}
 RAYS = {"rays from the ground", "emitters before the ground"}
+LIGHT = {"light above the ground", "light from the ground", "flux", "deposit", "convolution", "environment light"}
 
 
 @pytest.fixture
@@ -38,18 +39,23 @@ def test_a_key_puts_the_object_on_a_ground_as_render_draws_it(lit_by_probe, show
 
 
 @pytest.mark.slow
-def test_the_ground_runs_its_own_stages_alone(context, model):
+def test_the_ground_relights_the_object_and_an_orbit_does_not(context, model):
     driver = Driver(small_scene(model))
     driver.session.edit("ground", on=True)
     ran = driver.stages()
     assert ran >= GROUND | RAYS
-    assert not ran & {"composite", "gbuffer", "irradiance of light 1", "deposit", "exposure"}
+    assert not ran & {"irradiance of light 1", "shadow of light 1"}
     driver.session.edit("ground", color=(0.2, 0.5, 0.9))
-    assert driver.stages() == {"ground at pixels", "tone map"}
+    ran = driver.stages()
+    assert ran >= {"light above the ground", "light from the ground", "ground at pixels", "tone map"}
+    assert not ran & RAYS
+    assert not ran & {"irradiance of light 1", "shadow of light 1", "lamps on the ground"}
+    driver.session.edit("camera", azimuth_deg=40.0)
+    assert not driver.stages() & (RAYS | LIGHT)
     driver.session.edit("display", key=0.3)
     assert driver.stages() == {"tone map"}
-    driver.session.edit("ground", on=False)
-    assert driver.stages() == {"tone map"}
+    driver.session.edit("ground", shown="shadow")
+    assert driver.stages() == {"ground at pixels", "tone map"}
     driver.close()
 
 

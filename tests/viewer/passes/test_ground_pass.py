@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from milkglass.core.light.probe import Probe
+from milkglass.core.light.probe import Probe, irradiance_direct
+from milkglass.core.material.fresnel import hemispherical_transmittance
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import place_camera
 from milkglass.viewer.scene.lights import DirectionalLight
@@ -15,7 +16,7 @@ from tests.support.rendering import MeshRenderer, scene_of
 from tests.support.shapes import ball
 
 ABOVE = ("camera.elevation_deg=60", "camera.zoom=0.5", "display.background=transparent")
-BLACK = ("material.sigma_s_prime=[0, 0, 0]", "material.sigma_a=[1, 1, 1]", "material.eta=1.4")
+BLACK = ("material.sigma_s_prime=[0, 0, 0]", "material.sigma_a=[1, 1, 1]", "material.eta=1")  # it mirrors nothing
 MIDNIGHT = Probe.from_pixels(np.full((16, 32, 3), 0.5, np.float32))
 
 
@@ -102,14 +103,69 @@ def test_what_leaves_the_ball_lights_the_ground_by_its_form_factor(renderer):
     np.testing.assert_allclose(ratio, 1.0, atol=0.08)
 
 
-def test_the_object_and_its_exposure_are_those_without_ground(renderer):
-    scene = scene_of("display.background=#404040")
-    without, standing = (renderer.render(each, samples=2) for each in (scene, on_ground(scene)))
-    whole = without.alpha == 1.0
-    np.testing.assert_array_equal(without.image[whole], standing.image[whole])
-    for name in ("position", "normal", "irradiance", "exitance", "subsurface", "specular"):
-        np.testing.assert_array_equal(getattr(without, name), getattr(standing, name))
-    assert (standing.image[~whole] != without.image[~whole]).any()
+def entering(renderer: MeshRenderer, scene: Scene) -> np.ndarray:
+    """E at the surface samples of a scene, light that leaves the object and comes back included: (n, 3)."""
+    lit = renderer.light(scene)
+    again = lit.entering_again(renderer.scatter(lit))
+    first = lit.flux / lit.samples.areas[:, None]
+    if again is None:
+        return first
+    points, normals = lit.samples.points, lit.samples.normals
+    return first + lit.surface.at(again - lit.unscattered, points, normals)
+
+
+def in_furnace(reflectance: float, *assignments: str) -> Scene:
+    """A scene of white matter without an interface, on a ground, in light of radiance 1 from all around."""
+    white = ["material.sigma_s_prime=[20, 20, 20]", "material.sigma_a=[0, 0, 0]", "transport.method=diffusion"]
+    scene = apply_set(scene_of(lights=()), [*white, "transport.resolution=32", "material.eta=1.33", *assignments])
+    probe = Probe.from_pixels(np.ones((16, 32, 3), np.float32))
+    return on_ground(replace(scene, environment=EnvironmentSettings(probe=probe)), reflectance=reflectance)
+
+
+def test_on_a_white_ground_in_a_white_furnace_the_ball_gets_all_light(renderer):
+    irradiance = entering(renderer, in_furnace(1.0)) / (np.pi * hemispherical_transmittance(1.33))
+    assert irradiance.mean() == pytest.approx(1.0, abs=0.01)
+    assert irradiance.std() < 0.02
+    np.testing.assert_array_less(np.quantile(irradiance, 0.01), 1.0)
+    assert np.quantile(irradiance, 0.01) > 0.9
+
+
+@pytest.mark.parametrize("method", ["diffusion", "ewald"])
+def test_of_a_black_ground_the_ball_gets_nothing(renderer, method):
+    """E(n) = pi (1 + n_y) / 2: the view factor of the sky above a plane without end."""
+    scene = in_furnace(0.0, f"transport.method={method}", "material.eta=1")
+    normals = renderer.light(scene).samples.normals.astype(np.float64)
+    np.testing.assert_allclose(entering(renderer, scene)[:, 1], 0.5 * np.pi * (1.0 + normals[:, 1]), atol=0.02 * np.pi)
+
+
+def test_a_lamp_by_way_of_the_ground_lights_the_ball_as_rays_say(renderer):
+    """A black ball, so that nothing else does: directions at random, shadows by the sphere's equation."""
+    gap, radius, towards = 6.0, -low(renderer), np.array([0.6, 0.8, 0.0])
+    lamp = DirectionalLight(tuple(towards), (2.0, 1.0, 0.5))
+    scene = on_ground(scene_of(*BLACK, lights=(lamp,)), gap_mm=gap, color=(1.0, 0.5, 1.0))
+    lit, rng = renderer.light(scene), np.random.default_rng(0)
+    samples = lit.samples
+    chosen = rng.choice(np.flatnonzero(samples.normals[:, 1] < -0.2), 60, replace=False)
+    returned = lit.surface.at(lit.unscattered, samples.points, samples.normals)[chosen]
+    probe = lit.ground.standing.environment.probe.latlong
+    returned = returned + irradiance_direct(probe, samples.normals[chosen], 1.0)
+    expected = []
+    for point, normal in zip(radius * samples.normals[chosen].astype(np.float64), samples.normals[chosen], strict=True):
+        rays = rng.normal(size=(20000, 3))
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) + normal
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        place = point - (radius + gap + point[1]) / rays[:, 1:2] * rays
+        nearest = np.linalg.norm(place - (place @ towards)[:, None] * towards, axis=1)
+        expected.append(np.mean((rays[:, 1] < 0.0) & (nearest > radius)) * 0.8)
+    expected = 0.5 * np.array(expected)[:, None] * np.array([2.0, 0.5, 0.5])
+    np.testing.assert_allclose(returned.mean(axis=0), expected.mean(axis=0), rtol=0.02)
+    np.testing.assert_allclose(returned, expected, atol=0.06)
+
+
+def test_a_lamp_below_the_ground_does_not_light_the_ball(renderer):
+    scene = scene_of(lights=(DirectionalLight((0.3, -1.0, 0.0)),))
+    assert renderer.light(scene).flux.max() > 0.0
+    assert not renderer.light(on_ground(scene)).flux.any()
 
 
 def test_as_a_shadow_the_ground_over_itself_in_the_open_is_the_ground(renderer):
@@ -129,7 +185,8 @@ def test_as_a_shadow_the_ground_over_itself_in_the_open_is_the_ground(renderer):
 def test_from_below_the_ground_is_not_seen(renderer):
     scene = scene_of("camera.elevation_deg=-40", "display.background=transparent")
     without, standing = (renderer.render(each, samples=1) for each in (scene, on_ground(scene)))
-    np.testing.assert_array_equal(without.image, standing.image)
+    np.testing.assert_array_equal(without.alpha, standing.alpha)
+    assert not standing.radiance[standing.alpha == 0.0].any()
 
 
 @pytest.mark.parametrize("orthographic", ["true", "false"])

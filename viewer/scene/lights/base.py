@@ -21,7 +21,7 @@ from milkglass.viewer.scene.lights.sub_lights import PARTS, SubLights, Vector
 # fmt: off
 # ruff: noqa: RUF009  (light_setting() makes a dataclasses.field, fresh for each class)
 
-light_setting = partial(setting, moves=Part.LIGHT)
+light_setting = partial(setting, moves=(Part.LIGHT, Part.OCCLUSION))  # of a ground that lamps shine on, which is around
 
 DEFAULT_DISTANCE = 200.0  # mm, of a near light that was distant; two radii of a hand-sized object
 MAX_SUB_LIGHTS, MAX_DRAFT_SUB_LIGHTS = 96, 8

@@ -145,9 +145,9 @@ class ViewArea:
         scene = self._sized(self._session.scene)
         if scene is None:
             return None
-        display, ground = replace(scene.display, background="transparent"), replace(scene.ground, on=False)
-        scene = replace(scene, display=display, ground=ground)
-        return self.live.draw(scene, Detail(False, SAMPLES, True), exposure_for=self._session.view.exposure_lock)
+        scene = replace(scene, display=replace(scene.display, background="transparent"))
+        detail = Detail(samples=SAMPLES, at_once=True, alone=True)
+        return self.live.draw(scene, detail, exposure_for=self._session.view.exposure_lock)
 
     @property
     def working(self) -> bool:
