@@ -6,6 +6,7 @@ drops what a file says about hard edges.
 
 import difflib
 import os
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from milkglass.core.threads import computed_once
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
 
+LONGEST_HEAD = 1 << 16  # bytes in which an OBJ file names its materials
 MOST_NAMED = 20  # parts in a sentence
 # trimesh reads these too, given what `pip install` adds.
 EXTRA_PACKAGES = {
@@ -217,7 +219,8 @@ def _read(path: Path) -> trimesh.Scene:
             raise InputError(f"{path} is empty; export the model again.")
         with _quiet():
             # Seams of textures would cost our normals; `viewer.files.model_look` has them by corners.
-            return trimesh.load_scene(path, file_type=suffix[1:], process=False, fix_texture=False)
+            options = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
+            return trimesh.load_scene(path, file_type=suffix[1:], process=False, fix_texture=False, **options)
     except InputError:
         raise
     except Exception as error:
@@ -226,6 +229,13 @@ def _read(path: Path) -> trimesh.Scene:
         raise InputError(
             f"{path} could not be read as a {suffix} model ({reason}); check the file or export it again."
         ) from error
+
+
+def _has_materials(path: Path) -> bool:
+    """Return whether an OBJ file comes with its materials, by which its parts are then told apart, else by objects."""
+    with path.open("rb") as file:
+        named = re.search(rb"^\s*mtllib\s+(.+?)\s*$", file.read(LONGEST_HEAD), re.MULTILINE)
+    return named is not None and path.with_name(os.fsdecode(named[1])).is_file()
 
 
 def _unsupported(path: Path, suffix: str) -> str:

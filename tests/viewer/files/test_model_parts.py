@@ -11,9 +11,9 @@ from milkglass.viewer.commands.cli import main
 from milkglass.viewer.files.model import FileModel, builtin_vessel, read_model
 
 
-def write_cup(path, mtl: bool = True) -> None:
+def write_cup(path) -> None:
     """A cube of glass with a ball in it, one named by its material and the other by its object too."""
-    lines, count = ["mtllib cup.mtl"] if mtl else [], 0
+    lines, count = ["mtllib cup.mtl"], 0
     for name, material, part in (
         ("cup", "glass", trimesh.creation.box((2, 2, 2))),
         ("drink", "juice", trimesh.creation.icosphere(1, 0.5)),
@@ -37,6 +37,12 @@ def test_parts_of_an_obj_file_have_the_names_of_its_materials(tmp_path):
     write_cup(tmp_path / "cup.obj")
     parted = taken(read_model(tmp_path / "cup.obj", 100.0), "glass")
     assert parted.look is None  # a single colour
+
+
+def test_parts_of_an_obj_file_without_its_materials_have_the_names_of_objects(tmp_path):
+    write_cup(tmp_path / "cup.obj")
+    (tmp_path / "cup.mtl").unlink()
+    taken(read_model(tmp_path / "cup.obj", 100.0), "cup")
 
 
 def test_parts_of_a_gltf_file_have_names_of_materials_nodes_and_meshes(tmp_path):
