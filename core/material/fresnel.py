@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import brentq
 
 from milkglass.core.arrays import Array
 
@@ -65,6 +66,14 @@ def internal_moment(eta: float, power: int) -> float:
     weights = weights * 2.0 * t * (1.0 - critical)
     reflected = reflectance(1.0 / eta, mu)
     return critical ** (power + 1) + float(np.sum(weights * (power + 1.0) * mu**power * reflected))
+
+
+def index_of(reflected: float) -> float:
+    """Return the index of refraction in [1, 3] whose R1 is nearest to a share, see `internal_moments`."""
+    least, most = internal_moment(1.0, 1), internal_moment(3.0, 1)
+    if not least < reflected < most:
+        return 1.0 if reflected <= least else 3.0
+    return float(brentq(lambda eta: internal_moment(eta, 1) - reflected, 1.0, 3.0, xtol=1e-4))
 
 
 @functools.cache

@@ -5,7 +5,7 @@ that are the same for all its coefficients and that no ray is cast for again.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,6 +46,8 @@ class Beams:
         R, G and B at the start, without attenuation there.
     bodies : (k,) int32
         That they cross.
+    surface : Surface, optional
+        By which they were refracted and mirrored, where that is known.
     """
 
     starts: Float32
@@ -54,6 +56,7 @@ class Beams:
     before: Float32
     power: Float32
     bodies: Int32
+    surface: Surface | None = None
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -64,14 +67,16 @@ class Beams:
 
     def chosen(self, chosen: Bools) -> "Beams":
         """Return some of the chords."""
-        return Beams(*(getattr(self, item.name)[chosen] for item in fields(Beams)))
+        placed = self.starts[chosen], self.ends[chosen], self.lengths[chosen], self.before[chosen]
+        return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface)
 
 
 def traced(surface: Surface, light: Emitted) -> Beams:
     """Return the chords of light through bodies that scatter, what these absorb and scatter left out."""
     courses = followed(surface, light.origins, light.directions, events=most_events(surface))
     power = light.power[courses.sources] * courses.weights
-    beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
+    placed = courses.starts, courses.ends, courses.lengths, courses.before
+    beams = Beams(*placed, power, courses.bodies, surface)
     return beams.chosen(beams.bodies < surface.scattering) if surface.is_nested else beams
 
 
@@ -98,20 +103,24 @@ class Courses:
     sources: Int32
 
 
-def followed(surface: Surface, origins: Float32, directions: Float32, met: int = 0, events: int = EVENTS) -> Courses:
+def followed(
+    surface: Surface, origins: Float32, directions: Float32, met: int = 0, events: int = EVENTS, *, inside: bool = False
+) -> Courses:
     """Return the chords of rays, (n, 3) each, that have `met` the surface so often before, in the order of events.
 
-    Paths end after so many `events`.
+    Paths end after so many `events`. They begin in air or, if `inside`, in the first body.
     """
     n, absorption = len(origins), surface.absorption if surface.absorption.any() else surface.absorption[:, :1]
     weights = np.ones((n, absorption.shape[1]), np.float32)
     rays = Rays.beginning(origins, directions, weights, np.arange(n, dtype=np.int32))
+    if inside:
+        rays.within[:] = 1 << surface.faces.media[0]
     parts = []
     travelled = np.empty(0, np.float32)  # in matter that scatters, at the end of each chord so far
     for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
         chords = event.chords
-        inside = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        before, travelled = _travelled(chords.parents, inside, travelled)
+        in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
+        before, travelled = _travelled(chords.parents, in_matter, travelled)
         placed = chords.starts, chords.ends, chords.lengths, before
         parts.append((*placed, chords.weights, chords.bodies, chords.sources))
     return Courses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -132,4 +141,9 @@ def _travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float
 
 def joined(parts: Sequence[Beams]) -> Beams:
     """Return the chords of several lights as one."""
-    return Beams(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Beams)))
+    starts, ends, lengths, before, power = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("starts", "ends", "lengths", "before", "power")
+    )
+    bodies = np.concatenate([part.bodies for part in parts])
+    return Beams(starts, ends, lengths, before, power, bodies, parts[0].surface)

@@ -4,14 +4,17 @@ Power that scatters flies through an unbounded medium, which is right inside (`c
 surface is gathered along fixed directions from some places of it, of a density mu F_r(mu) as what is reflected there
 has, most of it totally. Directions come in pairs, each the mirror image of the other: light that arrives along one
 goes back along the other, and on from where that ends, mirrored and refracted as beams are.
+
+Where clear parts are around the object, light goes out into them first, by all directions alike, and some of it comes
+back, through another place of the surface or mirrored there.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.normals import across
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.fresnel import internal_moment, reflectance
@@ -27,6 +30,7 @@ AXES = 2, 1, 0  # of volumes, along x, y and z
 SIDES = 2  # of a pair of directions
 MOST_PLACES = 8000
 COSINES = 1024  # of their table
+OPAQUE = 100.0  # optical thickness of a mean chord in which light is met once
 EVENTS = 16  # after which paths end: most of the light that goes back is totally reflected, often again and again
 
 
@@ -37,16 +41,28 @@ class Returns:
     Attributes
     ----------
     flux : (n,) float64
-        Reflected light of a unit of radiance that arrives along the mirror image, mm^2 sr.
+        Light that goes on of a unit of radiance that arrives, mm^2 sr.
+    arrivals : Chords
+        Ways inside along which it arrives, from the surface backwards; of the n rays that go on from there.
     courses : Courses
-        Of the n rays; their first chords first.
+        Of the n rays.
     """
 
     flux: Array
+    arrivals: Chords
     courses: Courses
 
+    def reflected(self) -> float:
+        """Return the share of light from all directions alike that comes back, where all directions go on: R1."""
+        courses = self.courses
+        opaque = OPAQUE / max(float(self.arrivals.lengths.mean()), 1e-30)
+        met = np.exp(-opaque * courses.before) * -np.expm1(-opaque * courses.lengths)
+        return float(np.sum(self.flux[courses.sources] * courses.weights.mean(axis=1) * met) / np.sum(self.flux))
 
-def returns(points: Array, normals: Array, areas: Array, surface: Surface, offset: float) -> Returns:
+
+def returns(
+    points: Array, normals: Array, areas: Array, surface: Surface, offset: float, around: Surface | None = None
+) -> Returns:
     """Return where a surface sends light back, at most at `MOST_PLACES` of k places.
 
     Parameters
@@ -58,38 +74,60 @@ def returns(points: Array, normals: Array, areas: Array, surface: Surface, offse
     surface : Surface
     offset : float
         Below the surface at which rays start, mm.
+    around : Surface, optional
+        The same surface with clear parts around it.
     """
     random, eta, total = np.random.default_rng(0), float(surface.faces.etas[0]), float(areas.sum())
     count = min(len(points), MOST_PLACES)
     along = (np.arange(count) + random.random(count)) / count
     chosen = np.searchsorted(np.cumsum(areas) / total, along).clip(0, len(areas) - 1)
     cosines = (np.arange(COSINES) + 0.5) / COSINES
-    density = np.cumsum(cosines * reflectance(1.0 / eta, cosines))
+    density = np.cumsum(cosines * (reflectance(1.0 / eta, cosines) if around is None else 1.0))
     mu = np.interp(random.random(count), density / max(density[-1], np.finfo(np.float64).tiny), cosines)
     turn = 2.0 * np.pi * random.random(count)
     first, second = across(-normals[chosen])
     sine = np.sqrt(1.0 - mu * mu)
     aside = (sine * np.cos(turn))[:, None] * first + (sine * np.sin(turn))[:, None] * second
     directions = np.concatenate([aside, -aside]) - np.tile(mu[:, None] * normals[chosen], (SIDES, 1))
-    starts = np.tile(points[chosen] - offset * normals[chosen], (SIDES, 1))
-    courses = followed(surface, starts.astype(np.float32), directions.astype(np.float32), 1, EVENTS)
-    flux = np.full(SIDES * count, np.pi * internal_moment(eta, 1) * total / (SIDES * count))
-    return Returns(flux, courses)
+    places = points[chosen] - offset * normals[chosen]
+    if around is not None:
+        places = around.below_clear(places, -normals[chosen])
+    starts = np.tile(places, (SIDES, 1)).astype(np.float32)
+    inwards, number = directions.astype(np.float32), np.arange(SIDES * count)
+    if around is None:
+        courses = followed(surface, starts, inwards, 1, EVENTS)
+        share, onwards = internal_moment(eta, 1), (number + count) % len(number)
+    else:
+        courses = _in_matter(followed(around, starts, -inwards, 1, EVENTS, inside=True), around.scattering)
+        share, onwards = 1.0, number
+    flux = np.full(SIDES * count, np.pi * share * total / (SIDES * count))
+    return Returns(flux, _across(surface, starts, inwards, onwards.astype(np.int32)), courses)
+
+
+def _in_matter(courses: Courses, scattering: int) -> Courses:
+    """Return the chords that cross bodies that scatter."""
+    chosen = courses.bodies < scattering
+    return Courses(*(getattr(courses, item.name)[chosen] for item in fields(Courses)))
+
+
+def _across(surface: Surface, starts: Float32, directions: Float32, sources: Int32) -> Chords:
+    """Return the chords of rays from inside a body to its surface, where they meet that, unattenuated."""
+    face, distance = surface.rays.first(starts, directions)
+    met = np.flatnonzero(face >= 0)
+    lengths = distance[met].astype(np.float32)
+    ends, count = starts[met] + lengths[:, None] * directions[met], len(met)
+    light, body, no_parent = np.ones((count, 3), np.float32), np.zeros(count, np.int32), np.full(count, -1, np.int32)
+    return Chords(starts[met], ends, lengths, light, body, sources[met], no_parent)
 
 
 def arriving(
     scattered: Scattered, extinctions: Sequence[float], fill: Filled, back: Returns, grid: LayerGrid
 ) -> Float32:
-    """Return the radiance of scattered light where it arrives at the surface, (n, 3), along the directions back."""
-    found, courses = np.zeros((len(back.flux), 3), np.float32), back.courses
-    first = courses.before == 0.0
-    count = int(first.sum())
-    light, no_parent = np.ones((count, 3), np.float32), np.full(count, -1, np.int32)
-    placed = courses.starts[first], courses.ends[first], courses.lengths[first]
-    chords = Chords(*placed, light, np.zeros(count, np.int32), courses.sources[first], no_parent)
+    """Return the radiance of scattered light where it arrives at the surface, of the rays that go on, (n, 3)."""
+    found = np.zeros((len(back.flux), 3), np.float32)
     scale = np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
     glow = scattered.glow(grid, lambda _, power: power / scale, directed=scattered.is_directed)
-    glow.add(chords, np.array([extinctions], np.float32), np.ones(1, np.float32), found)
+    glow.add(back.arrivals, np.array([extinctions], np.float32), np.ones(1, np.float32), found)
     return found
 
 
@@ -118,7 +156,7 @@ def collided_again(
     directed : of R, G and B
     """
     courses, radiance = back.courses, arriving(scattered, extinctions, fill, back, grid)
-    sent = (back.flux[:, None] * np.roll(radiance, len(radiance) // SIDES, axis=0)).astype(np.float32)
+    sent = (back.flux[:, None] * radiance).astype(np.float32)
     power = courses.weights * sent[courses.sources]
     beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
     returned = moments(beams, extinctions, grid, 4 if any(directed) else 1)

@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32, Int32
+from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.mesh import Mesh, face_normals, position_groups
 from milkglass.core.geometry.rays import RayMesh
 
 OFFSET = 2e-5  # radii of the bounding sphere from a face at which rays that leave it start
 COINCIDENT = 1e-4  # radii by which surfaces of two media may lie apart that are meant to touch
 OVERLAP = 4.0  # of that distance by which the first of them is grown into the other
+UPWARDS = np.array([0.3713, 0.8917, 0.2589])  # along no axis or symmetry of a mesh
 MOST_CLEAR = 30  # parts: a bit of a ray's state is for each
 
 
@@ -141,6 +142,18 @@ class Surface:
         absorption = np.zeros((len(faces.etas), 3), np.float32)
         absorption[scattering:] = [part.absorption for part in clear] or np.empty((0, 3))
         return cls(faces, RayMesh(vertices, corners), OFFSET * radius, scattering, absorption)
+
+    def below_clear(self, points: Array, inwards: Array) -> Array:
+        """Return points (n, 3), those in a clear part moved along unit vectors `inwards` to below what they meet."""
+        ray, face = self.rays.all_hits(points, np.broadcast_to(UPWARDS, points.shape), self.offset)
+        in_clear = np.zeros(len(points), bool)
+        for body in range(self.scattering, len(self.faces.etas)):
+            crossed = np.bincount(ray[self.faces.bodies[face] == body], minlength=len(points))
+            in_clear |= crossed % 2 == 1
+        met, distance = self.rays.first(points[in_clear], inwards[in_clear])
+        moved = points.copy()
+        moved[in_clear] += np.where(met >= 0, distance + self.offset, 0.0)[:, None] * inwards[in_clear]
+        return moved
 
     @property
     def is_nested(self) -> bool:

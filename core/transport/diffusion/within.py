@@ -17,6 +17,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
+from milkglass.core.material.fresnel import index_of
 from milkglass.core.material.medium import BOUNDARY_CONDITION, DeltaEddington, Medium
 from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.deposit import moments
@@ -127,6 +128,9 @@ class Within:
         grid, eta, patches = body.boundary.grid, media[0].eta, body.boundary.patches
         areas = patches.areas
         fill = stages.run(Stage.FILLED, (body.mesh, grid), lambda: filled(body.mesh, grid))
+        # Several bodies send light into each other through clear parts, which is left out.
+        is_nested = beams.surface is not None and beams.surface.is_nested and beams.surface.scattering == 1
+        around = beams.surface if is_nested else None
         seen = [needs_beams(medium, grid) for medium in media]
         flights = [scaled(medium, grid) for medium in media]
 
@@ -146,7 +150,7 @@ class Within:
 
         def sent_back() -> Returns:
             places = patches.on_surface, patches.face_normals, patches.areas
-            return returns(*places, Surface.of(body.mesh, eta), RAY_OFFSET * grid.texel)
+            return returns(*places, Surface.of(body.mesh, eta), RAY_OFFSET * grid.texel, around)
 
         first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), once)
         followed = [medium.albedo >= RESOLVED.least_albedo for medium in media]
@@ -158,7 +162,8 @@ class Within:
             return stages.run(
                 Stage.RESOLVED, (first, fill), lambda: resolved(first, source, no_gains, media, fill, grid)
             )
-        back = stages.run(Stage.RETURNS, (body.boundary, eta), sent_back)
+        back = stages.run(Stage.RETURNS, (body.boundary, eta, around), sent_back)
+        index = eta if around is None else index_of(back.reflected())
         fly = functools.partial(self._flown, media=media, flights=flights, fill=fill, back=back, grid=grid)
 
         def twice() -> Scattered:
@@ -182,7 +187,7 @@ class Within:
         fluence = stages.run(
             Stage.FLUENCE,
             (second, body.boundary, body.exchange),
-            lambda: self._fluence(second.power, media, body, window, green),
+            lambda: self._fluence(second.power, media, index, body, window, green),
         )
 
         def seen_along_rays() -> Resolved:
@@ -270,12 +275,18 @@ class Within:
         return often, gains
 
     def _fluence(
-        self, second: Volumes, media: Sequence[Medium], body: Body, window: float, green: Sequence[Spectra | None]
+        self,
+        second: Volumes,
+        media: Sequence[Medium],
+        eta: float,
+        body: Body,
+        window: float,
+        green: Sequence[Spectra | None],
     ) -> list[Often | None]:
         """Return what has scattered twice or more, of power that scatters for the second time at the nodes.
 
         Of it some leaves and enters again. Of what has scattered once that is in the second scattering, whose flight
-        knows no surface between parts.
+        knows no surface between parts. The surface reflects as one of an index `eta`.
         """
         boundary, grid = body.boundary, body.boundary.grid
         channels: list[Channel | None] = [None] * len(media)
@@ -285,7 +296,7 @@ class Within:
             power, spectrum = second[i], green[i]
             if power is None or spectrum is None or not power.any():
                 return None
-            medium = replace(media[i], anisotropy=BOUNDARY_CONDITION.anisotropy_within)
+            medium = replace(media[i], eta=eta, anisotropy=BOUNDARY_CONDITION.anisotropy_within)
             convolver = self._kernels.convolver(self._shape(grid, media[i]), i)
             reentry, entered = None, np.zeros(power.size, np.float32)
             if body.exchange is not None and not body.exchange.is_negligible(medium):

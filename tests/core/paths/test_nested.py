@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from milkglass.core.material.fresnel import reflectance
+from milkglass.core.geometry.mesh import face_cross, face_normals
+from milkglass.core.material.fresnel import index_of, internal_moment, reflectance
 from milkglass.core.paths.beams import Emitted, traced
 from milkglass.core.paths.events import NESTED_EVENTS, Chords, follow, most_events
+from milkglass.core.paths.second import returns
 from milkglass.core.paths.surface import ClearPart, Surface
 from milkglass.core.paths.tree import Seen, Sight, Tree
 from tests.core.paths.test_events import beam
@@ -117,6 +119,28 @@ def test_glass_floats_in_a_cavity_of_matter_and_lies_in_matter(liquid, wall):
 def heavy(chords: Chords) -> Chords:
     """Those of rays that nothing has mirrored yet."""
     return Chords(*(column[chords.weights[:, 0] > 0.7] for column in chords))
+
+
+@pytest.mark.parametrize("liquid", [8.1, 7.999])
+def test_glass_sends_back_what_its_outer_surface_does(liquid):
+    """Alone a liquid sends back R1, and so it does in glass so thin that nothing goes astray in it."""
+    alone, expected = solids.mesh_of(ball(liquid)), internal_moment(LIQUID, 1)
+    corners = alone.vertices[alone.faces].astype(np.float64)
+    cross = face_cross(alone.vertices, alone.faces)
+    areas = 0.5 * np.linalg.norm(cross, axis=1)
+    places = corners.mean(axis=1), face_normals(alone.vertices, alone.faces), areas
+    surface = Surface.of(alone, LIQUID)
+    shares = [returns(*places, surface, 1e-3, around).reflected() for around in (surface, thin(liquid), filled(liquid))]
+    assert shares[0] == pytest.approx(expected, abs=0.01)
+    assert shares[1] == pytest.approx(expected, abs=0.02)
+    assert shares[2] < 0.8 * expected
+    assert index_of(expected) == pytest.approx(LIQUID, abs=1e-3)
+
+
+def thin(liquid: float) -> Surface:
+    """A ball of liquid in glass of a hundredth of its radius."""
+    wall = solids.hollow(ball(1.01 * liquid), ball(0.999 * liquid))
+    return Surface.of(solids.mesh_of(ball(liquid)), LIQUID, clear=[ClearPart(wall, GLASS, NONE)])
 
 
 def test_beams_reach_a_liquid_through_its_glass():
