@@ -1,10 +1,12 @@
 """Comparison of a picture with path tracing by Mitsuba 3: `milkglass render --path-traced FILE.exr`.
 
 Mesh, camera and material are the same: a homogeneous, isotropically scattering medium of the reduced coefficients,
-behind a smooth dielectric boundary (`viewer.error.mitsuba_paths`). Paths from the eye can hit a light through such a
-boundary only if it has a size, so sharp lights are discs of `HALF_ANGLE_DEG` degrees about their direction; wide ones
-and environments are what they are, and less noisy. Faces are flat, as for photons. Light that never scatters
-(highlights, light straight through) and the object seen in its mirror are no subsurface light, and not compared.
+behind a smooth dielectric boundary (`viewer.error.mitsuba_paths`). The picture is drawn so too, without a material's
+mean cosine: light that is scattered forward is scattered to a path, and seen straight through in a picture. Paths from
+the eye can hit a light through such a boundary only if it has a size, so sharp lights are discs of `HALF_ANGLE_DEG`
+degrees about their direction; wide ones and environments are what they are, and less noisy. Faces are flat, as for
+photons. Light that never scatters (highlights, light straight through) and the object seen in its mirror are no
+subsurface light, and not compared.
 
 Traced paths know whether light has left the object and met it again. So they judge two pictures: all subsurface light,
 and transport alone, drawn without light between parts, against paths that never met the object again.
@@ -133,7 +135,8 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
 
 def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedResult:
     """Render a scene and return its comparison with traced paths; see `trace`."""
-    renderer, scene = Renderer(headless_context()), scene.floating()
+    scene = replace(scene.floating(), material=scene.material.isotropic())
+    renderer = Renderer(headless_context())
     lit = renderer.light(scene)
     if lit.detail is not None:
         off = "--set detail.albedo=off --set detail.normal_strength=0"

@@ -186,6 +186,11 @@ class MaterialSettings:
         """Return settings of a material that does not scatter, as glass, which may absorb."""
         return cls(sigma_s_prime=(0.0, 0.0, 0.0), sigma_a=sigma_a, eta=eta)
 
+    def isotropic(self) -> "MaterialSettings":
+        """Return settings of the same coefficients, mixed and diluted, that scatter all ways alike."""
+        material = replace(self.resolve(), g=ISOTROPIC)
+        return MaterialSettings.of(material, profile=self.profile, profile_table=self.profile_table)
+
     def resolve(self) -> materials.Material:
         """Return the material that light meets: `base`, mixed and diluted."""
         return _resolved(self)

@@ -187,7 +187,7 @@ class Within:
         fluence = stages.run(
             Stage.FLUENCE,
             (second, body.boundary, body.exchange),
-            lambda: self._fluence(second.power, media, index, body, window, green),
+            lambda: self._fluence(_diffusing(source, second, media, flights), media, index, body, window, green),
         )
 
         def seen_along_rays() -> Resolved:
@@ -249,29 +249,33 @@ class Within:
     ) -> tuple[Scattered, list[float]]:
         """Return what scatters twice or more, and factors on it: what leaves of it is what leaves in the solution.
 
-        In thick matter, where that is a small difference, they are the least.
+        In thick matter, where that is a small difference, they are the least. That of light that is directed knows what
+        its direction changes, and may be below.
         """
-        gains = [RESOLVED.least_gain] * len(flights)
-        clear, directed = list(again), [flux is not None for flux in second.flux]
+        gains, directed = [RESOLVED.least_gain] * len(flights), [flux is not None for flux in second.flux]
+        asked = list(again)
         for i, (once, twice, flight) in enumerate(zip(first.power, second.power, flights, strict=True)):
-            if once is not None and twice is not None:
+            if once is not None and twice is not None and not directed[i]:
                 escaping = 1.0 - _total(twice) / (flight.albedo * _total(once))
-                clear[i] = clear[i] if escaping > RESOLVED.clear_escape else None
-        asked = [power if turns else of_clear for power, of_clear, turns in zip(again, clear, directed, strict=True)]
+                asked[i] = again[i] if escaping > RESOLVED.clear_escape else None
         often = Scattered(again, second.flux)
-        met = fly(Scattered.evenly(asked), directed) if any(power is not None for power in asked) else None
-        if met is not None and any(directed):
+        if all(power is None for power in asked):
+            return often, gains
+        met = fly(Scattered.evenly(asked), directed)
+        if any(directed):
             flux = [
                 turned if more is None or turned is None else turned + np.float32(flight.turning) * more
                 for turned, more, flight in zip(second.flux, met.flux, flights, strict=True)
             ]
-            often = Scattered(again, flux)
-            if any(power is not None and turns for power, turns in zip(clear, directed, strict=True)):
-                met = fly(Scattered(clear, flux))
-        if met is not None:
-            for i, (power, stopped, out) in enumerate(zip(clear, met.power, leaving, strict=True)):
-                if power is not None and stopped is not None and out is not None:
-                    gains[i] = max(gains[i], out / max(_total(power) - _total(stopped), 1e-30))
+            often, met = Scattered(again, flux), fly(Scattered(asked, flux))
+        for i, (power, stopped, out) in enumerate(zip(asked, met.power, leaving, strict=True)):
+            if power is not None and stopped is not None and out is not None:
+                escaping = max(_total(power) - _total(stopped), 1e-30)
+                if directed[i]:
+                    balanced = 2.0 * escaping / (RESOLVED.clear_escape * _total(power)) - 1.0
+                    gains[i] += min(max(balanced, 0.0), 1.0) * (out / escaping - gains[i])
+                else:
+                    gains[i] = max(gains[i], out / escaping)
         return often, gains
 
     def _fluence(
@@ -316,6 +320,25 @@ class Within:
         iterates = tuple(none if often is None else often.end.iterate for often in found)
         self._last = End(boundary, tuple(channels), iterates)
         return found
+
+
+def _diffusing(
+    first: Scattered, second: Scattered, media: Sequence[Medium], flights: Sequence[DeltaEddington]
+) -> Volumes:
+    """Return the source of diffusion: power that scatters for the second time, moved on to where its flux takes it.
+
+    A source q + 3 w . v is q - 3 D div v to diffusion. Of v = g'' s_s'' J, with J the flux of light that has scattered
+    once, div J is what has scattered once less what of that collides, but for what leaves: nothing is added.
+    """
+    sources: list[Float32 | None] = []
+    for once, twice, medium, flight in zip(first.power, second.power, media, flights, strict=True):
+        if once is None or twice is None or flight.cosine == 0.0:
+            sources.append(twice)
+            continue
+        moved, met = 3.0 * medium.diffusion * flight.cosine * flight.sigma_s, twice / np.float32(flight.albedo)
+        change = met - np.float32(_total(met) / _total(once)) * once
+        sources.append(np.asarray(twice + np.float32(moved) * change, np.float32))
+    return sources
 
 
 def _again(
