@@ -196,6 +196,8 @@ class Stage(StrEnum):
 
     PATH_SURFACE = "surface for rays", Part.IRRADIANCE
     PATHS = "rays of sight", Part.LOOK
+    FLOOR = "ground for rays", Part.LOOK
+    PATHS_ON_GROUND = "rays of sight above the ground", Part.LOOK
     LIT_PATHS = "rays of sight, lit", Part.LOOK
     PATH_PARTS = "parts of light along rays", Part.LOOK
     PATH_TARGETS = "ray targets", Part.LOOK

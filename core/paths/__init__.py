@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from milkglass.core.paths.glow import Glow as Glow
     from milkglass.core.paths.lamps import Lamp as Lamp
     from milkglass.core.paths.surface import ClearPart as ClearPart, Surface as Surface
-    from milkglass.core.paths.surroundings import Surroundings as Surroundings
+    from milkglass.core.paths.surroundings import Floor as Floor, Surroundings as Surroundings
     from milkglass.core.paths.tree import Inside as Inside, Seen as Seen, Sight as Sight, Tree as Tree
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -1,4 +1,4 @@
-"""What rays see that leave the object: an environment, and lamps with a size."""
+"""What rays see that leave the object: an environment, lamps with a size, and a plane below."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -26,6 +26,32 @@ class Lamps(NamedTuple):
     cones: Float32
 
 
+class Floor(NamedTuple):
+    """A horizontal plane, seen from above, whose radiance is known at the places of a map; see `core.light.ground`.
+
+    Attributes
+    ----------
+    radiance : (s, s, 3) float32
+        Row by row along z; s is 0 of no plane.
+    height : float
+        mm.
+    centre, fade : (2,) float32
+        World x and z of the map's middle, mm; distances from there between which the plane fades away, mm.
+    spread, last : float
+        Places are at the middle + spread sinh(u), u evenly spread between -last and last; mm.
+    """
+
+    radiance: Float32
+    height: float
+    centre: Float32
+    fade: Float32
+    spread: float
+    last: float
+
+
+NO_FLOOR = Floor(np.zeros((0, 0, 3), np.float32), 0.0, np.zeros(2, np.float32), np.ones(2, np.float32), 1.0, 1.0)
+
+
 class Surroundings(NamedTuple):
     """Radiance that arrives from all around; compared by identity.
 
@@ -38,6 +64,8 @@ class Surroundings(NamedTuple):
     intensity : float
         Factor on both maps.
     lamps : Lamps
+    floor : Floor
+        Before the environment.
     """
 
     whole: Float32
@@ -45,6 +73,7 @@ class Surroundings(NamedTuple):
     turn: Float32
     intensity: float
     lamps: Lamps
+    floor: Floor
 
     def __eq__(self, other: object) -> bool:
         return self is other
@@ -92,7 +121,12 @@ class Surroundings(NamedTuple):
             np.array([np.cos(angle), np.sin(angle)], np.float32),
             float(intensity),
             arrays,
+            NO_FLOOR,
         )
+
+    def above(self, floor: Floor) -> "Surroundings":
+        """Return the surroundings with a plane before the environment."""
+        return self._replace(floor=floor)
 
     def add(self, rays: Rays, radiance: Float32, first: int) -> None:
         """Add weights times what rays see to the rows of `radiance`, (n, 3), that their sources number.
@@ -106,6 +140,7 @@ class Surroundings(NamedTuple):
 @compiled
 def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) -> None:
     cosine, sine = surroundings.turn
+    floor, on_floor = surroundings.floor, np.zeros(3, np.float32)
     for i in range(len(rays.sources)):
         x, y, z = rays.directions[i]
         without_lamps = first == 1 and rays.sources[i] % 2 == 0
@@ -120,11 +155,15 @@ def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) 
         along, down = np.float32(column - left), np.float32(row - top)
         right, bottom = (left + 1) % columns, min(top + 1, rows - 1)
         left = left % columns
-        pixel = rays.sources[i]
+        pixel, share = rays.sources[i], NONE
+        if len(floor.radiance) > 0 and y < 0.0:
+            share = _see_floor(rays.origins[i], rays.directions[i], floor, on_floor)
         for channel in range(3):
             upper = (1 - along) * latlong[top, left, channel] + along * latlong[top, right, channel]
             lower = (1 - along) * latlong[bottom, left, channel] + along * latlong[bottom, right, channel]
             value = ((1 - down) * upper + down * lower) * surroundings.intensity
+            if share > 0.0:
+                value += share * (on_floor[channel] - value)
             radiance[pixel, channel] += rays.weights[i, channel] * value
         if not without_lamps:
             for lamp in range(len(surroundings.lamps.shapes)):
@@ -132,6 +171,30 @@ def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) 
                 for channel in range(3):
                     light = share * surroundings.lamps.radiance[lamp, channel]
                     radiance[pixel, channel] += rays.weights[i, channel] * light
+
+
+@compiled
+def _see_floor(origin: Float32, direction: Float32, floor: Floor, radiance: Float32) -> np.float32:
+    """Put the radiance of a plane where a ray meets it into (3,), and return how far the plane is there, [0, 1]."""
+    along = (floor.height - origin[1]) / direction[1]
+    x = origin[0] + along * direction[0] - floor.centre[0]
+    z = origin[2] + along * direction[2] - floor.centre[1]
+    gone = min(max((np.sqrt(x * x + z * z) - floor.fade[0]) / (floor.fade[1] - floor.fade[0]), 0.0), 1.0)
+    if along < 0.0 or gone == 1.0:
+        return NONE
+    side = len(floor.radiance)
+    column = (0.5 * np.arcsinh(x / floor.spread) / floor.last + 0.5) * side - 0.5
+    row = (0.5 * np.arcsinh(z / floor.spread) / floor.last + 0.5) * side - 0.5
+    column, row = min(max(column, 0.0), side - 1.0), min(max(row, 0.0), side - 1.0)
+    left, top = min(int(column), side - 2), min(int(row), side - 2)
+    right, down = np.float32(column - left), np.float32(row - top)
+    for channel in range(3):
+        upper = (1 - right) * floor.radiance[top, left, channel] + right * floor.radiance[top, left + 1, channel]
+        lower = (1 - right) * floor.radiance[top + 1, left, channel] + right * floor.radiance[
+            top + 1, left + 1, channel
+        ]
+        radiance[channel] = (1 - down) * upper + down * lower
+    return np.float32(1.0 - gone * gone * (3.0 - 2.0 * gone))
 
 
 @compiled

@@ -26,10 +26,14 @@ class LampMaps:
     lit: moderngl.Texture
     open: moderngl.Texture
 
+    def with_object(self) -> Float32:
+        """Return it with the object in the way, (LAMPS_SIDE, LAMPS_SIDE, 3)."""
+        return np.frombuffer(self.lit.read(), np.float32).reshape(LAMPS_SIDE, LAMPS_SIDE, 4)[..., :3]
+
     def at_places(self) -> Float32:
-        """Return it at the places of a plane's map with the object in the way, (n, 3)."""
-        values = np.frombuffer(self.lit.read(), np.float32).reshape(SIDE, LAMPS_SIDE // SIDE, SIDE, -1, 4)
-        return np.asarray(values.mean(axis=(1, 3))[..., :3].reshape(-1, 3))
+        """Return the same at the places of a plane's map, (n, 3)."""
+        values = self.with_object().reshape(SIDE, LAMPS_SIDE // SIDE, SIDE, -1, 3)
+        return np.asarray(values.mean(axis=(1, 3)).reshape(-1, 3))
 
 
 @dataclass(frozen=True, eq=False)

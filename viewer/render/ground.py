@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+from scipy.ndimage import zoom
 
 from milkglass.core.arrays import Array, Float32, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh
@@ -27,17 +29,21 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import GroundRaysOf, RefinedOf
 from milkglass.viewer.gl.context import clamped_texture
 from milkglass.viewer.passes.gather import Gather
-from milkglass.viewer.passes.ground import GroundLight, GroundPass, LampMaps
+from milkglass.viewer.passes.ground import LAMPS_SIDE, GroundLight, GroundPass, LampMaps
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.render.exchange import coarse
 from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.lit_scene import LitScene, Model
+from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL, POINT
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings
+
+if TYPE_CHECKING:  # compiled loops take half a second to import
+    from milkglass.core.paths import Floor
 
 EMITTERS = 4096  # points of the object's surface whose exitance the plane sees
 CELL_DEG = float(np.degrees(np.sqrt(2.0 * np.pi / RAYS)) / 2.0)  # half the angle that a ray stands for
@@ -107,8 +113,7 @@ class Ground:
         Of the same at the map's places, with the object in the way, which mirrors some of it.
     sharp : tuple of LightSource
         Lamps without a size.
-    soft : LampMaps
-        Of the others.
+    lamps : LampMaps of the others, and of these
     exchange : GroundExchange, optional
         None while no rays are cast.
     mirror : GroundMirror, optional
@@ -121,7 +126,7 @@ class Ground:
     open_irradiance: Array
     around: Float32
     sharp: tuple[LightSource, ...]
-    soft: LampMaps
+    lamps: tuple[LampMaps, LampMaps]
     exchange: GroundExchange | None
     mirror: GroundMirror | None
     emitters: Emitters | None = None
@@ -206,19 +211,20 @@ class GroundStages:
             Stage.GROUND_SKY, [standing.sky, seen, plane], lambda: _sky(standing.sky, seen, SIDE**2)
         )
         returned = mirror = None
+        both = (
+            maps,
+            self._spread(Stage.GROUND_SHARP_LAMPS, [plane, *sharp], lambda: self._ground.lamp_maps(plane, sharp)),
+        )
         if exchange is not None and not draft:
             mirror = run(Stage.GROUND_MIRROR, [exchange, eta], lambda: GroundMirror(exchange, eta))
-            sharp_maps = self._spread(
-                Stage.GROUND_SHARP_LAMPS, [plane, *sharp], lambda: self._ground.lamp_maps(plane, sharp)
-            )
-            sky, both = around, (maps, sharp_maps)
+            sky = around
             around, returned = run(
                 Stage.GROUND_RETURNED,
                 [exchange, mirror, standing, sky, *both, eta],
                 lambda: _returned(exchange, mirror, standing, sky, both, eta),
             )
-        parts = standing, open_irradiance, around, sharp, maps, exchange, mirror
-        key = standing, open_irradiance, around, *sharp, maps, exchange, mirror
+        parts = standing, open_irradiance, around, sharp, both, exchange, mirror
+        key = standing, open_irradiance, around, *sharp, *both, exchange, mirror
         return run(Stage.GROUND, key, lambda: Ground(*parts)), returned
 
     def drawn(self, ground: Ground, lit: LitScene) -> Ground:
@@ -333,25 +339,54 @@ class GroundLighting:
 
     def light(self, ground: Ground, lit: LitScene, gather: Gather) -> GroundLight:
         """Return the light on a plane."""
+        at_places = self._around(ground, lit, gather)
+
+        def make() -> GroundLight:
+            around = clamped_texture(self._context, at_places.reshape(SIDE, SIDE, 3))
+            red, green, blue = ground.open_irradiance.tolist()
+            return GroundLight(ground.standing.plane, ground.sharp, ground.lamps[0], around, (red, green, blue))
+
+        return self._run(Stage.GROUND_AROUND, [at_places, ground], make)
+
+    def below(self, paths: Paths, ground: Ground, lit: LitScene, gather: Gather) -> Paths:
+        """Return rays of sight that see a plane."""
+        if (tree := paths.tree) is None:
+            return paths
+        at_places = self._around(ground, lit, gather)
+        floor = self._run(Stage.FLOOR, [at_places, ground], lambda: _floor(ground, at_places))
+
+        def make() -> Paths:
+            return replace(paths, tree=replace(tree, surroundings=tree.surroundings.above(floor)))
+
+        return self._run(Stage.PATHS_ON_GROUND, [tree, floor, paths.meets_itself, *paths.why], make)
+
+    def _around(self, ground: Ground, lit: LitScene, gather: Gather) -> Float32:
+        """Return the irradiance from all around, and of what leaves the object, at the places of the map: (n, 3)."""
         volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
-        at_places = self._run(
+        return self._run(
             Stage.GROUND_GLOW,
             [ground, lit.model, lit.detail, *lit.sources, *volume],
             lambda: self._at_places(ground, lit, gather),
         )
 
-        def make() -> GroundLight:
-            around = clamped_texture(self._context, at_places.reshape(SIDE, SIDE, 3))
-            red, green, blue = ground.open_irradiance.tolist()
-            return GroundLight(ground.standing.plane, ground.sharp, ground.soft, around, (red, green, blue))
-
-        return self._run(Stage.GROUND_AROUND, [at_places, ground], make)
-
     def _at_places(self, ground: Ground, lit: LitScene, gather: Gather) -> Float32:
-        """Return the irradiance from all around, and of what leaves the object, at the places of the map: (n, 3)."""
         if ground.exchange is None or ground.emitters is None:
             return ground.around
         rays, emitters = ground.exchange.rays, ground.emitters
         matrix = rays.glow(gather.eta, gather.exit_normalisation, emitters.of_face, len(emitters.samples))
         glow = matrix @ self._exitance.at(emitters.samples, lit, gather)
         return np.asarray(ground.around + (glow if ground.mirror is None else ground.mirror.lit(glow)), np.float32)
+
+
+def _floor(ground: Ground, around: Float32) -> "Floor":
+    """Return a plane as rays see it, with the irradiance from all around at its places, (n, 3)."""
+    from milkglass.core.paths import Floor
+
+    plane = ground.standing.plane
+    finer = zoom(
+        around.reshape(SIDE, SIDE, 3), (LAMPS_SIDE / SIDE,) * 2 + (1,), order=1, mode="nearest", grid_mode=True
+    )
+    irradiance = finer + np.sum([lamps.with_object() for lamps in ground.lamps], axis=0)
+    radiance = np.array(ground.standing.albedo, np.float32) / np.float32(np.pi) * irradiance
+    centre, fade = (np.array(pair, np.float32) for pair in (plane.centre, plane.fade))
+    return Floor(np.ascontiguousarray(radiance, np.float32), plane.height, centre, fade, plane.spread, plane.last)

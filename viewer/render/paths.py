@@ -75,19 +75,19 @@ class PathParts:
     def of(cls, scene: Scene, lit: LitScene, thin: float) -> "PathParts":
         """Return the parts that a scene needs, whose object is so thick in its thin parts, mm."""
         gloss, around = scene.gloss, shines(scene.environment)
-        mirrors = gloss.is_smooth and around
+        left = [float(np.exp(-extinction * thin)) for extinction in extinctions(lit)]
+        least = LEAST_CROSSING if around else LEAST_OF_LAMPS
+        clear = max(left) >= least or lit.beams is not None or bool(lit.clear)
+        mirrors = gloss.is_smooth and (around or (clear and lit.ground is not None))
         smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
         if not scene.transport.shown_paths.mirror:
             mirror = "mirror: not shown"
         elif mirrors:
-            mirror = f"mirror: rays, of an environment ({smooth})"
+            mirror = f"mirror: rays, of {'an environment' if around else 'the ground'} ({smooth})"
         elif not around:
             mirror = "mirror: highlights of lamps alone, without an environment"
         else:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
-        left = [float(np.exp(-extinction * thin)) for extinction in extinctions(lit)]
-        least = LEAST_CROSSING if around else LEAST_OF_LAMPS
-        clear = max(left) >= least or lit.beams is not None or bool(lit.clear)
         through = "rays" if max(left) >= least else "none"
         unscattered = (
             f"unscattered: {through} ({_channels(left)} is left behind thin parts of {thin:.3g} mm; "
@@ -119,7 +119,7 @@ class PathStages:
             [mesh, bodies, lit.eta, lit.clear],
             lambda: surface_of(mesh, bodies, lit.eta, lit.clear),
         )
-        around, mirrors, clear = self._surroundings(scene), parts.mirrors, parts.clear
+        around, mirrors, clear = self._surroundings(scene, lit), parts.mirrors, parts.clear
 
         def make() -> Tree:
             of_bodies = np.array(surface.absorption)
@@ -129,9 +129,13 @@ class PathStages:
         tree = self._run(Stage.PATHS, [surface, around, *extinctions(lit), mirrors, clear], make)
         return Paths(tree, meets_itself=lit.exchange is not None or bool(lit.clear), why=parts.why)
 
-    def _surroundings(self, scene: Scene) -> "Surroundings":
+    def _surroundings(self, scene: Scene, lit: LitScene) -> "Surroundings":
         environment, lamps = scene.environment, scene.effective_lights()
         probe = rest = None
+        if lit.ground is not None:
+            lamps = lit.ground.standing.lamps
+            if not shines(environment):  # below its horizon the plane in the open
+                environment = lit.ground.standing.environment
         if shines(environment):
             probe, rest = self._surround.probe(environment), self._surround.rest(environment)
         turned = replace(environment, path=None, builtin=None, probe=None)  # the probe itself stands for these

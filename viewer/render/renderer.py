@@ -149,7 +149,7 @@ class Renderer:
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
-        ground, paths = self._ground(scene, lit, request), self._paths(scene, lit, request, say)
+        ground, paths = self._lighting.ground(scene, lit), self._paths(scene, lit, request, say)
         if last:
             lit = self._without_transport(lit)
             memory.give_back()
@@ -199,15 +199,12 @@ class Renderer:
     def shade(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest = PictureRequest()) -> Picture:
         """Draw the scene through its camera from a volume, which may be of an older camera or light."""
         paths = self._paths(scene, lit, request)
-        return self._shade(scene, lit, gather, request, self._ground(scene, lit, request), paths)
+        return self._shade(scene, lit, gather, request, self._lighting.ground(scene, lit), paths)
 
     def traces(self, scene: Scene, lit: LitScene) -> bool:
         """Tell whether pictures of a scene follow rays of sight."""
         paths = self._lighting.paths(scene, lit)
         return paths is not None and paths.tree is not None
-
-    def _ground(self, scene: Scene, lit: LitScene, request: PictureRequest) -> Ground | None:
-        return self._lighting.ground(scene, lit) if request.shows_ground else None
 
     def _paths(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
@@ -230,7 +227,7 @@ class Renderer:
     @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
         """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
-        ground, paths = self._ground(scene, lit, request), self._paths(scene, lit, request)
+        ground, paths = self._lighting.ground(scene, lit), self._paths(scene, lit, request)
         return self._shading.advance(scene, lit, gather, request, ground, paths)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:

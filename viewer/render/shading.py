@@ -111,6 +111,8 @@ class Shading:
             The stages have an allowance, and the pixels take more.
         """
         display, show = scene.display, request.output
+        if paths is not None and ground is not None:
+            paths = self._ground_lighting.below(paths, ground, lit, gather)
         composite = self._pixels(scene, lit, gather, request, paths)
         if not request.develop:
             return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
@@ -119,7 +121,9 @@ class Shading:
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
         exposed = average if request.exposure_for is None else request.exposure_for
         background = self._background(scene, behind)
-        drawn = None if ground is None else self._ground_pixels(scene, lit, gather, ground)
+        drawn = None
+        if ground is not None and request.shows_ground:
+            drawn = self._ground_pixels(scene, lit, gather, ground)
         plane = None if drawn is None else drawn.radiance
         image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
         self._run(
@@ -167,8 +171,10 @@ class Shading:
     ) -> bool:
         """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
         try:
+            if paths is not None and ground is not None:
+                paths = self._ground_lighting.below(paths, ground, lit, gather)
             self._pixels(scene, lit, gather, request, paths)
-            if ground is not None:
+            if ground is not None and request.shows_ground:
                 self._ground_pixels(scene, lit, gather, ground)
         except Unfinished:
             return False

@@ -8,7 +8,7 @@ from milkglass.core.paths.events import Rays
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.lamps import BALL, DISC, PANEL, Lamp
 from milkglass.core.paths.surface import Surface
-from milkglass.core.paths.surroundings import Surroundings
+from milkglass.core.paths.surroundings import Floor, Surroundings
 from milkglass.core.paths.tree import PathsSuperseded, Sight, Tree
 from tests.support import solids
 
@@ -115,6 +115,23 @@ def test_an_opaque_object_that_lets_out_what_surrounds_it_is_as_bright_in_its_ow
     assert not seen.scattered.any()
     expected = np.broadcast_to(reflectance(1.5, facing)[:, None], seen.mirror.shape)
     np.testing.assert_allclose(seen.mirror, expected, atol=0.003)
+
+
+def test_a_floor_is_seen_from_above_and_fades_into_the_surroundings():
+    ramp = np.sinh(np.linspace(-1.0, 1.0, 65)[:64] + 1.0 / 64.0) * 3.0 + 2.0  # x of the map's places
+    radiance = np.stack([*np.broadcast_arrays(1.0, ramp[None, :], ramp[:, None])], axis=-1).astype(np.float32)
+    floor = Floor(radiance, -5.0, np.array([2.0, 2.0], np.float32), np.array([2.0, 3.0], np.float32), 3.0, 1.0)
+    ends = np.array([[3.0, -5.0, 1.5], [1.0, -5.0, 2.5], [4.5, -5.0, 2.0], [2.0, -5.0, 6.0], [3.0, 5.0, 1.5]])
+    directions = (ends / np.linalg.norm(ends, axis=1, keepdims=True)).astype(np.float32)
+    rays = Rays.beginning(np.zeros((5, 3), np.float32), directions, np.ones((5, 3), np.float32), np.arange(5))
+    Surroundings.of(np.full((2, 4, 3), 7.0, np.float32)).above(floor).add(rays, seen := np.zeros((5, 3), np.float32), 0)
+    shares = np.array([1.0, 1.0, 0.5, 0.0, 0.0])[:, None]
+    on_floor = np.stack([np.ones(5), ends[:, 0], ends[:, 2]], axis=1)
+    np.testing.assert_allclose(seen, 7.0 + shares * (on_floor - 7.0), rtol=0.01)
+    below = np.array([[0.0, -6.0, 0.0]], np.float32)
+    rays = Rays.beginning(below, directions[:1], np.ones((1, 3), np.float32), np.zeros(1, np.int32))
+    Surroundings.of().above(floor).add(rays, seen := np.zeros((1, 3), np.float32), 0)
+    assert not seen.any()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from tests.support.skies import sky
 
 GROUND = {"ground", "ground targets", "ground at pixels", "glow on the ground", "lamps on the ground"}
 RAYS = {"rays from the ground", "emitters before the ground"}
-LIGHT = {"light above the ground", "light from the ground", "flux", "deposit", "convolution", "environment light"}
+LIGHT = {"light above the ground", "light from the ground", "flux", "environment light"}
 
 
 @pytest.fixture

@@ -95,6 +95,21 @@ def test_a_lamp_is_seen_through_the_ball(renderer, mesh):
     assert not frame.unscattered[frame.alpha > 0.0].min()
 
 
+def test_through_what_does_not_bend_light_the_ground_is_seen_as_it_is_drawn(renderer, mesh):
+    """A ball of the index of air, whose shadow it sees; from above, and as far as the plane does not fade."""
+    lamps = DirectionalLight((0.5, 1.0, 0.2), (3.0, 2.0, 1.0), angle_deg=12.0), DirectionalLight((-1.0, 1.0, 0.0))
+    scene = white(mesh, *CLEAR, "material.eta=1", "material.sigma_a=[0,0,0]", "camera.elevation_deg=60")
+    scene = replace(apply_set(scene, ["ground.on=true", "ground.color=[1,0.5,0.2]"]), lights=lamps)
+    picture = renderer.draw(scene)
+    drawn, seen = read_rgba(picture.ground), read_rgba(picture.composite.textures["radiance"])
+    through = (seen[..., 3] == 1.0) & (drawn[..., 3] == 1.0)
+    seen, drawn = seen[through][:, :3], drawn[through][:, :3]
+    errors = np.abs(seen - drawn) / drawn.mean(axis=0)
+    assert errors.mean() < 0.01
+    assert np.quantile(errors, 0.95) < 0.05  # the rest is the sharp lamp's edge, between places of the map
+    assert (drawn.std(axis=0) > 0.1 * drawn.mean(axis=0)).all()
+
+
 def test_pictures_of_the_parts_of_light_add_up(renderer, mesh):
     """Each alone; blue is not resolved, and has all of its scattered light in one of them."""
     scene = white(mesh, "material.sigma_s_prime=[0.02,0.1,5]", "material.sigma_a=[0.01,0.02,0.1]")
