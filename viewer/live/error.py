@@ -255,11 +255,15 @@ class LiveError:
 
     def _walk_of(self, scene: Scene, live: Live, finished: Finished) -> "Callable[[_Job], Walked]":
         """Return what compares a solution without a ground with photons, in the worker; OpenGL is asked here."""
+        from milkglass.viewer.error.eye import judged_by_eye
         from milkglass.viewer.error.illumination import lights_of
-        from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk
+        from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk, unlike_paths
 
         environment, key, shown_lit = scene.environment, light_key(scene), finished.lit
         lit = shown_lit if shown_lit.ground is None else live.renderer.light(scene)
+        is_by_eye, why = judged_by_eye(scene, lit.model.mesh)
+        if is_by_eye and unlike_paths(scene, lit) is None:
+            raise InputError(f"not measured here: {why}; milkglass render --report compares them, part by part")
         if (reason := obstacle(scene, lit)) is not None:
             raise InputError(f"not measured: {reason}")
         probe = live.renderer.probe(environment) if environment.given else None

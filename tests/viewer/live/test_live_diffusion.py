@@ -360,6 +360,10 @@ def test_what_photons_cannot_judge_is_said(driver):
     error = driver.app.error
     assert (error.result, error.walked, error.progress) == (None, None, None)
     assert error.trouble == "not measured: photons come from distant lights only, and the scene has a point light"
+    driver.session.edit_lights((DirectionalLight((0.0, 0.0, 1.0)),))
+    put(driver, "material.name=sprite")
+    driver.settle()
+    assert error.trouble.startswith("not measured here: light loses its course about ")
 
 
 def test_costs_and_layers_are_told_and_shown(driver):
