@@ -23,7 +23,7 @@ from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.filled import Filled, filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
-from milkglass.core.paths.resolution import RESOLVED, needs_beams, scaled
+from milkglass.core.paths.resolution import RESOLVED, balanced_share, needs_beams, scaled, thick_gain
 from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
 from milkglass.core.paths.second import Returns, collided_again, returns
 from milkglass.core.paths.surface import Surface
@@ -126,7 +126,6 @@ class Within:
         is_wanted : callable
         """
         grid, eta, patches = body.boundary.grid, media[0].eta, body.boundary.patches
-        areas = patches.areas
         fill = stages.run(Stage.FILLED, (body.mesh, grid), lambda: filled(body.mesh, grid))
         # Several bodies send light into each other through clear parts, which is left out.
         is_nested = beams.surface is not None and beams.surface.is_nested and beams.surface.scattering == 1
@@ -195,8 +194,12 @@ class Within:
                 None if twice is None or found is None else _again(twice, found, medium, flight, fill, grid)
                 for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
             ]
-            leaving = [None if found is None else found.leaving(areas) for found in fluence]
-            often, gains = self._often(source, second, again, leaving, flights, fly)
+            begun = [
+                0.0 if twice is None or found is None else _total(twice) + _total(_entered(found, medium, flight))
+                for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
+            ]
+            leaving = [None if found is None else found.leaving(patches.areas) for found in fluence]
+            often, gains = self._often(begun, second, again, leaving, body.mesh.mean_chord, flights, fly)
             return resolved(first, often, gains, media, fill, grid)
 
         if not is_wanted():
@@ -240,24 +243,30 @@ class Within:
 
     @staticmethod
     def _often(
-        first: Scattered,
+        begun: Sequence[float],
         second: Scattered,
         again: Volumes,
         leaving: Sequence[float | None],
+        chord: float,
         flights: Sequence[DeltaEddington],
         fly: Callable[..., Scattered],
     ) -> tuple[Scattered, list[float]]:
-        """Return what scatters twice or more, and factors on it: what leaves of it is what leaves in the solution.
+        """Return what scatters twice or more, and factors on it, by which its power balances.
 
-        In thick matter, where that is a small difference, they are the least. That of light that is directed knows what
-        its direction changes, and may be below.
+        What scatters is what has just `begun` to and, of what scatters, all that collides again. Of directed light,
+        which knows what its direction changes, what leaves is what leaves in the solution. In thick matter either is a
+        small difference, and what is gathered near the surface lacks some light.
         """
-        gains, directed = [RESOLVED.least_gain] * len(flights), [flux is not None for flux in second.flux]
-        asked = list(again)
-        for i, (once, twice, flight) in enumerate(zip(first.power, second.power, flights, strict=True)):
-            if once is not None and twice is not None and not directed[i]:
-                escaping = 1.0 - _total(twice) / (flight.albedo * _total(once))
-                asked[i] = again[i] if escaping > RESOLVED.clear_escape else None
+        directed = [flux is not None for flux in second.flux]
+        chords = [chord * flight.sigma_t for flight in flights]
+        asked = [
+            power if turns or balanced_share(length) > 0.0 else None
+            for power, turns, length in zip(again, directed, chords, strict=True)
+        ]
+        gains = [
+            RESOLVED.least_gain if turns else thick_gain(length, flight.albedo)
+            for turns, length, flight in zip(directed, chords, flights, strict=True)
+        ]
         often = Scattered(again, second.flux)
         if all(power is None for power in asked):
             return often, gains
@@ -269,13 +278,15 @@ class Within:
             ]
             often, met = Scattered(again, flux), fly(Scattered(asked, flux))
         for i, (power, stopped, out) in enumerate(zip(asked, met.power, leaving, strict=True)):
-            if power is not None and stopped is not None and out is not None:
-                escaping = max(_total(power) - _total(stopped), 1e-30)
-                if directed[i]:
-                    balanced = 2.0 * escaping / (RESOLVED.clear_escape * _total(power)) - 1.0
-                    gains[i] += min(max(balanced, 0.0), 1.0) * (out / escaping - gains[i])
-                else:
-                    gains[i] = max(gains[i], out / escaping)
+            if power is None or stopped is None or out is None:
+                continue
+            escaping = max(_total(power) - _total(stopped), 1e-30)
+            if directed[i]:
+                share = 2.0 * escaping / (RESOLVED.clear_escape * _total(power)) - 1.0
+                gains[i] += min(max(share, 0.0), 1.0) * (out / escaping - gains[i])
+            else:
+                lost = _total(power) - flights[i].albedo * _total(stopped)
+                gains[i] += balanced_share(chords[i]) * (begun[i] / max(lost, 1e-30) - gains[i])
         return often, gains
 
     def _fluence(
@@ -345,9 +356,12 @@ def _again(
     second: Float32, found: Often, medium: Medium, flight: DeltaEddington, fill: Filled, grid: LayerGrid
 ) -> Float32:
     """Return the power that scatters twice or more, or again since it left and entered."""
-    # What entered is told by reduced coefficients.
-    entered = np.float32(flight.sigma_s / medium.sigma_s_prime) * found.entered
-    return often_scattered(second + entered, found.end.volume, flight, fill, grid)
+    return often_scattered(second + _entered(found, medium, flight), found.end.volume, flight, fill, grid)
+
+
+def _entered(found: Often, medium: Medium, flight: DeltaEddington) -> Float32:
+    """Return the power that scatters first since it entered again, which is told by reduced coefficients."""
+    return np.asarray(np.float32(flight.sigma_s / medium.sigma_s_prime) * found.entered)
 
 
 def _total(power: Float32) -> float:

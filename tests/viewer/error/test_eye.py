@@ -43,7 +43,7 @@ def scene(mesh):
         (
             (0.03, 0.1, 0.03),
             (0.01, 0.02, 0.1),
-            {"whole": 0.06, "mirror": 0.03, "unscattered": 0.04, "once": 0.04, "often": 0.15, "scattered": 0.08},
+            {"whole": 0.04, "mirror": 0.03, "unscattered": 0.04, "once": 0.04, "often": 0.05, "scattered": 0.04},
         ),
     ],
 )
