@@ -44,6 +44,7 @@ uniform float u_weight;         // 1 / samples of a pixel
 
 const int MIRROR_STEPS = 24, MIRROR_HALVINGS = 5;
 const float ASIDE = 1.5;            // pixels
+const float LEAST_FACING = 0.15;    // cosine up to which a surface is grazed
 const float LEAST_MIRRORED = 0.15;  // reflectance from which on rays are followed, in full from twice as much on
 
 layout(location = 0) out vec4 o_radiance;  // a: coverage
@@ -135,6 +136,8 @@ vec3 exitance_at(ivec2 pixel, vec3 position, vec4 normal_and_body) {
 // to end behind what is seen, by no more than its own length, is halved to where it meets it (McGuire and Mara 2014,
 // Efficient GPU Screen-Space Ray Tracing). Rays that graze go on nearly as the eye's: what they meet is seen beside the
 // silhouette, and so it is looked for aside of the ray, by more than a pixel, as one on the silhouette shows but itself.
+// What it grazes itself mirrors it on, nearly straight. A ray that leaves the picture before it meets anything is taken to
+// meet what it passes before there.
 ivec2 met(vec3 position, vec3 normal, vec3 to_eye, vec3 ray) {
     vec2 size = vec2(textureSize(t_position, 0));
     vec4 start = u_world_to_clip * vec4(position, 1.0), onward = u_world_to_clip * vec4(ray, 0.0);
@@ -143,7 +146,7 @@ ivec2 met(vec3 position, vec3 normal, vec3 to_eye, vec3 ray) {
     aside *= ASIDE / max(length(aside), 1e-20);
     float reach = (start.w - start.z) / max(onward.z - onward.w, 1e-20);  // to the far plane
     float low = 0.0, high = 0.0;
-    ivec2 found = ivec2(-1);
+    ivec2 found = ivec2(-1), passed = ivec2(-1);
     for (int i = 1; i <= MIRROR_STEPS + MIRROR_HALVINGS; ++i) {
         float share = float(i) / float(MIRROR_STEPS);
         float next = found.x < 0 ? reach * share * share : 0.5 * (low + high);
@@ -153,11 +156,12 @@ ivec2 met(vec3 position, vec3 normal, vec3 to_eye, vec3 ray) {
         if (clip.w <= 0.0 || any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(pixel, size))) break;
         vec4 seen = texelFetch(t_position, ivec2(pixel), 0);
         float beyond = dot(seen.xyz - position - next * ray, to_eye);
-        bool meets = seen.a > 0.0 && beyond > 0.0;
+        bool meets = seen.a > 0.0 && beyond > 0.0 && -dot(texelFetch(t_normal, ivec2(pixel), 0).xyz, ray) > LEAST_FACING;
         if (meets) found = ivec2(pixel);
         if (meets) high = next; else low = next;
+        passed = seen.a > 0.0 && beyond <= 0.0 ? ivec2(pixel) : ivec2(-1);
     }
-    return found;
+    return found.x < 0 ? passed : found;
 }
 
 // What a highlight mirrors of the object itself, else it had dark rims before itself: what a ray that grazes meets in
