@@ -220,6 +220,10 @@ class Stage(StrEnum):
     GROUND_LAMPS = "lamps on the ground", Part.IRRADIANCE
     GROUND_SHARP_LAMPS = "sharp lamps on the ground", Part.IRRADIANCE
     GROUND_EXCHANGE = "exchange by way of the ground", Part.IRRADIANCE
+    LANDINGS_OF_LIGHT = "light through the object onto the ground of light", Part.IRRADIANCE
+    LANDINGS_AROUND = "light from all around through the object onto the ground", Part.IRRADIANCE
+    LANDED = "light through the object on the ground", Part.IRRADIANCE
+    GROUND_UNDER = "environment on the ground and through the object", Part.IRRADIANCE
     GROUND_MIRROR = "mirror of the ground", Part.IRRADIANCE
     GROUND_RETURNED = "light from the ground", Part.IRRADIANCE
     GROUND = "ground", Part.IRRADIANCE

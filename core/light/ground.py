@@ -103,6 +103,11 @@ class GroundPlane:
         along = np.where(falls, (points[:, 1] - self.height) / np.where(falls, down, 1.0), 0.0)
         return np.where(falls, self.cells(points + along[:, None] * directions), -1)
 
+    def areas(self) -> Array:
+        """Return the areas that the places of the map stand for, (n,), mm^2."""
+        edges = self.spread * np.sinh(np.linspace(-self.last, self.last, SIDE + 1))
+        return np.outer(np.diff(edges), np.diff(edges)).ravel()
+
     def places(self, side: int = SIDE) -> Float32:
         """Return the places of a map, row by row along z: (side^2, 3) float32, mm."""
         u = (2.0 * np.arange(side) + 1.0) / side - 1.0

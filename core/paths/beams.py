@@ -120,14 +120,14 @@ def followed(
     for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
         chords = event.chords
         in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        before, travelled = _travelled(chords.parents, in_matter, travelled)
+        before, travelled = ways_travelled(chords.parents, in_matter, travelled)
         placed = chords.starts, chords.ends, chords.lengths, before
         parts.append((*placed, chords.weights, chords.bodies, chords.sources))
     return Courses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 @compiled
-def _travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
+def ways_travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
     """Return the ways up to the starts of chords, and to the ends of all; a parent comes before its children."""
     n = len(so_far)
     before, travelled = np.zeros(len(lengths), np.float32), np.empty(n + len(lengths), np.float32)

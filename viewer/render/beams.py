@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from milkglass.core.arrays import Float32
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.grid.layers import LayerGrid
+from milkglass.core.light.ground import SIDE
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.medium import Medium
-from milkglass.core.paths.resolution import needs_beams
+from milkglass.core.paths.resolution import needs_beams, scaled, scatters
 from milkglass.core.stages import Stage, Stages
+from milkglass.viewer.render.ground import Standing
 from milkglass.viewer.render.lit_scene import Model
 from milkglass.viewer.render.paths import surface_of
 from milkglass.viewer.render.sources import Surround, shines
@@ -21,8 +24,9 @@ from milkglass.viewer.scene.lights.sub_lights import DIRECTIONAL
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictures of marble do without
-    from milkglass.core.paths.beams import Beams
+    from milkglass.core.paths.beams import Beams, Emitted
     from milkglass.core.paths.emission import Ball
+    from milkglass.core.paths.landing import Landings
     from milkglass.core.paths.surface import ClearPart, Surface
 
 # Of all lights together. Under Uffizi 30,000 leave mottles where free paths are a few cells, 120,000 next to none.
@@ -47,14 +51,10 @@ class BeamStages:
         if not any(needs_beams(medium, grid) for medium in media):
             return None
         from milkglass.core.paths.beams import joined
-        from milkglass.core.paths.emission import Ball
 
-        run, eta, mesh, whole = self._run, media[0].eta, model.mesh, model.whole
-        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta, clear], lambda: surface_of(mesh, bodies, eta, clear))
-        around = run(Stage.BALL, [whole], lambda: Ball.around(whole))
-        # Half for lamps, half for what comes from all around, where there are both.
-        share = (DRAFT_BEAMS if draft else BEAMS) // max(bool(lamps) + shines(environment), 1)
-        count = share // max(len(lamps), 1)
+        run = self._run
+        surface, around = self._placed(model, clear, bodies, media[0].eta)
+        share, count = _shares(lamps, environment, DRAFT_BEAMS if draft else BEAMS)
         parts = [
             run(
                 Stage.BEAMS_OF_LIGHT.of(i),
@@ -74,23 +74,93 @@ class BeamStages:
             )
         return run(Stage.BEAMS, parts, lambda: joined(parts)) if parts else None
 
+    def onto_ground(
+        self, standing: Standing | None, model: Model, clear: "tuple[ClearPart, ...]", bodies: Bodies | None,
+        media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
+    ) -> Float32 | None:  # fmt: skip
+        """Return the irradiance at the places of a plane's map of light that has crossed an object, (n, 3).
+
+        Lamps' light that the object has mirrored is among it. None where next to nothing crosses; others as of `of`.
+        """
+        if standing is None:
+            return None
+        within = any(needs_beams(medium, grid) for medium in media)
+        if not within and scatters(media, model.mesh.mean_chord):
+            return None
+        from milkglass.core.paths.landing import landed
+
+        run, plane, environment = self._run, standing.plane, standing.environment
+        surface, around = self._placed(model, clear, bodies, media[0].eta)
+        lamps = *standing.lamps, *standing.strong
+        share, count = _shares(lamps, environment, DRAFT_BEAMS if draft else BEAMS)
+        extinctions = tuple(scaled(medium, grid).sigma_t if within else medium.sigma_t_prime for medium in media)
+
+        def of_lamp(light: Light) -> "list[Landings]":
+            return [landed(surface, part, plane, of_lamp=True) for part in emitted_by(light, around, count)]
+
+        parts = [
+            run(
+                Stage.LANDINGS_OF_LIGHT.of(i),
+                [surface, plane, light, count],
+                lambda light=light: of_lamp(light),  # type: ignore[misc]
+            )
+            for i, light in enumerate(lamps, start=1)
+        ]
+        if shines(environment):
+            probe, turn, factor = self._surround.rest(environment), environment.rotation_deg, environment.intensity
+            parts.append(
+                run(
+                    Stage.LANDINGS_AROUND,
+                    [surface, plane, probe, turn, factor, share],
+                    lambda: [landed(surface, emitted_around(probe, turn, factor, around, share), plane, of_lamp=False)],
+                )
+            )
+        return run(
+            Stage.LANDED,
+            [plane, *extinctions, *parts],
+            lambda: sum(
+                (ends.irradiance(plane, extinctions) for part in parts for ends in part),
+                np.zeros((SIDE**2, 3), np.float32),
+            ),
+        )
+
+    def _placed(
+        self, model: Model, clear: "tuple[ClearPart, ...]", bodies: Bodies | None, eta: float
+    ) -> "tuple[Surface, Ball]":
+        """Return the surface of a model for rays, and the ball around it that light comes from."""
+        from milkglass.core.paths.emission import Ball
+
+        mesh, whole, run = model.mesh, model.whole, self._run
+        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta, clear], lambda: surface_of(mesh, bodies, eta, clear))
+        return surface, run(Stage.BALL, [whole], lambda: Ball.around(whole))
+
+
+def _shares(lamps: Sequence[Light], environment: EnvironmentSettings, beams: int) -> tuple[int, int]:
+    """Return how many beams an environment and each lamp have: half for lamps, half for it, where there are both."""
+    share = beams // max(bool(lamps) + shines(environment), 1)
+    return share, share // max(len(lamps), 1)
+
 
 def lamp_beams(light: Light, surface: "Surface", around: "Ball", count: int) -> "Beams":
-    """Return about `count` beams of a lamp, shared out among its sub-lights."""
+    """Return about `count` beams of a lamp."""
     from milkglass.core.paths.beams import joined, traced
+
+    return joined([traced(surface, part) for part in emitted_by(light, around, count)])
+
+
+def emitted_by(light: Light, around: "Ball", count: int) -> "list[Emitted]":
+    """Return about `count` rays of a lamp, shared out among its sub-lights."""
     from milkglass.core.paths.emission import diverging, parallel
 
     lights = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
     n = len(lights)
     share, colour = count // n, np.array(lights.colour) / n
     if lights.kind == DIRECTIONAL:
-        emitted = [parallel(towards, colour, around, share) for towards in lights.vectors]
-    else:
-        emitted = [
-            diverging(place, functools.partial(lights.emission, i), colour, around, share)
-            for i, place in enumerate(lights.vectors)
-        ]
-    return joined([traced(surface, part) for part in emitted])
+        return [parallel(towards, colour, around, share) for towards in lights.vectors]
+    return [
+        diverging(place, functools.partial(lights.emission, i), colour, around, share)
+        for i, place in enumerate(lights.vectors)
+    ]
 
 
 def probe_beams(
@@ -98,6 +168,12 @@ def probe_beams(
 ) -> "Beams":
     """Return `count` beams of an environment."""
     from milkglass.core.paths.beams import traced
+
+    return traced(surface, emitted_around(probe, rotation_deg, intensity, around, count))
+
+
+def emitted_around(probe: Probe, rotation_deg: float, intensity: float, around: "Ball", count: int) -> "Emitted":
+    """Return `count` rays of an environment."""
     from milkglass.core.paths.emission import surrounding
 
-    return traced(surface, surrounding(intensity * probe.latlong, world_to_probe(rotation_deg), around, count))
+    return surrounding(intensity * probe.latlong, world_to_probe(rotation_deg), around, count)

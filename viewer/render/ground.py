@@ -187,13 +187,15 @@ class GroundStages:
         exchange: GroundExchange | None,
         sources: Sequence[LightSource],
         eta: float,
+        landed: Float32 | None,
         *,
         draft: bool,
     ) -> tuple[Ground | None, Float32 | None]:
         """Return a plane with the light of sources on it, and what is known of the irradiance that it returns.
 
         That is what enters at the vertices of the refined mesh, (n, 3), over what the plane in the open returns; None
-        while no rays are there, and for a `draft`.
+        while no rays are there, and for a `draft`. `landed` is the irradiance at the places of light that has crossed
+        the object, where any does.
 
         Raises
         ------
@@ -210,6 +212,9 @@ class GroundStages:
         open_irradiance, around = run(
             Stage.GROUND_SKY, [standing.sky, seen, plane], lambda: _sky(standing.sky, seen, SIDE**2)
         )
+        if landed is not None:
+            alone = around
+            around = run(Stage.GROUND_UNDER, [alone, landed], lambda: alone + landed)
         returned = mirror = None
         both = (
             maps,

@@ -130,13 +130,16 @@ class Lighting:
             lamps, strong, environment = standing.lamps, standing.strong, standing.environment
         occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
         even, lobes = self._surround.even(environment, material.eta, occlusion)
-        numbered = [(light, Stage.LIGHT.of(i)) for i, light in enumerate(lamps, start=1)]
-        numbered += [(light, Stage.PROBE_SOURCE.of(i)) for i, light in enumerate(strong, start=1)]
-        shining = [self._lamps.source(light, name, *on_model, marks, draft) for light, name in numbered]
-        sources = (*shining, *(() if even is None else (even,)))
+        of_scene = [(light, Stage.LIGHT.of(i)) for i, light in enumerate(lamps, start=1)]
+        of_probe = [(light, Stage.PROBE_SOURCE.of(i)) for i, light in enumerate(strong, start=1)]
+        shining = self._lamps.sources(of_scene + of_probe, *on_model, marks, draft)
+        sources = *shining, *even
 
+        sight, alone = quality.facts.follows_sight and detail is None, bodies if count > 1 else None
+        seen_through = standing if sight else None
+        landed = self._beams.onto_ground(seen_through, model, parts, alone, matter, grid, draft=draft)
         reflecting = self._grounds.exchange(standing, model.mesh, say)
-        ground, from_ground = self._grounds.lit(standing, reflecting, sources, material.eta, draft=draft)
+        ground, from_ground = self._grounds.lit(standing, reflecting, sources, material.eta, landed, draft=draft)
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
         exchange, clear = None, is_clear(settings.facts, matter, model.mesh)
         if clear:
@@ -173,8 +176,7 @@ class Lighting:
                 lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         beams = None
-        if quality.facts.follows_sight and detail is None and not clear:
-            alone = bodies if count > 1 else None
+        if sight and not clear:
             beams = self._beams.of((*lamps, *strong), environment, model, parts, alone, matter, grid, draft=draft)
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles

@@ -1,5 +1,7 @@
 """Light of the environment: lamps for the strong small sources of its probe, the rest from all around."""
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 
@@ -36,6 +38,17 @@ class LampSources:
     def no_shadow(self) -> ShadowMap:
         """The shadow map of a source that casts no shadow."""
         return self._shadows.none
+
+    def sources(
+        self,
+        lights: Sequence[tuple[Light, NumberedStage]],
+        mesh: Mesh,
+        buffers: MeshBuffers,
+        bodies: moderngl.Buffer | None,
+        draft: bool,
+    ) -> list[LightSource]:
+        """Return the sources of lights; parameters as of `source`."""
+        return [self.source(light, name, mesh, buffers, bodies, draft) for light, name in lights]
 
     def source(
         self,
@@ -106,10 +119,10 @@ class Surround:
 
     def even(
         self, environment: EnvironmentSettings, eta: float, occlusion: Occlusion | None
-    ) -> tuple[LightSource | None, LobeFilter | None]:
-        """Return the source of an environment's light but for its lamps, and its probe filtered for highlights."""
+    ) -> tuple[tuple[LightSource, ...], LobeFilter | None]:
+        """Return the source, if any, of an environment's light but for its lamps, and its probe for highlights."""
         if not shines(environment):
-            return None, None
+            return (), None
         run, rest = self._run, self.rest(environment)
         table = run(
             Stage.ENVIRONMENT_TABLE,
@@ -121,7 +134,7 @@ class Surround:
             [table, environment, occlusion],
             lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
         )
-        return ambient, run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
+        return (ambient,), run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
 
 
 def shines(environment: EnvironmentSettings) -> bool:

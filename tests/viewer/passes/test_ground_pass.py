@@ -130,6 +130,17 @@ def test_on_a_white_ground_in_a_white_furnace_the_ball_gets_all_light(renderer):
     assert np.quantile(irradiance, 0.01) > 0.9
 
 
+@pytest.mark.parametrize("eta", [1.0, 1.5])
+def test_below_clear_matter_in_a_white_furnace_a_white_ground_has_no_shadow(renderer, eta):
+    clear = ["material.sigma_s_prime=[0, 0, 0]", "material.sigma_a=[0, 0, 0]", f"material.eta={eta}"]
+    ground = renderer.light(apply_set(in_furnace(1.0), clear)).ground
+    plane, irradiance = ground.standing.plane, ground.around[:, 0] / np.pi
+    distance, areas = np.hypot(*plane.places()[:, [0, 2]].T), plane.areas()
+    for near, far, error in ((0.0, 0.5, 0.05), (0.5, 1.0, 0.02), (1.0, 2.0, 0.01), (2.0, 5.0, 0.005)):
+        ring = (distance >= near * plane.radius) & (distance < far * plane.radius)
+        assert np.average(irradiance[ring], weights=areas[ring]) == pytest.approx(1.0, abs=error)
+
+
 @pytest.mark.parametrize("method", ["diffusion", "ewald"])
 def test_of_a_black_ground_the_ball_gets_nothing(renderer, method):
     """E(n) = pi (1 + n_y) / 2: the view factor of the sky above a plane without end."""

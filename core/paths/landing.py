@@ -1,0 +1,82 @@
+"""Light that crosses clear or murky matter, or is mirrored by it, and ends on a plane below: caustics in its shadow.
+
+Rays depend on the surface, the lights and the index of refraction alone; matter attenuates them afterwards.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from milkglass.core.arrays import Array, Float32, Ints
+from milkglass.core.light.ground import SIDE, GroundPlane
+from milkglass.core.paths.beams import Emitted, ways_travelled
+from milkglass.core.paths.events import Rays, follow, most_events
+from milkglass.core.paths.surface import Surface
+
+# Places, the standard deviation of a Gaussian over what ends on the map: of a lamp, and from all around, which has no
+# caustics as sharp.
+OF_LAMP, OF_SURROUNDINGS = 0.7, 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Landings:
+    """Where k rays of light end on the map of a plane.
+
+    Attributes
+    ----------
+    ends : (k,) int64
+        Place of the map.
+    lengths : (k,) float32
+        Of the way in matter that scatters, mm.
+    power : (k, 3) float32
+        R, G and B, but for what that matter takes away.
+    smoothed : float
+        Standard deviation of a Gaussian over what ends on the map, places.
+    """
+
+    ends: Ints
+    lengths: Float32
+    power: Float32
+    smoothed: float
+
+    def irradiance(self, plane: GroundPlane, extinctions: Sequence[float]) -> Float32:
+        """Return the irradiance at the places of the plane's map, (n, 3), for extinctions of R, G and B, 1/mm."""
+        flux = self.power * np.exp(-self.lengths[:, None] * np.asarray(extinctions, np.float32))
+        sums = np.stack([np.bincount(self.ends, column, SIDE**2) for column in flux.T], axis=1)
+        # Areas are smoothed likewise, so that even light stays even.
+        return np.asarray(self._smooth(sums) / self._smooth(plane.areas()[:, None]), np.float32)
+
+    def _smooth(self, values: Array) -> Array:
+        width = self.smoothed, self.smoothed, 0.0
+        return np.asarray(gaussian_filter(values.reshape(SIDE, SIDE, -1), width)).reshape(len(values), -1)
+
+
+def landed(surface: Surface, light: Emitted, plane: GroundPlane, *, of_lamp: bool) -> Landings:
+    """Return where light ends on a plane that has met a surface; of a lamp with what has only been mirrored by it."""
+    absorption = surface.absorption
+    n = len(light.origins)
+    rays = Rays.beginning(
+        light.origins, light.directions, np.ones((n, absorption.shape[1]), np.float32), np.arange(n, dtype=np.int32)
+    )
+    parts, ways = list[tuple[Ints, Float32, Float32]](), np.empty(0, np.float32)
+    for number, event in enumerate(follow(surface, rays, np.ascontiguousarray(absorption), 0, most_events(surface))):
+        chords, escaped = event.chords, event.escaped
+        inside = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
+        _, ways = ways_travelled(chords.parents, inside, ways)
+        if number == 0:  # these have met nothing
+            continue
+        ends = plane.ends(escaped.origins, escaped.directions)
+        kept = np.flatnonzero((ends >= 0) & (of_lamp | (escaped.parents >= 0)))
+        parents = escaped.parents[kept]
+        lengths = np.zeros(len(kept), np.float32)
+        lengths[parents >= 0] = ways[parents[parents >= 0]]
+        if surface.is_nested:  # clear parts cast no shadow that this would lighten
+            kept, lengths = kept[lengths > 0.0], lengths[lengths > 0.0]
+        parts.append((ends[kept], lengths, light.power[escaped.sources[kept]] * escaped.weights[kept]))
+    smoothed = OF_LAMP if of_lamp else OF_SURROUNDINGS
+    if not parts:
+        return Landings(np.empty(0, np.int64), np.empty(0, np.float32), np.empty((0, 3), np.float32), smoothed)
+    ends_of_all, lengths_of_all, power = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Landings(ends_of_all, lengths_of_all, power, smoothed)
