@@ -44,7 +44,7 @@ class Landings:
     def irradiance(self, plane: GroundPlane, extinctions: Sequence[float]) -> Float32:
         """Return the irradiance at the places of the plane's map, (n, 3), for extinctions of R, G and B, 1/mm."""
         flux = self.power * np.exp(-self.lengths[:, None] * np.asarray(extinctions, np.float32))
-        sums = np.stack([np.bincount(self.ends, column, SIDE**2) for column in flux.T], axis=1)
+        sums = np.stack([np.bincount(self.ends, column, SIDE**2) for column in flux.T], axis=1).astype(np.float64)
         # Areas are smoothed likewise, so that even light stays even.
         return np.asarray(self._smooth(sums) / self._smooth(plane.areas()[:, None]), np.float32)
 
