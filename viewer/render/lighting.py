@@ -45,6 +45,11 @@ if TYPE_CHECKING:
     from milkglass.core.paths.surface import ClearPart
 
 Progress = Callable[[str], None]
+LEAST_LEFT = 0.1  # of light that crosses a part, below which it is as good as opaque
+NO_SHADOW = (
+    "little light crosses it, yet it is in the way of rays, beams and the matter that it touches alone: shadows, the"
+    " surroundings and the ground do not know it"
+)
 NO_RAYS = "parts with a material of their own are seen by rays, which transport diffusion alone follows; left out"
 
 
@@ -193,7 +198,9 @@ class Lighting:
             return (), ()
         if not quality.facts.follows_sight:
             return (), (f"{', '.join(scene.model.parts or ())}: {NO_RAYS}",)
-        return self._run(Stage.CLEAR_PARTS, [model, scene.materials], lambda: clear_parts(scene, model)), ()
+        parts = self._run(Stage.CLEAR_PARTS, [model, scene.materials], lambda: clear_parts(scene, model))
+        dark = [part.name for part in parts if _left_of(part) < LEAST_LEFT]
+        return parts, (f"{', '.join(dark)}: {NO_SHADOW}",) if dark else ()
 
     def gather(self, lit: LitScene, scattered: Scattered) -> Gather:
         """Upload what transport has scattered, for pixels to gather."""
@@ -314,6 +321,11 @@ def clear_parts(scene: Scene, model: Model) -> "tuple[ClearPart, ...]":
         ClearPart(mesh, material.eta, material.sigma_a, name)
         for mesh, (name, material) in zip(model.clear, materials, strict=True)
     )
+
+
+def _left_of(part: "ClearPart") -> float:
+    """Return how much of the light along a mean chord of a part it lets through, of the channel with the most."""
+    return float(np.exp(-min(part.absorption) * part.mesh.mean_chord))
 
 
 def quality_of(scene: Scene, mesh: Mesh, assets: Assets) -> Quality:

@@ -73,6 +73,13 @@ def test_a_transport_that_follows_no_rays_says_that_it_leaves_clear_parts_out(co
     assert any(sentence.startswith("glass: parts with a material of their own") for sentence in frame.warnings)
 
 
+def test_an_opaque_part_says_what_does_not_know_it(context, few_rays):
+    holder = {"glass": MaterialSettings.clear(1.5, (5.0, 5.0, 5.0))}
+    frame = render(tumbler(MILK, materials=holder), samples=1)
+    assert any(sentence.startswith("glass: little light crosses it") for sentence in frame.warnings)
+    assert radiance_on(frame).min() < 0.1 < radiance_on(frame).max()
+
+
 def test_opaque_matter_is_dimmed_by_the_thickness_of_what_is_before_it():
     wall = solids.hollow(solids.block((12.0, 12.0, 12.0)), solids.block((10.0, 10.0, 10.0)))
     part = ClearPart(wall, 1.5, (0.0, 0.1, 1.0))
