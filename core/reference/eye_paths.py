@@ -71,8 +71,8 @@ class LitObject:
         absorbs ends sooner, and what scatters forward keeps its course (reduced coefficients).
         """
         extinction = self.sigma_s * (1.0 - self.anisotropy) + self.sigma_a
-        way, absorbed = extinction * self.eta**2 * self.mesh.mean_chord, self.sigma_a / np.maximum(extinction, 1e-30)
-        return float(np.max(way / (1.0 + way * absorbed)))
+        length, absorbed = extinction * self.eta**2 * self.mesh.mean_chord, self.sigma_a / np.maximum(extinction, 1e-30)
+        return float(np.max(length / (1.0 + length * absorbed)))
 
 
 def traced(
@@ -125,9 +125,9 @@ class _Paths:
     def chosen(self, index: Ints | Bools) -> "_Paths":
         return _Paths(*(getattr(self, item.name)[index] for item in fields(self)))
 
-    def joined(self, others: "_Paths") -> "_Paths":
+    def joined(self, further: "_Paths") -> "_Paths":
         return _Paths(
-            *(np.concatenate([getattr(self, item.name), getattr(others, item.name)]) for item in fields(self))
+            *(np.concatenate([getattr(self, item.name), getattr(further, item.name)]) for item in fields(self))
         )
 
 

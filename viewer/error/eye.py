@@ -22,7 +22,6 @@ from milkglass.core.reference.photon_lights import Beam, Surroundings
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera, world_to_probe
-from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.scene import Scene
 
 LARGEST = 160  # pixels along the longer side of the picture that is judged
@@ -83,10 +82,10 @@ class EyeError:
 def judged_by_eye(scene: Scene, mesh: Mesh) -> tuple[bool, str]:
     """Tell whether paths from the eye are to judge a scene rather than photons from its lights, and why, a clause."""
     collisions = lit_object(scene, mesh, None).collisions
-    told = f"light loses its course about {collisions:.2g} times in the object at most"
+    course = f"light loses its course about {collisions:.2g} times in the object at most"
     if collisions > MOST_COLLISIONS:
-        return False, f"{told}: paths from the eye would take many times as long, and show little but its surface"
-    return True, f"{told}: pixels show more than its surface"
+        return False, f"{course}: paths from the eye would take many times as long, and show little but its surface"
+    return True, f"{course}: pixels show more than its surface"
 
 
 def lit_object(scene: Scene, mesh: Mesh, probe: Probe | None, shares: Sequence[float] = (0.0, 0.0, 0.0)) -> LitObject:
@@ -115,16 +114,8 @@ def judged(scene: Scene) -> Scene:
     return replace(
         scene,
         display=replace(scene.display, image_size=size),
-        lights=tuple(map(_widened, scene.all_lights())),
+        lights=tuple(light.widened(LEAST_ANGLE_DEG) for light in scene.all_lights()),
         ground=replace(scene.ground, on=False),
-    )
-
-
-def _widened(light: Light) -> Light:
-    return (
-        replace(light, angle_deg=max(light.angle_deg, LEAST_ANGLE_DEG))
-        if isinstance(light, DirectionalLight)
-        else light
     )
 
 
@@ -230,18 +221,18 @@ def eye_error(renderer: Renderer, scene: Scene, paths: int, seed: int, progress:
     size, mesh = scene.display.image_size, lit.model.mesh
     blocks = Blocks.of(frame.alpha, seed)
     to_world = np.asarray(np.linalg.inv(model_camera(scene.camera, mesh, size).world_to_clip), np.float64)
-    each = max(1, round(paths / (ROUNDS * blocks.count)))
+    of_block = max(1, round(paths / (ROUNDS * blocks.count)))
     probe = renderer.probe(scene.environment) if scene.environment.given else None
     found = group_radiance(
         lit_object(scene, mesh, probe, shares),
-        lambda rng: blocks.shots(to_world, size, each, rng),
+        lambda rng: blocks.shots(to_world, size, of_block, rng),
         blocks.count,
         ROUNDS,
         seed,
         progress,
     )
     drawn = Drawn(frame, once, np.array(shares) == 1.0, scene.gloss.is_smooth and scene.gloss.strength == 1.0)
-    return _compared(drawn, blocks, found, each * ROUNDS * blocks.count)
+    return _compared(drawn, blocks, found, of_block * ROUNDS * blocks.count)
 
 
 class Drawn(NamedTuple):
@@ -252,7 +243,7 @@ class Drawn(NamedTuple):
     frame : Frame
     once : (h, w, 3) float32
         What of it has scattered once.
-    told : (3,) bool
+    apart : (3,) bool
         Whether that is told apart in R, G and B.
     mirrors : bool
         Whether its surface mirrors as a smooth one does.
@@ -260,13 +251,13 @@ class Drawn(NamedTuple):
 
     frame: Frame
     once: Float32
-    told: Bools
+    apart: Bools
     mirrors: bool
 
 
 def _compared(drawn: Drawn, blocks: Blocks, found: GroupRadiance, paths: int) -> EyeError:
     """Return the errors of a frame."""
-    frame, told, is_mirror = drawn.frame, drawn.told, drawn.mirrors
+    frame, apart, is_mirror = drawn.frame, drawn.apart, drawn.mirrors
     mirror, through, scattered = (blocks.means(of) for of in (frame.specular, frame.unscattered, frame.scattered))
     single = blocks.means(drawn.once)
     total = found.of(PARTS if is_mirror else INSIDE)[0].mean(axis=0)
@@ -281,8 +272,8 @@ def _compared(drawn: Drawn, blocks: Blocks, found: GroupRadiance, paths: int) ->
         {
             "mirror": error(mirror, ("mirror",), everywhere & is_mirror),
             "unscattered": error(through, ("unscattered",)),
-            "once": error(single, ("once",), told),
-            "often": error(scattered - single, ("often",), told),
+            "once": error(single, ("once",), apart),
+            "often": error(scattered - single, ("often",), apart),
             "scattered": error(scattered, SCATTERED),
         },
         blocks.count,
@@ -297,7 +288,7 @@ def part_error(ours: Array, truth: Array, noise: Array, total: Array, known: Boo
     size = np.sqrt(np.maximum(np.square(truth).mean(axis=0) - noise2, 0.0))
     rms2 = np.square(ours - truth).mean(axis=0) - noise2
     rms2 = np.where(rms2 > SIGNIFICANT * np.sqrt(2.0 / len(truth)) * noise2, rms2, 0.0)
-    there = size > np.sqrt(noise2)  # else they have found next to nothing
+    visible = size > np.sqrt(noise2)  # else they have found next to nothing
 
     def over(values: Array, by: Array, where: Bools) -> tuple[float, ...]:
         return tuple(np.divide(values, by, out=np.full(3, np.nan), where=where & (by > 0.0)).tolist())
@@ -305,7 +296,7 @@ def part_error(ours: Array, truth: Array, noise: Array, total: Array, known: Boo
     mean = truth.mean(axis=0)
     return PartError(
         over(mean, total, np.ones(3, np.bool_)),
-        over(ours.mean(axis=0), mean, there & known),
-        over(np.sqrt(rms2), size, there & known),
-        over(np.sqrt(noise2), size, there),
+        over(ours.mean(axis=0), mean, visible & known),
+        over(np.sqrt(rms2), size, visible & known),
+        over(np.sqrt(noise2), size, visible),
     )

@@ -53,8 +53,8 @@ def transport_content(
     """
     is_by_eye, why = judged_by_eye(scene, renderer.light(scene).model.mesh)
     content = (eye_content if is_by_eye else photon_content)(renderer, scene, illumination, photons, seed, progress)
-    told = {"by": "paths from the eye" if is_by_eye else "photons", "why": why}
-    return content if "not_measured" in content else told | content
+    judge = {"by": "paths from the eye" if is_by_eye else "photons", "why": why}
+    return content if "not_measured" in content else judge | content
 
 
 def eye_content(

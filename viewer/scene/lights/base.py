@@ -125,6 +125,10 @@ class Light(ABC):
     def is_sharp(self) -> bool:
         """Whether it shines from one point or direction, alike all around: one shadow map does for it."""
 
+    def widened(self, angle_deg: float) -> "Light":
+        """Return the light with at least so large a disc in the sky, degrees, where it has one."""
+        return self
+
     @abstractmethod
     def apparent_deg(self, mesh_radius: float) -> float:
         """Return its angular diameter, degrees, seen from the side of the object next to it; of the larger side.

@@ -1,6 +1,6 @@
 """Distant lights: the sun, a far lamp, a strong small source of a light probe."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,6 +41,10 @@ class DirectionalLight(Light):
     def is_sharp(self) -> bool:
         """See `Light.is_sharp`."""
         return self.angle_deg == 0.0
+
+    def widened(self, angle_deg: float) -> "DirectionalLight":
+        """See `Light.widened`."""
+        return replace(self, angle_deg=max(self.angle_deg, angle_deg))
 
     def apparent_deg(self, mesh_radius: float) -> float:
         """See `Light.apparent_deg`."""
