@@ -15,12 +15,14 @@ from milkglass.core.light.bake import bake
 from milkglass.core.light.crossing import cast_crossings, few_crossings
 from milkglass.core.light.exchange import cast_hits
 from milkglass.core.material.medium import media
+from milkglass.core.transport.base import Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import CrossingsOf
 from milkglass.viewer.assets.visibility import refine
 from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.bench.speed import ProcessRow, Timing, process_row, relit
 from milkglass.viewer.gl.context import current, headless_context
+from milkglass.viewer.live.job import PRESENTABLE
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import MaterialSettings, TransportSettings
@@ -30,8 +32,8 @@ MATERIALS = "marble", "skim milk"
 SAME_ETA = 1.4
 SLIDER_STEP = 1.02  # factor on all coefficients by a step of a slider
 SETTINGS = "off", "on"  # of `transport.exchange`
-SOLVED, DRAWN = "solved", "drawn"
-N_RAYS, N_CHANGES, N_PROCESSES = 3 + len(MATERIALS), 8, 3  # rows, for progress bars
+SHOWN, SOLVED, DRAWN = "first shown", "solved", "drawn"
+N_RAYS, N_CHANGES, N_PROCESSES = 3 + len(MATERIALS), 12, 3  # rows, for progress bars
 WANTED_RATIO, WANTED_SHARE, WANTED_MEGABYTES = 1.6, 1.0 / 3.0, 150.0  # of a change, of all rays, of a process: at most
 
 
@@ -43,7 +45,7 @@ class ChangeRow:
     ----------
     change, until : str
     off, on : Timing
-        From the change until it is solved, or drawn too.
+        From the change until the first solution that the window shows, the last one, or its picture.
     cpu_ratio : float
         Median ratio of processor times, on over off.
     products : (2,) ints
@@ -80,7 +82,7 @@ def at_size(scene: Scene, exchange: str | None = None) -> Scene:
 
 
 def change_rows(scene: Scene, repeats: int) -> Iterator[ChangeRow]:
-    """Yield times of changes of a scene's object until they are solved, and until they are drawn."""
+    """Yield times of changes of a scene's object, in steps as the window has them, and until they are drawn."""
     renderers = [(Renderer(headless_context()), at_size(scene, exchange)) for exchange in SETTINGS]
     for renderer, without_change in renderers:
         renderer.draw(_of_material(without_change, 0, 1.0))
@@ -88,28 +90,36 @@ def change_rows(scene: Scene, repeats: int) -> Iterator[ChangeRow]:
         # The first is a warm-up: allocations and plans of the change.
         rounds = [[_measured(renderer, apply(at, i)) for renderer, at in renderers] for i in range(repeats + 1)][1:]
         times = np.array(rounds)  # (repeats, off and on, what `_measured` returns)
-        off, on = (int(np.median(products)) for products in times[..., 4].T)
-        for until, waiting, processor in ((SOLVED, 0, 2), (DRAWN, 1, 3)):
+        off, on = (int(np.median(products)) for products in times[..., 6].T)
+        for until, waiting, processor in ((SHOWN, 0, 3), (SOLVED, 1, 4), (DRAWN, 2, 5)):
             of_off, of_on = (Timing(tuple(column)) for column in times[..., waiting].T)
             cpu_ratio = float(np.median(times[:, 1, processor] / times[:, 0, processor]))
             yield ChangeRow(change, until, of_off, of_on, cpu_ratio, (off, on))
 
 
 def _measured(renderer: Renderer, scene: Scene) -> tuple[float, ...]:
-    """Return ms until a scene is solved and until it is drawn, processor time of both, and products of all channels."""
-    waiting, processor = [time.perf_counter()], [time.process_time()]
+    """Return ms until `SHOWN`, `SOLVED`, `DRAWN`, the same of processor time, and products of all channels."""
+    start, shown = (time.perf_counter(), time.process_time()), list[tuple[float, float]]()
+
+    def now() -> tuple[float, float]:
+        return 1e3 * (time.perf_counter() - start[0]), 1e3 * (time.process_time() - start[1])
+
+    def keep_solving(scattered: Scattered) -> bool:
+        if not shown and max(scattered.residuals) <= PRESENTABLE:
+            _ = scattered.volume
+            shown.append(now())
+        return True
+
     with current(renderer.context) as context:
         lit = renderer.light(scene)
-        scattered = renderer.scatter(lit)
+        scattered = renderer.scatter(lit, keep_solving)
         renderer.gather(lit, scattered)
-        waiting.append(time.perf_counter())
-        processor.append(time.process_time())
+        solved = now()
         renderer.draw(scene)
         context.finish()
-        waiting.append(time.perf_counter())
-        processor.append(time.process_time())
-    of_both = [1e3 * (end - times[0]) for times in (waiting, processor) for end in times[1:]]
-    return *of_both, float(sum(scattered.convolutions))
+        moments = [(*shown, solved)[0], solved, now()]
+    waiting, processor = zip(*moments, strict=True)
+    return *waiting, *processor, float(sum(scattered.convolutions))
 
 
 def _of_material(scene: Scene, i: int, factor: float, eta: float | None = None) -> Scene:
@@ -173,7 +183,7 @@ def process_rows(scene: Scene, name: str, folder: Path, repeats: int) -> Iterato
 def report_changes(report: BenchReport, rows: Sequence[ChangeRow]) -> None:
     """Report changes with light between parts and without, and write them to `exchange.csv`."""
     report.table(
-        f"Light between parts, {SIZE_MM:g} mm: a change until it is solved, and drawn; ms, minimum / median",
+        f"Light between parts, {SIZE_MM:g} mm: a change until it is shown, solved, drawn; ms, minimum / median",
         ["change, until", "off", "on", "ratio", "ratio of processor time", "wanted", "products off / on"],
         (
             [
