@@ -3,7 +3,7 @@
     python -m tests.support.page_pictures [NAME ...]
 
 draws all, or those named such as `lights`, into `.readme`. Third-party meshes, probes and the photograph come from the
-folder that the tests read. Pictures of the window are screenshots, and `path_traced` is a command of README.md.
+folder that the tests read. `window` is a screenshot, and `path_traced` a command of README.md.
 """
 
 import os
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -20,10 +21,13 @@ import trimesh
 
 from milkglass.core.material.library import library, lookup
 from milkglass.core.reference.photons import walk
+from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.render.picture import PictureRequest, read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import pixel_offsets
-from milkglass.viewer.scene.scene import Scene, apply_set
+from milkglass.viewer.scene.scene import Scene, apply_set, default_scene
+from milkglass.viewer.window.panel.panel import SECTIONS
+from milkglass.viewer.window.replay import Headless
 from tests.support.half_space import HalfSpace
 from tests.support.paths import DATA, PACKAGES, ROOT
 
@@ -273,6 +277,31 @@ def glasses(studio: Studio) -> Pixels:
     )
 
 
+def in_window(scene: Scene, size: tuple[int, int], sections: tuple[str, ...], *commands: str) -> Pixels:
+    """Return what a window of columns x rows shows of a scene, with sections of its panel open, after commands."""
+    for section in SECTIONS:
+        section.starts_open = section.title in sections
+    with current(headless_context()), closing(Headless(scene, size)) as replay:
+        replay.settle()
+        for command in commands:
+            replay.app.commands.run(command)
+            replay.settle()
+        replay.app.commands.run("dismiss")
+        replay.frame()
+        data = np.frombuffer(replay.target.read(components=3, alignment=1), np.uint8)
+    return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1, :, ::-1])
+
+
+def error_live(studio: Studio) -> Pixels:
+    scene = apply_set(default_scene(), ["transport.method=ewald"])
+    return in_window(scene, (1280, 800), ("Light transport", "Error"), "toggle_measure")
+
+
+def profile_view(studio: Studio) -> Pixels:
+    scene = apply_set(default_scene(), ["material.name=skin1", "model.size_mm=40", "transport.method=ewald"])
+    return in_window(scene, (765, 660), (), "toggle_panel", "toggle_profiles")
+
+
 def figure(name: str, size: tuple[int, int], *options: object) -> Drawing:
     """Return what draws one of the paper's figures from its scene file."""
     return lambda studio: studio.tile(size, *options, "--scene", FIGURES / f"{name}.toml")
@@ -310,6 +339,8 @@ PICTURES: dict[str, Drawing] = {
     "environments.png": environments,
     "measured.jpg": measured,
     "glasses.jpg": glasses,
+    "error_live.png": error_live,
+    "profile_view.png": profile_view,
     "photograph.jpg": row(photograph((230, 352)), *[edited(name, (230, 352)) for name in ("jade", "marble", "wax")]),
     "figure3.jpg": row(*[edited(name, (314, 480)) for name in ("marble", "jade", "wax")]),
     "figure4.jpg": row(
