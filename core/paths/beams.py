@@ -90,8 +90,8 @@ class Courses:
         As of `Beams`.
     weights : (k, n) float32
         What is left of the ray by what it has met: of R, G and B where clear parts absorb, else of all light.
-    bodies, sources : (k,) int32
-        Body that each chord crosses, and its ray.
+    bodies, sources, events : (k,) int32
+        Body that each chord crosses, its ray, and the number of the event at its end, ascending.
     """
 
     starts: Float32
@@ -101,6 +101,7 @@ class Courses:
     weights: Float32
     bodies: Int32
     sources: Int32
+    events: Int32
 
 
 def followed(
@@ -117,12 +118,14 @@ def followed(
         rays.within[:] = 1 << surface.faces.media[0]
     parts = []
     travelled = np.empty(0, np.float32)  # in matter that scatters, at the end of each chord so far
-    for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
+    tracked = follow(surface, rays, np.ascontiguousarray(absorption), met, events)
+    for number, event in enumerate(tracked, start=met + 1):
         chords = event.chords
         in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
         before, travelled = ways_travelled(chords.parents, in_matter, travelled)
         placed = chords.starts, chords.ends, chords.lengths, before
-        parts.append((*placed, chords.weights, chords.bodies, chords.sources))
+        numbers = np.full(len(before), number, np.int32)
+        parts.append((*placed, chords.weights, chords.bodies, chords.sources, numbers))
     return Courses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 

@@ -31,7 +31,8 @@ SIDES = 2  # of a pair of directions
 MOST_PLACES = 8000
 COSINES = 1024  # of their table
 OPAQUE = 100.0  # optical thickness of a mean chord in which light is met once
-EVENTS = 16  # after which paths end: most of the light that goes back is totally reflected, often again and again
+EVENTS = 16  # that are followed: most of the light that goes back is totally reflected, often again and again
+MOST_KEPT = 0.999  # of light from one event to the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +47,14 @@ class Returns:
         Ways inside along which it arrives, from the surface backwards; of the n rays that go on from there.
     courses : Courses
         Of the n rays.
+    is_bare : bool
+        Whether no clear parts are around, so that each chord ends where the next one of its path begins.
     """
 
     flux: Array
     arrivals: Chords
     courses: Courses
+    is_bare: bool = True
 
     def reflected(self) -> float:
         """Return the share of light from all directions alike that comes back, where all directions go on: R1."""
@@ -101,7 +105,7 @@ def returns(
         courses = _in_matter(followed(around, starts, -inwards, 1, EVENTS, inside=True), around.scattering)
         share, onwards = 1.0, number
     flux = np.full(SIDES * count, np.pi * share * total / (SIDES * count))
-    return Returns(flux, _across(surface, starts, inwards, onwards.astype(np.int32)), courses)
+    return Returns(flux, _across(surface, starts, inwards, onwards.astype(np.int32)), courses, around is None)
 
 
 def _in_matter(courses: Courses, scattering: int) -> Courses:
@@ -131,6 +135,22 @@ def arriving(
     return found
 
 
+def _without_end(courses: Courses, power: Float32, extinctions: Float32) -> Float32:
+    """Return the power of chords with that of the last event for all that would follow.
+
+    In clear matter light may be reflected hundreds of times before it collides. Later events meet less by the ratio of
+    the last two.
+    """
+    last = courses.events == EVENTS
+    near = last | (courses.events == EVENTS - 1)
+    arrived = power[near] * np.exp(-extinctions * courses.before[near, None])
+    met = arrived * -np.expm1(-extinctions * courses.lengths[near, None])
+    of_last = met[last[near]].sum(axis=0, dtype=np.float64)
+    ratio = of_last / np.maximum(met.sum(axis=0, dtype=np.float64) - of_last, 1e-30)
+    following = np.float32(1.0) / (1.0 - np.minimum(ratio, MOST_KEPT))
+    return np.where(last[:, None], power * following.astype(np.float32), power)
+
+
 def collided_again(
     scattered: Scattered,
     extinctions: Sequence[float],
@@ -158,6 +178,8 @@ def collided_again(
     courses, radiance = back.courses, arriving(scattered, extinctions, fill, back, grid)
     sent = (back.flux[:, None] * radiance).astype(np.float32)
     power = courses.weights * sent[courses.sources]
+    if back.is_bare:
+        power = _without_end(courses, power, np.asarray(extinctions, np.float32))
     beams = Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
     returned = moments(beams, extinctions, grid, 4 if any(directed) else 1)
 

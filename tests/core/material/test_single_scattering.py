@@ -40,6 +40,11 @@ def test_without_a_boundary_single_scattering_is_closed():
         assert reflected_once(albedo, 1.0) == pytest.approx(0.5 * albedo * (1.0 - np.log(2.0)), abs=1e-14)
 
 
+@pytest.mark.parametrize(("eta", "photons"), [(1.3, 0.0752), (1.33, 0.0721), (1.5, 0.0539)])
+def test_light_that_scatters_once_and_leaves_a_half_space(eta, photons):
+    assert reflected_once(1.0, eta) == pytest.approx(photons, rel=0.01)
+
+
 @pytest.mark.parametrize("eta", [1.0, 1.33, 1.5, 2.5])
 def test_share_falls_from_all_of_it_as_albedo_rises(eta):
     albedos = (1e-9, 0.01, 0.3, 0.7, 0.95, 1.0)

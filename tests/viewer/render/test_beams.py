@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from milkglass.core.grid.convolution import LayerConvolver
 from milkglass.core.grid.layers import fit_nodes
 from milkglass.core.paths.deposit import collided
 from milkglass.core.paths.emission import Ball
@@ -35,7 +36,8 @@ def test_lamps_of_all_kinds_send_the_power_that_a_distant_one_does(kind):
 
 @pytest.mark.gl
 @pytest.mark.slow
-def test_beams_are_cast_where_a_light_moves_and_by_no_material(renderer_of):
+def test_beams_are_cast_where_a_light_moves_and_by_no_material(renderer_of, monkeypatch):
+    """Where the camera moves no product runs at all."""
     renderer = renderer_of("ball")
     size = float(np.ptp(renderer.model.mesh.bounds, axis=0).max())
     settings = [f"model.size_mm={size}", "transport.resolution=24", "display.image_size=[48,48]"]
@@ -52,3 +54,6 @@ def test_beams_are_cast_where_a_light_moves_and_by_no_material(renderer_of):
     moved = replace(scene, lights=(SUN, replace(lamps[1], direction=(1.0, 0.0, 0.0))))
     assert cast(moved) == {"beams of light 2"}
     assert cast(apply_set(scene, ["material.name=marble"])) == set()
+    cast(scene)
+    monkeypatch.setattr(LayerConvolver, "convolve", lambda *_: pytest.fail("a product has run"))
+    assert cast(apply_set(scene, ["camera.azimuth_deg=100", "camera.zoom=1.3"])) == set()
