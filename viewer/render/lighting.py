@@ -47,8 +47,8 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 LEAST_LEFT = 0.1  # of light that crosses a part, below which it is as good as opaque
 NO_SHADOW = (
-    "little light crosses it, yet it is in the way of rays, beams and the matter that it touches alone: shadows, the"
-    " surroundings and the ground do not know it"
+    "little light crosses it, yet it is in the way of rays, beams and the matter that it touches alone: shadows and the"
+    " environment's occlusion do not know it"
 )
 NO_RAYS = "parts with a material of their own are seen by rays, which transport diffusion alone follows; left out"
 

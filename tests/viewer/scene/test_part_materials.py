@@ -4,6 +4,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.stages import Part
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import MaterialSettings, ModelSettings
+from tests.support.paths import ROOT
 
 GLASS = MaterialSettings.clear(1.52)
 AMBER = MaterialSettings.clear(1.5, (0.05, 0.2, 0.8))
@@ -55,3 +56,9 @@ def test_bad_materials_of_parts_are_told(text, message):
         Scene.from_toml(text)
     with pytest.raises(InputError, match=r"--set materials.glass.et is unknown; did you mean"):
         apply_set(Scene(), ["materials.glass.et=1"])
+
+
+def test_scene_files_of_vessels_are_read():
+    scenes = [Scene.load(path) for path in sorted((ROOT / "viewer" / "scenes").glob("*.toml"))]
+    assert [scene.model.builtin for scene in scenes] == ["tumbler", "tumbler", "bottle"]
+    assert all(scene.model.parts == ("glass",) for scene in scenes)
