@@ -44,6 +44,10 @@ COLOUR = ("material.diffuse_reflectance=[0.5, 0.6, 0.7]", "material.mean_free_pa
 DIFFUSE_COLOUR = (COLOUR[0], "material.diffuse_mean_free_path_mm=[1, 1, 2]")
 SECOND = ("material.mix_sigma_s_prime=[3, 2, 1]", "material.mix_sigma_a=[0.1, 0.1, 0.1]", "material.mix_eta=1.2")
 SOLVED = ("model.path={pair}", "transport.method=diffusion")  # body by body
+MURKY = (
+    *SOLVED, "transport.exchange=off", "ground.on=false", "material.sigma_s_prime=[0.05, 0.1, 0.1]",
+    "material.sigma_a=[0.01, 0.01, 0.02]",
+)  # fmt: skip
 LAYERED = ("transport.method=layered", "transport.layers=4")
 OCCLUDED_BY_NOTHING = ("environment.occluded=false", "ground.on=false")
 # What a setting needs to have any effect; some mean nothing to the method above, or where others are given.
@@ -59,6 +63,8 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "transport.method": ("model.path={pair}", *LAYERED),
     "transport.exchange": ("transport.exchange=off", "model.path={pair}", *OCCLUDED_BY_NOTHING),
     "transport.light_paths": SOLVED,
+    "material.g": MURKY,
+    "material.mix_g": (*MURKY, *SECOND),
     "transport.assignment": ("transport.assignment=tent",),
     "ground.on": ("ground.on=false",),  # what is taken away runs nothing
     "environment.occluded": OCCLUDED_BY_NOTHING,
@@ -107,7 +113,7 @@ def named(tmp_path_factory) -> Callable[[str], str]:
 def another(declared: Setting, value: Any) -> Any:
     """Another value that a setting may have."""
     if value is None and declared.length is not None:
-        return (8.0,) * declared.length
+        return (8.0 if declared.high is None else min(8.0, 0.5 * declared.high),) * declared.length
     if isinstance(value, tuple):
         return (another(declared, value[0]), *value[1:])
     if declared.kind == "boolean":
