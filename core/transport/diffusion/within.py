@@ -263,10 +263,7 @@ class Within:
             power if turns or balanced_share(length) > 0.0 else None
             for power, turns, length in zip(again, directed, chords, strict=True)
         ]
-        gains = [
-            RESOLVED.least_gain if turns else thick_gain(length, flight.albedo)
-            for turns, length, flight in zip(directed, chords, flights, strict=True)
-        ]
+        gains = [thick_gain(length, flight.albedo) for length, flight in zip(chords, flights, strict=True)]
         often = Scattered(again, second.flux)
         if all(power is None for power in asked):
             return often, gains
