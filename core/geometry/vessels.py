@@ -74,11 +74,11 @@ def lathe(profile: Array) -> Mesh:
         return np.concatenate([ends, around])
 
     rings = 2 + np.arange(len(profile) - 2)[:, None] * TURNS + np.arange(TURNS)
-    here, there = rings, np.roll(rings, -1, axis=1)
-    low, high = (here[:-1], there[:-1]), (here[1:], there[1:])
+    following = np.roll(rings, -1, axis=1)
+    low, high = (rings[:-1], following[:-1]), (rings[1:], following[1:])
     quads = [np.stack([low[0], low[1], high[1]], axis=-1), np.stack([low[0], high[1], high[0]], axis=-1)]
-    first = np.stack([np.zeros(TURNS, int), there[0], here[0]], axis=-1)
-    last = np.stack([np.ones(TURNS, int), here[-1], there[-1]], axis=-1)
+    first = np.stack([np.zeros(TURNS, int), following[0], rings[0]], axis=-1)
+    last = np.stack([np.ones(TURNS, int), rings[-1], following[-1]], axis=-1)
     faces = np.concatenate([first, *(quad.reshape(-1, 3) for quad in quads), last])
     return Mesh.of(turned(profile), turned(outward), faces)
 

@@ -299,13 +299,13 @@ def _meet(
         # What it meets tells on which side of it the ray has been, whatever of it was met before.
         bit, last = 1 << surface.media[body], rays.bodies[i]
         arriving = rays.within[i] | bit if leaving else rays.within[i] & ~bit
-        here = _there(arriving, body if leaving and body < scattering else last, surface)
+        near_body = _there(arriving, body if leaving and body < scattering else last, surface)
         last = body if body < scattering else last
-        there = _there(arriving ^ bit, last, surface)
-        eta_here = surface.etas[here] if here >= 0 else np.float32(1.0)
-        eta_there = surface.etas[there] if there >= 0 else np.float32(1.0)
-        is_clear = (here < 0 or here >= scattering) and (there < 0 or there >= scattering)
-        passed[j] = here == there or (is_clear and eta_here == eta_there)
+        far_body = _there(arriving ^ bit, last, surface)
+        eta_near = surface.etas[near_body] if near_body >= 0 else np.float32(1.0)
+        eta_far = surface.etas[far_body] if far_body >= 0 else np.float32(1.0)
+        is_clear = (near_body < 0 or near_body >= scattering) and (far_body < 0 or far_body >= scattering)
+        passed[j] = near_body == far_body or (is_clear and eta_near == eta_far)
         went_on += passed[j]
         turn = np.float32(-1.0) if leaving else np.float32(1.0)
         for axis in range(3):
@@ -328,17 +328,17 @@ def _meet(
         for channel in range(channels):
             weights[j, channel] = rays.weights[i, channel]
         parents[j] = rays.parents[i]
-        if here >= 0:
+        if near_body >= 0:
             for axis in range(3):
                 starts[n, axis], ends[n, axis] = rays.origins[i, axis], points[j, axis]
             for channel in range(channels):
                 before[n, channel] = rays.weights[i, channel]
-                weights[j, channel] *= np.exp(-extinction[here, channel] * distance[i])
-            lengths[n], crossed[n] = distance[i], here
+                weights[j, channel] *= np.exp(-extinction[near_body, channel] * distance[i])
+            lengths[n], crossed[n] = distance[i], near_body
             chord_sources[n], chord_parents[n] = rays.sources[i], rays.parents[i]
             parents[j] = chord + n
             n += 1
-        etas[j], beyond[j], faces[j], sources[j] = eta_there / eta_here, there, face, rays.sources[i]
+        etas[j], beyond[j], faces[j], sources[j] = eta_far / eta_near, far_body, face, rays.sources[i]
         within[j], entered[j], bodies[j] = arriving, arriving ^ bit, last
         places[j, 0], places[j, 1] = u, v
         j += 1

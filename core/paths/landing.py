@@ -60,18 +60,18 @@ def landed(surface: Surface, light: Emitted, plane: GroundPlane, *, of_lamp: boo
     rays = Rays.beginning(
         light.origins, light.directions, np.ones((n, absorption.shape[1]), np.float32), np.arange(n, dtype=np.int32)
     )
-    parts, ways = list[tuple[Ints, Float32, Float32]](), np.empty(0, np.float32)
+    parts, travelled = list[tuple[Ints, Float32, Float32]](), np.empty(0, np.float32)
     for number, event in enumerate(follow(surface, rays, np.ascontiguousarray(absorption), 0, most_events(surface))):
         chords, escaped = event.chords, event.escaped
         inside = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        _, ways = ways_travelled(chords.parents, inside, ways)
+        _, travelled = ways_travelled(chords.parents, inside, travelled)
         if number == 0:  # these have met nothing
             continue
         ends = plane.ends(escaped.origins, escaped.directions)
         kept = np.flatnonzero((ends >= 0) & (of_lamp | (escaped.parents >= 0)))
         parents = escaped.parents[kept]
         lengths = np.zeros(len(kept), np.float32)
-        lengths[parents >= 0] = ways[parents[parents >= 0]]
+        lengths[parents >= 0] = travelled[parents[parents >= 0]]
         if surface.is_nested:  # clear parts cast no shadow that this would lighten
             kept, lengths = kept[lengths > 0.0], lengths[lengths > 0.0]
         parts.append((ends[kept], lengths, light.power[escaped.sources[kept]] * escaped.weights[kept]))

@@ -165,15 +165,15 @@ def _overlapping(meshes: Sequence[Mesh], distance: float) -> list[Float32]:
     """Return the vertices of meshes, of each grown a little into those after it where the surfaces coincide."""
     found = []
     for i, mesh in enumerate(meshes):
-        vertices, others = np.array(mesh.vertices), meshes[i + 1 :]
-        if others:
+        vertices, later = np.array(mesh.vertices), meshes[i + 1 :]
+        if later:
             first, group = position_groups(vertices)
             outward = np.zeros((len(first), 3), np.float32)
             np.add.at(outward, group, mesh.normals)
             outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), np.float32(1e-6))
             origins, reach = vertices[first] - np.float32(distance) * outward, np.full(len(first), 2.0 * distance)
             touching = np.zeros(len(first), bool)
-            for other in others:
+            for other in later:
                 touching |= other.rays.first(origins, outward, reach)[0] >= 0
             vertices += np.float32(OVERLAP * distance) * (touching[:, None] * outward)[group]
         found.append(vertices)

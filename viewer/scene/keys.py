@@ -36,7 +36,9 @@ def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[s
     Tables, `LIGHTS` and `MATERIALS` may be left out (`without`, their names). A file is its name and its `version`.
     """
     moving = frozenset(parts)
-    clear = () if MATERIALS in without else tuple((name, *_values(own, moving)) for name, own in scene.materials)
+    clear = (
+        () if MATERIALS in without else tuple((name, *_values(material, moving)) for name, material in scene.materials)
+    )
     of_lights = tuple((light.KIND, *_values(light, moving)) for light in scene.effective_lights())
     lit = () if LIGHTS in without or all(len(light) == 1 for light in of_lights) else of_lights
     return (

@@ -317,8 +317,8 @@ def _materials(content: Any, base: Path) -> PartMaterials:
         try:
             materials[name] = _table(MaterialSettings, given, f"materials.{name}", base)
         except InputError as error:
-            told = str(error)
-            raise InputError(told if f"materials.{name}" in told else f"materials.{name}: {told}") from None
+            message = str(error)
+            raise InputError(message if f"materials.{name}" in message else f"materials.{name}: {message}") from None
     return tuple(materials.items())
 
 
@@ -369,10 +369,10 @@ def _to_toml(scene: Scene, base: Path) -> str:
             document[name] = {
                 part: {
                     key: value
-                    for key, value in _content(own, base).items()
+                    for key, value in _content(material, base).items()
                     if key in {*CLEAR, "eta"} or value != usual[key]
                 }
-                for part, own in content
+                for part, material in content
             }
             continue
         if name != "lights":
