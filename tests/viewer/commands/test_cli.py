@@ -9,6 +9,7 @@ import pytest
 
 import milkglass
 from milkglass.core.errors import InputError
+from milkglass.viewer.bench.run import PARTS
 from milkglass.viewer.commands import cli
 from milkglass.viewer.commands.options import FLAGS
 from milkglass.viewer.files import images
@@ -203,10 +204,11 @@ def test_window_where_there_is_a_display(variable, monkeypatch):
 
 def test_bench_passes_its_options(monkeypatch):
     calls = []
-    monkeypatch.setattr("milkglass.viewer.bench.run.run", lambda *files, quick: calls.append((quick, *files)))
+    monkeypatch.setattr("milkglass.viewer.bench.run.run", lambda *files, **options: calls.append((*files, options)))
     assert cli.main(["bench"]) == 0
-    assert cli.main(["bench", "--quick", "--output", "d", "--model", "m.ply"]) == 0
-    assert calls == [(False, None, None), (True, Path("d"), Path("m.ply"))]
+    assert cli.main(["bench", "--quick", "--output", "d", "--model", "m.ply", "--only", "window, sight"]) == 0
+    some = {"quick": True, "only": ["window", "sight"]}
+    assert calls == [(None, None, {"quick": False, "only": PARTS}), (Path("d"), Path("m.ply"), some)]
 
 
 @pytest.mark.parametrize("line", ["--help", "view --help", "render --help", "bench --help", "materials --help"])

@@ -14,7 +14,7 @@ from milkglass.viewer.render.picture import SCATTERED, Frame, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.light_paths import ALL, PARTS
-from milkglass.viewer.scene.lights import DirectionalLight
+from milkglass.viewer.scene.lights import DirectionalLight, SpotLight
 from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
 from tests.support import solids
@@ -96,8 +96,12 @@ def test_a_lamp_is_seen_through_the_ball(renderer, mesh):
 
 
 def test_through_what_does_not_bend_light_the_ground_is_seen_as_it_is_drawn(renderer, mesh):
-    """A ball of the index of air, whose shadow it sees; from above, and as far as the plane does not fade."""
-    lamps = DirectionalLight((0.5, 1.0, 0.2), (3.0, 2.0, 1.0), angle_deg=12.0), DirectionalLight((-1.0, 1.0, 0.0))
+    """A ball of the index of air, on a spot's pool of light; from above, and as far as the plane does not fade."""
+    spot = SpotLight(
+        position_mm=(20.0, 80.0, 0.0), target_mm=(0.0, -15.0, 0.0), intensity=(6e4, 5e4, 4e4), cone_deg=15.0,
+        softness=0.5,
+    )  # fmt: skip
+    lamps = DirectionalLight((0.5, 1.0, 0.2), (3.0, 2.0, 1.0), angle_deg=12.0), spot
     scene = white(mesh, *CLEAR, "material.eta=1", "material.sigma_a=[0,0,0]", "camera.elevation_deg=60")
     scene = replace(apply_set(scene, ["ground.on=true", "ground.color=[1,0.5,0.2]"]), lights=lamps)
     picture = renderer.draw(scene)
