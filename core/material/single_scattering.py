@@ -1,8 +1,9 @@
-"""Share of single scattering in the light that leaves a half space, which a solution of diffusion does not describe.
+"""Light that leaves a half space, and the share of single scattering in it, which diffusion does not describe.
 
-A half space with a smooth dielectric boundary, lit along its normal, isotropic scattering with the reduced coefficients
-(as `core.reference.photons`), fluxes relative to what has entered. Light that scatters once, at a depth of z mean free
-paths with probability exp(-z), and then goes up at a cosine mu inside, leaves with exp(-z / mu) F_t(mu):
+A half space with a smooth dielectric boundary, lit along its normal where no cosine is given, isotropic scattering with
+the reduced coefficients (as `core.reference.photons`), fluxes relative to what has entered. Light that scatters once,
+at a depth of z mean free paths with probability exp(-z), and then goes up at a cosine mu inside, leaves with
+exp(-z / mu) F_t(mu):
 
     R_1 = a'/2 int_0^1 F_t(mu) mu / (1 + mu) dmu.
 
@@ -62,13 +63,18 @@ def _share(albedo: float, eta: float) -> float:
 
 def reflectance(albedo: float, eta: float) -> float:
     """Return R, the share of the entered flux that leaves after any number of scatterings; arguments likewise."""
+    return float(reflectance_at(np.ones(1), albedo, eta)[0])
+
+
+def reflectance_at(cosines: Array, albedo: float, eta: float) -> Array:
+    """Return R, (n,), of light that has entered at cosines (n,) in (0, 1] to the normal inside."""
     mu, weights = _cosines(eta)
-    h, at_1 = chandrasekhar_h(mu, albedo), float(chandrasekhar_h(np.ones(1), albedo)[0])
+    h, of_beams = chandrasekhar_h(mu, albedo), chandrasekhar_h(cosines, albedo)
     inside = fresnel.reflectance(1.0 / eta, mu)
     kernel = 0.5 * albedo * h[:, None] * h / (mu[:, None] + mu) * (mu * inside * weights)
-    beam = albedo / (4.0 * np.pi) * h * at_1 / (mu + 1.0)
-    upwards = np.linalg.solve(np.eye(len(mu)) - kernel, beam)
-    return float(2.0 * np.pi * np.sum(weights * mu * (1.0 - inside) * upwards))
+    beams = albedo / (4.0 * np.pi) * h[:, None] * of_beams / (mu[:, None] + cosines)
+    upwards = np.linalg.solve(np.eye(len(mu)) - kernel, beams)
+    return np.asarray(2.0 * np.pi * (weights * mu * (1.0 - inside)) @ upwards)
 
 
 def chandrasekhar_h(mu: Array, albedo: float) -> Array:

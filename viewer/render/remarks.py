@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.material.library import CHANNELS, Material
-from milkglass.core.material.medium import Medium, media
-from milkglass.core.paths.resolution import needs_beams, resolved_share
+from milkglass.core.material.medium import media
+from milkglass.core.paths.resolution import needs_beams
 from milkglass.core.transport.methods import METHODS, Method
 from milkglass.core.transport.quality import percent
 from milkglass.viewer.passes.gather import Gather
@@ -19,7 +19,6 @@ from milkglass.viewer.scene.scene import Scene
 
 RIM_SPACINGS = 1.2  # width of the frame along a thin part's rim, in distances of nodes
 NOTABLE_CROSSING = 0.2  # share of light that crosses an object unscattered, without which a picture is another one
-DARK = 0.5  # albedo below which diffusion is off under lamps
 PLATE = 0.15  # mean chord over the second longest side, below which light cannot leave sideways
 PLATE_PATHS = 0.7, 2.5  # thicknesses in mean free paths
 PLATE_ALBEDO = 0.3
@@ -33,7 +32,7 @@ def warnings(scene: Scene, lit: LitScene) -> tuple[str, ...]:
 
 def remarks(scene: Scene, lit: LitScene, gather: Gather) -> tuple[str, ...]:
     """Return sentences on where a picture is less exact than elsewhere."""
-    inexact = below_nodes(scene, lit), thin_rims(scene, lit, gather), thin_plates(lit), dark_under_lamps(scene, lit)
+    inexact = below_nodes(scene, lit), thin_rims(scene, lit, gather), thin_plates(lit)
     return tuple(sentence for sentence in inexact if sentence is not None)
 
 
@@ -69,19 +68,6 @@ def lacks_glow(lit: LitScene) -> str | None:
         f"the surface has colours or relief, and so light that scatters inside is drawn as if it had often, where it "
         f"leaves, though the mean free path in {named} is long: what glows within is flat; detail.albedo=off and "
         "detail.normal_strength=0 have it followed"
-    )
-
-
-def dark_under_lamps(scene: Scene, lit: LitScene) -> str | None:
-    """Return a sentence if lamps light dark matter whose free paths nodes do not resolve, which diffusion is bad at."""
-    if not scene.effective_lights() or not lit.quality.facts.follows_sight:
-        return None
-    named = _listed([0.0 < m.albedo < DARK and _by_surface(m, lit) for m in lit.media])
-    if not named:
-        return None
-    return (
-        f"most of what scatters in {named} is absorbed, and nodes do not resolve the mean free path: what dark matter "
-        "sends back of lamps is off by 8 to 18 %, for it has scattered once and is drawn as if it had often"
     )
 
 
@@ -139,12 +125,6 @@ def thin_rims(scene: Scene, lit: LitScene, gather: Gather) -> str | None:
         f"parts thinner than the {spacing:.3g} mm between nodes, lit from behind, are 15 to 20 % too dark within "
         f"{RIM_SPACINGS * spacing:.2g} mm of their rims, and by up to half in the outermost {0.25 * spacing:.2g} mm"
     )
-
-
-def _by_surface(medium: Medium, lit: LitScene) -> bool:
-    """Return whether some of what scatters in a medium leaves as exitance of the surface."""
-    clear = is_clear(lit.quality.facts, lit.media, lit.model.mesh)
-    return not clear and (lit.beams is None or resolved_share(medium, lit.grid) < 1.0)
 
 
 def _listed(chosen: Sequence[bool]) -> str:

@@ -199,7 +199,9 @@ def lit(light: Sources, medium: Medium, s: float, convolve: Callable[[Float32], 
     retained = np.ones(len(local)) if crossed is None else crossed.kept
     reentry = None
     if exchange is not None and not exchange.is_negligible(medium):
-        reentry = Reentry(exchange, i, medium, s)
+        counted = np.ones(len(local))
+        counted[exchange.entry.patches] = exchange.entry.gain(medium)
+        reentry = Reentry(exchange, i, medium, s, counted)
     for entry in entries:
         of_light = reentry.sources if reentry is not None and entry.diffuse else None
         at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained, of_light)

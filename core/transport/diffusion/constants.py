@@ -105,6 +105,16 @@ class RegularisationConstants:
 
 
 @dataclass(frozen=True)
+class HalfSpaceConstants:
+    """In which matter light counts times what a half space returns over what diffusion has of it."""
+
+    dark_albedo: float = chosen(0.7, "albedo up to which light that enters counts as a half space returns it", "ball")
+    bright_albedo: float = chosen(
+        0.9, "albedo from which on it counts as it is: what crosses an object is right in diffusion", "ball"
+    )
+
+
+@dataclass(frozen=True)
 class DiffusionConstants:
     """All fitted and chosen constants of transport `diffusion`."""
 
@@ -114,6 +124,7 @@ class DiffusionConstants:
     last_flight: LastFlightConstants = LastFlightConstants()
     sheets: SheetConstants = SheetConstants()
     regularisation: RegularisationConstants = RegularisationConstants()
+    half_space: HalfSpaceConstants = HalfSpaceConstants()
     resolved: ResolvedConstants = RESOLVED
 
 

@@ -18,6 +18,7 @@ from milkglass.core.material.refraction import first_scattering, mean_cosine, re
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.green import local_green
+from milkglass.core.transport.diffusion.half_space import gain
 
 LEAST_REFLECTED = 0.05  # F_r above which reflection inside is followed; it is less near normal incidence
 LEAST_RETURNED = 1e-3  # share of a ray's light above which reflection inside is followed
@@ -61,6 +62,10 @@ class Entry:
     def chords_in(self, medium: Medium) -> Array:
         """Return the chords in mean free paths, (m,), along the light's true direction."""
         return self.chords / (self.stretch * medium.mean_free_path)
+
+    def gain(self, medium: Medium) -> Array:
+        """Return the factor on the light by what diffusion lacks of it, (m,)."""
+        return gain(medium, self.cosines, self.chords_in(medium))
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +191,12 @@ def sources(
     """Return the first scattering of one channel: assigned to the nodes (nodes,), and its local part (n,).
 
     `retained` is the share of each patch's light that diffuses, (n,); `of_light` the scattering of the entry's light
-    in the medium, where it is known: of light from all around, that of any such light.
+    in the medium, where it is known: of light from all around, that of any such light. Light counts times what
+    diffusion lacks of it (`core.transport.diffusion.half_space`).
     """
     flux, of_light = np.zeros(len(boundary.patches)), of_light or scattering(entry, boundary, medium, s)
-    flux[entry.patches] = retained[entry.patches] * entry.flux[:, channel]
+    counted = retained[entry.patches] * entry.gain(medium)
+    flux[entry.patches] = counted * entry.flux[:, channel]
     return of_light.at_nodes(flux), of_light.at_patches(flux)
 
 

@@ -25,6 +25,7 @@ from milkglass.core.material.refraction import first_scattering, mean_cosine
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.green import local_green, local_slope
+from milkglass.core.transport.diffusion.half_space import gain
 from milkglass.core.transport.pixels import LocalTerm, PixelEquation, PixelTables
 
 OnNodes = Callable[[Callable[[Boundary], Float32], int], Float32]
@@ -118,15 +119,20 @@ def mean_fluence(boundary: Boundary, two_A_M: tuple[Array, ...]) -> Float32:
 
 
 def _entering(medium: Medium, s: float, cosines: Array, thickness: Array) -> tuple[Array, Array]:
-    """Return a' sum of w rho over the distances of first scattering to either side, by cosine and thickness."""
+    """Return a' sum of w rho over the distances of first scattering to either side, by cosine and thickness.
+
+    It is of light times what diffusion lacks of it, as patches have it.
+    """
     cosine, thick = np.broadcast_arrays(cosines[:, None], thickness)
     thick = np.where(thick < thickness[-1], thick, np.inf)  # the last column is any
-    depths, weights = first_scattering((thick / cosine / medium.mean_free_path).ravel())
+    chords = (thick / cosine / medium.mean_free_path).ravel()
+    depths, weights = first_scattering(chords)
     below = depths * medium.mean_free_path * cosine.ravel()[:, None]
     front = np.sum(weights * local_green(medium, s, below), axis=-1)
     left = np.minimum(np.abs(thick.ravel()[:, None] - below), 1e3 * s)
     across = np.sum(weights * local_green(medium, s, left), axis=-1)
-    return medium.albedo * front.reshape(cosine.shape), medium.albedo * across.reshape(cosine.shape)
+    counted = medium.albedo * gain(medium, cosine.ravel(), chords)
+    return (counted * front).reshape(cosine.shape), (counted * across).reshape(cosine.shape)
 
 
 def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:

@@ -174,7 +174,7 @@ def diffuse_reflectance(medium: Medium) -> float:
 
 
 class Reentry:
-    """Light of one channel that leaves the patches and enters them again.
+    """Light of one channel that leaves the patches and enters them again; at each it counts times a `gain`, (n,).
 
     Attributes
     ----------
@@ -182,8 +182,10 @@ class Reentry:
         First scattering of light that comes from all around.
     """
 
-    def __init__(self, surface: SurfaceExchange, channel: int, medium: Medium, s: float) -> None:
-        self._surface, self._channel, self._medium = surface, channel, medium
+    def __init__(
+        self, surface: SurfaceExchange, channel: int, medium: Medium, s: float, gain: Array | float = 1.0
+    ) -> None:
+        self._surface, self._channel, self._medium, self._gain = surface, channel, medium, gain
         self._per_two_A_M = 1.0 / (2.0 * medium.extrapolation_factor)
         self.sources = surface.sources(medium, s)
         self._last: tuple[Array, Array] | None = None
@@ -200,6 +202,7 @@ class Reentry:
         """Return the flux that enters again; the last one's is kept, since both of its parts are asked for in turn."""
         last = self._last
         if last is None or last[0] is not two_A_M:
-            last = two_A_M, self._surface.flux(self._channel, self._per_two_A_M * two_A_M, self._medium)
+            flux = self._surface.flux(self._channel, self._per_two_A_M * two_A_M, self._medium)
+            last = two_A_M, self._gain * flux
             self._last = last
         return last[1]

@@ -9,7 +9,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
 from milkglass.core.material import library
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.remarks import dark_under_lamps, lacks_crossing, lacks_glow, thin_plates
+from milkglass.viewer.render.remarks import lacks_crossing, lacks_glow, thin_plates
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import MaterialSettings, Scene, apply_set
@@ -80,17 +80,6 @@ def lit(renderer: Renderer, mesh: Mesh, *assignments: str, lamps: bool = True) -
         scene = replace(scene, environment=white, lights=())
     scene = apply_set(scene, ["display.image_size=[16, 16]", "transport.resolution=24", *assignments])
     return scene, renderer.light(scene)
-
-
-def test_dark_matter_under_lamps_is_told(renderer):
-    mesh = solids.mesh_of(solids.ball(15.0))
-    dark = "material.sigma_s_prime=[1,1,1]", "material.sigma_a=[9,0.5,2]"
-    thin = "material.sigma_s_prime=[0.02,0.02,0.02]", "material.sigma_a=[0.1,0.1,0.1]"
-    assert "most of what scatters in r, b is absorbed" in dark_under_lamps(*lit(renderer, mesh, *dark))
-    assert dark_under_lamps(*lit(renderer, mesh, *dark, lamps=False)) is None
-    assert dark_under_lamps(*lit(renderer, mesh, "material.name=marble")) is None
-    assert dark_under_lamps(*lit(renderer, mesh, *thin)) is None
-    assert dark_under_lamps(*lit(renderer, mesh, *dark, "transport.method=ewald")) is None
 
 
 def test_plates_that_trap_light_are_told(renderer):

@@ -34,5 +34,6 @@ def test_bounds_of_smooth_steps_ascend():
         (flight.rough_evenness, flight.even_evenness),
         (flight.least_share, flight.full_share),
         (sheets.least_parallel, sheets.parallel),
+        (CONSTANTS.half_space.dark_albedo, CONSTANTS.half_space.bright_albedo),
     ):
         assert low < high
