@@ -3,7 +3,7 @@
     python -m tests.support.page_pictures [NAME ...]
 
 draws all, or those named such as `lights`, into `.readme`. Third-party meshes, probes and the photograph come from the
-folder that the tests read. `window` is a screenshot, and `path_traced` a command of README.md.
+folder that the tests read. `path_traced` is a command of README.md.
 """
 
 import os
@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -25,6 +26,7 @@ from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.render.picture import PictureRequest, read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import pixel_offsets
+from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene, apply_set, default_scene
 from milkglass.viewer.window.panel.panel import SECTIONS
 from milkglass.viewer.window.replay import Headless
@@ -292,6 +294,13 @@ def in_window(scene: Scene, size: tuple[int, int], sections: tuple[str, ...], *c
     return np.ascontiguousarray(data.reshape(size[1], size[0], 3)[::-1, :, ::-1])
 
 
+def window(studio: Studio) -> Pixels:
+    scene = apply_set(default_scene(), [f"model.path={BUDDHA}", "model.size_mm=60", "material.name=jade"])
+    key = DirectionalLight((-0.5, 0.35, -0.8), (8.0, 7.0, 5.6), angle_deg=12.0)
+    lit = replace(scene, lights=(key, *scene.lights[1:]))
+    return in_window(lit, (1280, 800), ("Material", "Lights"))
+
+
 def error_live(studio: Studio) -> Pixels:
     scene = apply_set(default_scene(), ["transport.method=ewald"])
     return in_window(scene, (1280, 800), ("Light transport", "Error"), "toggle_measure")
@@ -325,6 +334,7 @@ def row(*tiles: Drawing) -> Drawing:
 
 PICTURES: dict[str, Drawing] = {
     "hero.png": hero,
+    "window.png": window,
     "dragon_marble.png": gallery(DRAGON, "marble"),
     "buddha_skimmilk.png": gallery(BUDDHA, "skim milk"),
     "bunny_wax.png": gallery(BUNNY, "wax"),
