@@ -4,14 +4,14 @@ They depend on the surface, the lights and the index of refraction alone. Matter
 that are the same for all its coefficients and that no ray is cast for again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from milkglass.core.arrays import Bools, Float32, Int32
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import EVENTS, Rays, follow, most_events
+from milkglass.core.paths.events import EVENTS, Event, Rays, follow, most_events
 from milkglass.core.paths.surface import Surface
 
 
@@ -111,26 +111,39 @@ def followed(
 
     Paths end after so many `events`. They begin in air or, if `inside`, in the first body.
     """
-    n, absorption = len(origins), surface.absorption if surface.absorption.any() else surface.absorption[:, :1]
-    weights = np.ones((n, absorption.shape[1]), np.float32)
-    rays = Rays.beginning(origins, directions, weights, np.arange(n, dtype=np.int32))
-    if inside:
-        rays.within[:] = 1 << surface.faces.media[0]
     parts = []
-    travelled = np.empty(0, np.float32)  # in matter that scatters, at the end of each chord so far
-    tracked = follow(surface, rays, np.ascontiguousarray(absorption), met, events)
-    for number, event in enumerate(tracked, start=met + 1):
+    tracked = tracked_rays(surface, origins, directions, met, events, inside=inside)
+    for number, (event, before, _) in enumerate(tracked, start=met + 1):
         chords = event.chords
-        in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        before, travelled = ways_travelled(chords.parents, in_matter, travelled)
         placed = chords.starts, chords.ends, chords.lengths, before
         numbers = np.full(len(before), number, np.int32)
         parts.append((*placed, chords.weights, chords.bodies, chords.sources, numbers))
     return Courses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
+def tracked_rays(
+    surface: Surface, origins: Float32, directions: Float32, met: int = 0, events: int = EVENTS, *, inside: bool = False
+) -> Iterator[tuple[Event, Float32, Float32]]:
+    """Yield the events of rays that matter which scatters leaves as they are, and how far they have come in it.
+
+    Parameters are those of `followed`. The ways in matter that scatters, mm, are up to the starts of the event's
+    chords, (k,), and up to the ends of all chords so far.
+    """
+    n, absorption = len(origins), surface.absorption if surface.absorption.any() else surface.absorption[:, :1]
+    weights = np.ones((n, absorption.shape[1]), np.float32)
+    rays = Rays.beginning(origins, directions, weights, np.arange(n, dtype=np.int32))
+    if inside:
+        rays.within[:] = 1 << surface.faces.media[0]
+    travelled = np.empty(0, np.float32)
+    for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
+        chords = event.chords
+        in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
+        before, travelled = _ways_travelled(chords.parents, in_matter, travelled)
+        yield event, before, travelled
+
+
 @compiled
-def ways_travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
+def _ways_travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
     """Return the ways up to the starts of chords, and to the ends of all; a parent comes before its children."""
     n = len(so_far)
     before, travelled = np.zeros(len(lengths), np.float32), np.empty(n + len(lengths), np.float32)

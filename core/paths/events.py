@@ -235,10 +235,7 @@ def joined(a: Rays, b: Rays) -> Rays:
 
 def none(rays: Rays) -> Rays:
     """Return no rays, of the channels of others."""
-    return Rays(
-        rays.origins[:0], rays.directions[:0], rays.weights[:0], rays.sources[:0], rays.parents[:0], rays.within[:0],
-        rays.bodies[:0],
-    )  # fmt: skip
+    return Rays._make(column[:0] for column in rays)
 
 
 def most_events(surface: Surface) -> int:

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.light.ground import SIDE, GroundPlane
-from milkglass.core.paths.beams import Emitted, ways_travelled
-from milkglass.core.paths.events import Rays, follow, most_events
+from milkglass.core.paths.beams import Emitted, tracked_rays
+from milkglass.core.paths.events import most_events
 from milkglass.core.paths.surface import Surface
 
 # Places, the standard deviation of a Gaussian over what ends on the map: of a lamp, and from all around, which has no
@@ -55,16 +55,10 @@ class Landings:
 
 def landed(surface: Surface, light: Emitted, plane: GroundPlane, *, of_lamp: bool) -> Landings:
     """Return where light ends on a plane that has met a surface; of a lamp with what has only been mirrored by it."""
-    absorption = surface.absorption
-    n = len(light.origins)
-    rays = Rays.beginning(
-        light.origins, light.directions, np.ones((n, absorption.shape[1]), np.float32), np.arange(n, dtype=np.int32)
-    )
-    parts, travelled = list[tuple[Ints, Float32, Float32]](), np.empty(0, np.float32)
-    for number, event in enumerate(follow(surface, rays, np.ascontiguousarray(absorption), 0, most_events(surface))):
-        chords, escaped = event.chords, event.escaped
-        inside = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        _, travelled = ways_travelled(chords.parents, inside, travelled)
+    parts = list[tuple[Ints, Float32, Float32]]()
+    tracked = tracked_rays(surface, light.origins, light.directions, events=most_events(surface))
+    for number, (event, _, travelled) in enumerate(tracked):
+        escaped = event.escaped
         if number == 0:  # these have met nothing
             continue
         ends = plane.ends(escaped.origins, escaped.directions)

@@ -37,11 +37,11 @@ def gain(medium: Medium, cosines: Array, chords: Array) -> Array:
     cosines, chords : (n,) arrays
         To the normal, of rays inside; mean free paths along them to the surface, inf allowed.
     """
-    chord = np.minimum(chords, LONGEST_CHORD)
-    thick = 1.0 - (1.0 + chord + 0.5 * chord * chord) * np.exp(-chord)
     dark = (LIMITS.bright_albedo - medium.albedo) / (LIMITS.bright_albedo - LIMITS.dark_albedo)
     if dark <= 0.0:
         return np.ones(len(cosines))
+    chord = np.minimum(chords, LONGEST_CHORD)
+    thick = 1.0 - (1.0 + chord + 0.5 * chord * chord) * np.exp(-chord)
     ratio = np.interp(cosines, *_table(medium.albedo, medium.eta, medium.anisotropy))
     return np.asarray(1.0 + min(dark, 1.0) * thick * (ratio - 1.0))
 
