@@ -154,8 +154,14 @@ def is_thin(material: Material) -> bool:
     return bool((material.mean_free_path >= LONG_PATH).any())
 
 
-def validity_notes(material: Material) -> list[str]:
-    """Return short phrases on where the diffusion approximation is doubtful, empty where it is fine."""
+def validity_notes(material: Material, *, of_profile: bool = True) -> list[str]:
+    """Return short phrases on where values are assumed, and a diffusion profile is doubtful; empty where all is fine.
+
+    Pictures that are made `of_profile` have no light that scatters once or never.
+    """
+    assumed = ["eta assumed"] if material.source == "NGD06" else []
+    if not of_profile:
+        return assumed
     scattering, absorption = np.asarray(material.sigma_s_prime), np.asarray(material.sigma_a)
     scatters = scattering > 0.0
     far = scatters & (material.mean_free_path >= DECIMETRE)
@@ -167,7 +173,7 @@ def validity_notes(material: Material) -> list[str]:
         (scatters & ~far & (material.mean_free_path >= LONG_PATH), "mean free path above 10 mm in {}"),
     ]
     notes = [phrase.format(_named(channels)) for channels, phrase in findings if channels.any()]
-    return [*notes, "eta assumed"] if material.source == "NGD06" else notes
+    return [*notes, *assumed]
 
 
 @functools.cache

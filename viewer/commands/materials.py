@@ -91,7 +91,7 @@ def material_table(material: Material) -> RenderableType:
     common.add_row("index of refraction eta", f"{material.eta:g}")
     common.add_row("colour under white light", _swatch(reflectance))
     common.add_row("source", material.source)
-    common.add_row("validity", _validity(material))
+    common.add_row("validity of profiles", _validity(material))
     common.add_row("single scattering", single_scattering.statement(material))
     return Group(channels, common)
 
@@ -110,7 +110,7 @@ def _library_table(listed: Sequence[Material], *, stacked: bool) -> Table:
         widest = max((len(line) for row in rows for line in str(row[i]).splitlines()), default=0)
         longest_word = max((len(word) for row in rows for word in str(row[i]).split()), default=0)
         table.add_column(heading, min_width=max(len(heading), longest_word if stacked and i == 0 else widest))
-    table.add_column("validity")
+    table.add_column("validity of profiles")
     for row in rows:
         table.add_row(*row)
     return table

@@ -98,6 +98,10 @@ class FileModel:
         left, clear = np.ones(len(self.mesh.faces), bool), []
         for wanted in chosen:
             faces = [of_part for names, of_part in self.parts if wanted in names]
+            if not faces and len(self.parts) < 2:
+                raise InputError(
+                    f"materials.{wanted} names no part of {name}, which is of one part alone; leave it out"
+                )
             if not faces:
                 known = ", ".join(dict.fromkeys(names[0] for names, _ in self.parts[:MOST_NAMED]))
                 more = f" and {len(self.parts) - MOST_NAMED} more" if len(self.parts) > MOST_NAMED else ""

@@ -142,6 +142,9 @@ def test_arrays_become_tuples_of_floats():
 )  # fmt: skip
 def test_validity_notes(material, expected):
     assert materials.validity_notes(material) == expected
+    # Pictures that follow light along rays have nothing of a profile's to doubt.
+    assumed = [note for note in expected if note == "eta assumed"]
+    assert materials.validity_notes(material, of_profile=False) == assumed
 
 
 def test_drinks_are_not_passed_off_as_diffusing():

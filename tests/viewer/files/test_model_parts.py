@@ -74,6 +74,9 @@ def test_a_name_that_no_part_has_is_told_with_those_that_there_are(tmp_path, cap
         model.parted(["glass", "juice"], "the cup")
     with pytest.raises(InputError, match="faces of the cup that another table has named"):
         model.parted(["glass", "glass"], "the cup")
+    ball = FileModel(model.parted(["glass"], "the cup").mesh)
+    with pytest.raises(InputError, match="names no part of the ball, which is of one part alone; leave it out"):
+        ball.parted(["glass"], "the ball")
     arguments = "render", str(tmp_path / "cup.obj"), "--set", "materials.glas.eta=1.5", "--output", "x.png"
     assert main(arguments) == 2
     assert "materials.glas names no part of" in capsys.readouterr().err

@@ -203,7 +203,7 @@ def described(material: Material) -> str:
         f"reflectance {', '.join(f'{value:.3g}' for value in reflectance(material))}",
         f"η {material.eta:g}, source {material.source}",
     ]
-    return "\n".join([*lines, *materials.validity_notes(material)])
+    return "\n".join([*lines, *materials.validity_notes(material, of_profile=False)])
 
 
 def origin_of(session: Session) -> Material | None:

@@ -240,10 +240,10 @@ class MaterialSection(Section):
             imgui.table_next_column()
             imgui.text_disabled(unit)
         imgui.end_table()
-        for note in materials.validity_notes(material):
+        of_profile = not self._session.scene.transport.facts.follows_sight
+        for note in materials.validity_notes(material, of_profile=of_profile):
             self._controls.note(note)
-        once = not self._session.scene.transport.facts.follows_sight and np.max(single_scattering.share(material))
-        if once > single_scattering.NOTABLE_SHARE:
+        if of_profile and np.max(single_scattering.share(material)) > single_scattering.NOTABLE_SHARE:
             self._controls.note(f"single scattering is missing: {single_scattering.statement(material)}", warning=True)
         if live.finished is not None:
             for lacking in warnings(self._session.scene, live.finished.lit):
