@@ -51,7 +51,7 @@ def statement(material: Material) -> str:
 
 def reflected_once(albedo: float, eta: float) -> float:
     """Return R_1, the share of the entered flux that leaves after one scattering; albedo in [0, 1], eta >= 1."""
-    mu, weights = _cosines(eta)
+    mu, weights = cosine_rule(eta, NODES)
     leaving = fresnel.transmittance(1.0 / eta, mu)
     return float(0.5 * albedo * np.sum(weights * leaving * mu / (1.0 + mu)))
 
@@ -68,7 +68,7 @@ def reflectance(albedo: float, eta: float) -> float:
 
 def reflectance_at(cosines: Array, albedo: float, eta: float) -> Array:
     """Return R, (n,), of light that has entered at cosines (n,) in (0, 1] to the normal inside."""
-    mu, weights = _cosines(eta)
+    mu, weights = cosine_rule(eta, NODES)
     h, of_beams = chandrasekhar_h(mu, albedo), chandrasekhar_h(cosines, albedo)
     inside = fresnel.reflectance(1.0 / eta, mu)
     kernel = 0.5 * albedo * h[:, None] * h / (mu[:, None] + mu) * (mu * inside * weights)
@@ -89,10 +89,10 @@ def chandrasekhar_h(mu: Array, albedo: float) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _cosines(eta: float) -> tuple[Array, Array]:
-    """Return nodes and weights on [0, 1], divided at the cosine below which all is reflected."""
+def cosine_rule(eta: float, count: int) -> tuple[Array, Array]:
+    """Return nodes and weights on [0, 1], `count` on either side of the cosine below which all is reflected."""
     critical = float(np.sqrt(max(0.0, 1.0 - 1.0 / eta**2)))
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = np.polynomial.legendre.leggauss(count)
     t, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     # F_t rises as a square root from the critical angle on, and H has a logarithm at 0: both ends in t^2.
     above, below = critical + (1.0 - critical) * t * t, critical * t * t

@@ -19,16 +19,15 @@ import numpy as np
 
 from milkglass.core.arrays import Array, Bools, Floats, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
-from milkglass.core.geometry.normals import across
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.material import fresnel
+from milkglass.core.reference.phase import henyey_greenstein, phase, turned
 
 PARTS = ("mirror", "unscattered", "once", "often")
 BATCH = 1 << 14  # paths that begin together, which the caches hold
 MOST_STEPS = 100_000  # of a path: nobody waits for more
 ROULETTE_WEIGHT, SURVIVOR_WEIGHT = 0.1, 0.5  # weight below which roulette is played, and the weight of survivors
 OFFSET = 1e-5  # radii of the object from a face at which paths go on
-ISOTROPIC = 1e-3  # anisotropy below which a phase function has no direction
 
 
 class SeenLight(Protocol):
@@ -187,14 +186,7 @@ class _Walk:
         n = len(paths.weights)
         cosine = henyey_greenstein(rng.random(n), g[paths.channels])
         paths.shares = _normalised(paths.shares * phase(cosine[:, None], g))
-        turn, sine = 2.0 * np.pi * rng.random(n), np.sqrt(np.maximum(0.0, 1.0 - cosine**2))
-        first, second = across(paths.directions)
-        paths.directions = (
-            cosine[:, None] * paths.directions
-            + (sine * np.cos(turn))[:, None] * first
-            + (sine * np.sin(turn))[:, None] * second
-        )
-        paths.directions /= np.linalg.norm(paths.directions, axis=1, keepdims=True)
+        paths.directions = turned(paths.directions, cosine, rng)
         paths.orders += 1
         paths.counts += cosine[:, None] <= self._forward
         value = paths.weights * self._counted(paths).max(axis=1)
@@ -252,19 +244,6 @@ class _Walk:
             through.weights *= 1.0 - reflected[enters]
             back.mirrored = np.ones(len(back.weights), np.bool_)
         return back.joined(through), leaked
-
-
-def henyey_greenstein(random: Array, g: Array) -> Array:
-    """Return cosines between directions before and after scattering, of numbers uniform in [0, 1) and mean cosines."""
-    uneven = np.abs(g) > ISOTROPIC
-    safe = np.where(uneven, g, 1.0)
-    ratio = (1.0 - safe**2) / (1.0 - safe + 2.0 * safe * random)
-    return np.where(uneven, np.clip((1.0 + safe**2 - ratio**2) / (2.0 * safe), -1.0, 1.0), 2.0 * random - 1.0)
-
-
-def phase(cosine: Array, g: Array) -> Array:
-    """Return the density of a cosine, over that of scattering alike in all directions."""
-    return np.asarray((1.0 - g**2) / (1.0 + g**2 - 2.0 * g * cosine) ** 1.5)
 
 
 def _mirrored(directions: Array, normals: Array, planes: Array) -> Array:

@@ -3,7 +3,8 @@
 The reference of transports. It makes no diffusion approximation and shares nothing with the fast path but the Fresnel
 equations: a photon flies a distance with density sigma_t' exp(-sigma_t' s), scatters isotropically (the phase function
 of reduced coefficients), keeps the share a' = sigma_s' / sigma_t' of its weight, and where it meets the boundary it
-leaves with F_t and is reflected with F_r, unpolarised.
+leaves with F_t and is reflected with F_r, unpolarised. Or it scatters forward, by the phase function of Henyey and
+Greenstein; extinction and albedos are then those that are not reduced.
 
 * Absorption does not end a walk but reduces the weight. So several albedos share one walk: a photon that has scattered
   n times has the weight a'^n for each.
@@ -28,6 +29,7 @@ from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.material import fresnel
 from milkglass.core.material.library import MAX_ETA, MIN_ETA
+from milkglass.core.reference.phase import henyey_greenstein, turned
 from milkglass.core.reference.photon_shapes import Arrivals, Directions, Hits, Shape, Towards, isotropic
 
 BATCHES = 32  # independent batches of the photons, for the standard error
@@ -100,6 +102,7 @@ def walk(  # noqa: PLR0913
     progress: Callable[[float], None] | None = None,
     *,
     between_parts: bool = False,
+    g: float = 0.0,
 ) -> Tally:
     """Return the flux that enters and leaves an illuminated shape, from a random walk of photons.
 
@@ -125,6 +128,8 @@ def walk(  # noqa: PLR0913
         Called with the finished share, in [0, 1]; what it raises ends the work.
     between_parts : bool
         Whether light that has left, or was mirrored, may meet the shape again.
+    g : float
+        Mean cosine of scattering, in [0, 1), to which extinction and albedos belong.
 
     Raises
     ------
@@ -132,7 +137,7 @@ def walk(  # noqa: PLR0913
         If a number is out of its range, the shape is thinner than `MIN_CHORD` mean free paths or too large for rays
         to resolve them, or more than `MAX_LOST_SHARE` of the light is lost through holes of a mesh.
     """
-    towards, albedo = _checked(shape, sigma_t_prime, albedos, eta, direction, n_photons)
+    towards, albedo = _checked(shape, sigma_t_prime * (1.0 - g), albedos, eta, direction, n_photons)
     per_batch = -(-n_photons // BATCHES)
     n_groups = -(-per_batch // POOL_SIZE)
     group_size = -(-per_batch // n_groups)
@@ -145,7 +150,7 @@ def walk(  # noqa: PLR0913
             entering, mirrored = score.enter(arrivals, n_groups_started % BATCHES)
             photons, outside = photons.joined(entering), outside.joined(mirrored)
             n_groups_started += 1
-        photons, leaving = _advanced(photons, shape, sigma_t_prime, score, rng)
+        photons, leaving = _advanced(photons, shape, sigma_t_prime, g, score, rng)
         if between_parts:
             entering, outside = _flown_outside(outside.joined(leaving), shape, score, rng)
             photons = photons.joined(entering)
@@ -282,7 +287,7 @@ class _Score:
 
 
 def _advanced(
-    photons: _Photons, shape: Shape, sigma_t_prime: float, score: _Score, rng: np.random.Generator
+    photons: _Photons, shape: Shape, sigma_t_prime: float, g: float, score: _Score, rng: np.random.Generator
 ) -> tuple[_Photons, _Photons]:
     """Return photons after a flight, at their next scattering or reflected at the boundary, and those that left."""
     n = len(photons.weight)
@@ -292,7 +297,7 @@ def _advanced(
     score.lose(photons.weight[hits.lost])
     position = photons.position + flight * photons.direction
     position[:, hits.index] = hits.points
-    direction = isotropic(rng, n)
+    direction = isotropic(rng, n) if g == 0.0 else _turned(photons.direction, g, rng)
     direction[:, hits.index] = reflected
     weight, order = photons.weight * score.largest, photons.order + 1
     weight[hits.index] = reflected_weight
@@ -300,6 +305,10 @@ def _advanced(
     weight[hits.lost] = 0.0
     _play_roulette(weight, rng)
     return _Photons(position, direction, weight, order, photons.batch, photons.meetings).alive(), leaving
+
+
+def _turned(directions: Array, g: float, rng: np.random.Generator) -> Array:
+    return turned(directions.T, henyey_greenstein(rng.random(len(directions[0])), g), rng).T
 
 
 def _flown_outside(

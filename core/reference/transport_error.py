@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Bools
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.material.adding import SIMILAR_ALBEDO
 from milkglass.core.material.library import Material
 from milkglass.core.reference.photon_lights import PhotonLight
 from milkglass.core.reference.photon_shapes import ClosedMesh
@@ -20,7 +21,7 @@ from milkglass.core.reference.photons import BATCHES, walk
 from milkglass.core.reference.regions import Regions, find_regions
 
 N_REGIONS = 300
-N_PHOTONS = 1_000_000  # for each light and sigma_t': 7 to 20 s and a noise of 2 to 6 % a region on 20 mm of marble
+N_PHOTONS = 1_000_000  # for each light and extinction: 7 to 20 s and a noise of 2 to 6 % a region on 20 mm of marble
 Evaluate = Callable[[Array, Array], npt.ArrayLike]
 DARK_SHARE = 0.01  # of the largest irradiance of a region: regions below are dark
 
@@ -130,9 +131,10 @@ def photon_reference(
     *,
     between_parts: bool = False,
 ) -> PhotonReference:
-    """Return the exitance of an object by photons, with a walk for each light and each different sigma_t'.
+    """Return the exitance of an object by photons, with a walk for each light and each different extinction.
 
-    Surroundings take a walk a channel. `between_parts` as of `core.reference.photons.walk`.
+    Surroundings take a walk a channel. `between_parts` as of `core.reference.photons.walk`. Channels of which that
+    matters scatter forward.
 
     Raises
     ------
@@ -143,24 +145,29 @@ def photon_reference(
     solid = ClosedMesh(regions.mesh, regions.of_face)
     batches, entered = np.zeros((BATCHES, len(regions.areas), 3)), np.zeros((len(regions.areas), 3))
     again, lost = np.zeros_like(batches), 0.0
-    sigmas = [float(sigma) for sigma in np.unique(material.sigma_t_prime) if sigma > 0.0]
+    g = np.where(material.alpha_prime < SIMILAR_ALBEDO, material.g, 0.0)
+    scattering = np.asarray(material.sigma_s_prime) / (1.0 - g)
+    extinction = scattering + material.sigma_a
+    albedo = np.divide(scattering, extinction, out=np.zeros(3), where=extinction > 0.0)
+    found = sorted({(float(sigma), float(cosine)) for sigma, cosine in zip(extinction, g, strict=True) if sigma > 0.0})
     walks = [
-        (sigma, part)
+        (sigma, cosine, part)
         for light in lights
-        for sigma in sigmas
-        for part in light.walks(np.flatnonzero(material.sigma_t_prime == sigma))
+        for sigma, cosine in found
+        for part in light.walks(np.flatnonzero((extinction == sigma) & (g == cosine)))
     ]
-    for number, (sigma, (channels, direction, irradiance)) in enumerate(walks):
+    for number, (sigma, cosine, (channels, direction, irradiance)) in enumerate(walks):
         tally = walk(
             solid,
             sigma,
-            material.alpha_prime[channels],
+            albedo[channels],
             material.eta,
             direction,
             n_photons,
             seed + number,
             None if progress is None else _part(progress, number, len(walks)),
             between_parts=between_parts,
+            g=cosine,
         )
         batches[..., channels] += tally.scattered * irradiance
         again[..., channels] += tally.scattered_again.sum(axis=0) * irradiance

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from milkglass.core.material.fresnel import transmittance
-from milkglass.core.reference.eye_paths import PARTS, LitObject, group_radiance, henyey_greenstein, phase, traced
+from milkglass.core.reference.eye_paths import PARTS, LitObject, group_radiance, traced
+from milkglass.core.reference.phase import henyey_greenstein, phase
 from milkglass.core.reference.photon_lights import Beam, Surroundings
 from tests.support.solids import ball, block, mesh_of
 

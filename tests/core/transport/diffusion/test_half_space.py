@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from milkglass.core.material import fresnel
+from milkglass.core.material import adding, fresnel
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine
 from milkglass.core.material.single_scattering import reflectance_at
@@ -56,6 +56,15 @@ def test_a_half_space_returns_what_it_does_and_a_film_as_diffusion_has_it(medium
     cosine = np.array([0.8, 0.93])
     expected = reflectance_at(cosine, medium.albedo, medium.eta)
     np.testing.assert_allclose(gain(medium, cosine, DEEP) * returned(medium, cosine), expected, rtol=1e-3)
+    np.testing.assert_allclose(gain(medium, cosine, np.array([0.01])), 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("albedo", [0.1, 0.5, 0.7])
+def test_matter_that_scatters_forward_returns_less(albedo):
+    cosine, scattering = np.array([0.8, 0.93]), albedo / (1.0 - 0.9)
+    medium = Medium(albedo, 1.0 - albedo, 1.33, g=0.9)
+    expected = adding.reflectance_at(cosine, scattering / (scattering + 1.0 - albedo), 0.9, 1.33)
+    np.testing.assert_allclose(gain(medium, cosine, DEEP) * returned(medium, cosine), expected, rtol=3e-3)
     np.testing.assert_allclose(gain(medium, cosine, np.array([0.01])), 1.0, atol=1e-6)
 
 
