@@ -2,13 +2,15 @@
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum, unique
-from typing import Any, Self, TypeVar
+from typing import Any, NoReturn, Self, TypeVar
 
 T = TypeVar("T")
-Steps = Generator[None, None, T]  # work that yields wherever it may be left for a while
+# Work that yields wherever it may be left for a while: nothing, or what it has begun elsewhere and goes on after.
+Steps = Generator[Future[Any] | None, None, T]
 
 
 @unique
@@ -280,7 +282,17 @@ Timings = dict[AnyStage, float]  # ms
 
 
 class Unfinished(Exception):  # noqa: N818 (nothing went wrong)
-    """A stage has more to do than this frame allows; asked for again in the next one, it goes on."""
+    """A stage has more to do than this frame allows; asked for again in the next one, it goes on.
+
+    Attributes
+    ----------
+    awaited : Future, optional
+        What it waits for, if it could not go on at once.
+    """
+
+    def __init__(self, name: AnyStage, awaited: Future[Any] | None) -> None:
+        super().__init__(name)
+        self.awaited = awaited
 
 
 class Allowance:
@@ -299,18 +311,21 @@ def exhausted(steps: Steps[T]) -> T:
     """Take all steps and return what they come to."""
     while True:
         try:
-            next(steps)
+            begun = next(steps)
         except StopIteration as end:
             result: T = end.value
             return result
+        if begun is not None:
+            wait([begun])
 
 
 @dataclass(eq=False)
 class _Begun:
-    """A stage on the way: what it depends on, what is left of it, and ms that it took in earlier frames."""
+    """A stage on the way: what it depends on, what is left and waits for, and ms of earlier frames."""
 
     key: tuple[object, ...]
     steps: Steps[Any]
+    awaited: Future[Any] | None = None
     spent: float = 0.0
     wanted: bool = True  # in this frame
 
@@ -366,6 +381,10 @@ class Stages:
     def clear(self) -> None:
         """Drop all results, and keep the timings."""
         self._kept.clear()
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Drop what is half done."""
         self._begun.clear()
 
     def run(self, name: AnyStage, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
@@ -418,16 +437,25 @@ class Stages:
         start = time.perf_counter()
         del self._begun[name]  # work that fails is over
         while True:
+            if begun.awaited is not None and self._allowance is None:
+                wait([begun.awaited])
+            elif begun.awaited is not None and not begun.awaited.done():
+                self._leave(name, begun, start)
             try:
-                next(begun.steps)
+                begun.awaited = next(begun.steps)
             except StopIteration as end:
                 return end.value
             if self._allowance is not None:
                 self._finish()
                 if not self._allowance.take():
-                    self._begun[name] = begun
-                    begun.spent += 1e3 * (time.perf_counter() - start)
-                    raise Unfinished(name)
+                    self._leave(name, begun, start)
+
+    def _leave(self, name: AnyStage, begun: _Begun, start: float) -> NoReturn:
+        """Leave a stage to another frame, since `start`."""
+        self._begun[name] = begun
+        begun.spent += 1e3 * (time.perf_counter() - start)
+        awaited = begun.awaited
+        raise Unfinished(name, None if awaited is None or awaited.done() else awaited)
 
 
 def alike(a: tuple[object, ...], b: tuple[object, ...]) -> bool:

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Generic, Self, TypeVar, overload
 
@@ -56,6 +56,16 @@ class Pool(ThreadPoolExecutor):
 
     def _mark(self) -> None:
         self._here.depth = getattr(self._here, "depth", 0) + 1
+
+
+class AtOnce(Executor):
+    """Does work where it is submitted, before that returns."""
+
+    def submit(self, work: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Do the work, and return its result; what it raises is raised here."""
+        future: Future[T] = Future()
+        future.set_result(work(*args, **kwargs))
+        return future
 
 
 class _Blas:

@@ -118,6 +118,26 @@ class Surfaces(NamedTuple):
     places: Float32
     weights: Float32
 
+    @classmethod
+    def none(cls) -> "Surfaces":
+        """Return no meetings."""
+        number = np.zeros(0, np.int32)
+        return cls(number, number, np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32))
+
+
+class Found(NamedTuple):
+    """What rays of sight found, but for the surface's exitance where they met it.
+
+    Attributes
+    ----------
+    seen : Seen
+    met : Surfaces
+        Where they met it.
+    """
+
+    seen: Seen
+    met: Surfaces
+
 
 Leaving = Callable[[Ints], Float32]
 
@@ -135,7 +155,7 @@ class Tree:
     glow : Glow, optional
     leaving : callable, optional
         Gives M / (pi T) at vertices of the surface, (m, 3) float32, for their numbers, (m,): those that rays meet; at
-        those of a clear part what matter has that it touches. It is called in the thread that `trace` is called in.
+        those of a clear part what matter has that it touches. It is called in the thread that `lit` is called in.
     mirrors, clear : bool
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
@@ -154,41 +174,46 @@ class Tree:
     events: int = EVENTS
     inside: Inside | None = None
 
-    def trace(self, sight: Sight, go_on: Callable[[], bool] = lambda: True) -> Seen:
-        """Return the radiance of rays of sight, in the threads of the pool.
+    def trace(self, sight: Sight) -> Seen:
+        """Return the radiance of rays of sight."""
+        return self.lit(self.find(sight))
+
+    def find(self, sight: Sight, go_on: Callable[[], bool] = lambda: True) -> Found:
+        """Follow rays of sight, in the threads of the pool, as `lit` wants them.
 
         Raises
         ------
         PathsSuperseded
-            If `go_on`, which is asked before every batch, says no.
+            If `go_on`, which is asked before every event of every batch, says no.
         """
         k = len(sight.points)
         size = min(max(-(-k // SHARES), LEAST_BATCH), BATCH)
         seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
 
         def trace(start: int) -> list[Surfaces]:
-            if not go_on():
-                raise PathsSuperseded
             batch, met = slice(start, start + size), list[Surfaces]()
-            for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met), strict=True):
+            for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met, go_on), strict=True):
                 values[batch] = of_batch
             return met
 
-        parts = [part for met in pool_map(trace, range(0, k, size)) for part in met]
-        if self.leaving is not None and parts:
-            self._add_leaving(Surfaces(*(np.concatenate(column) for column in zip(*parts, strict=True))), seen)
-        return seen
+        parts = [Surfaces.none(), *(part for met in pool_map(trace, range(0, k, size)) for part in met)]
+        return Found(seen, Surfaces(*(np.concatenate(column) for column in zip(*parts, strict=True))))
 
-    def _add_leaving(self, met: Surfaces, seen: Seen) -> None:
-        """Add what leaves the surface where rays meet it."""
-        assert self.leaving is not None
+    def lit(self, found: Found) -> Seen:
+        """Return the radiance of rays of sight that have been followed, which takes the place of what was found."""
+        seen, met = found
+        if self.leaving is None or len(met.sources) == 0:
+            return seen
         corners = self.surface.faces.corners[met.faces]
         used = np.zeros(len(self.surface.faces.vertices), bool)
         used[corners] = True
         leaving, number = self.leaving(np.flatnonzero(used)), np.cumsum(used, dtype=np.int32) - np.int32(1)
         _add_between(met, number[corners], leaving, seen.mirror, seen.scattered)
+        return seen
 
-    def _trace(self, sight: Sight, start: int, met: list[Surfaces]) -> tuple[Float32, Float32, Float32]:
+    def _trace(
+        self, sight: Sight, start: int, met: list[Surfaces], go_on: Callable[[], bool]
+    ) -> tuple[Float32, Float32, Float32]:
         """Return what rays see, numbered from `start`, but for the surface from outside, which is appended to `met`."""
         surface, faces = self.surface, self.surface.faces
         inside = self.inside or Inside(unscattered=True, glow=self.glow, leaving=True)
@@ -198,6 +223,8 @@ class Tree:
         rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if refracts else none(refracted))
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
+            if not go_on():
+                raise PathsSuperseded
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
             for glow, chords in self._gathered(event.chords):
                 if glow is not None:

@@ -7,7 +7,7 @@ from milkglass.core.transport.quality import Quality
 from milkglass.viewer.scene.scene import Scene
 
 SMALLEST_DRAFT = 32  # texels
-DRAFT_PATH_STEP = 4  # pixels along a square that shares rays of sight while something moves
+PATH_STEPS = 4, 2, 1  # pixels along squares that share rays of sight, one picture after another
 STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
 STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
 

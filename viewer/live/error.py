@@ -20,6 +20,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import Part, Stages
+from milkglass.core.threads import AtOnce
 from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
@@ -355,7 +356,7 @@ def surface_of(context: moderngl.Context, scene: Scene, finished: Finished) -> S
     smaller = replace(scene, display=display, specular=replace(scene.specular, strength=0.0))  # not seen here
     camera = model_camera(scene.camera, finished.lit.model.whole, size)
     try:
-        return Shading(context, Stages(), GroundPass(context)).surface(
+        return Shading(context, Stages(), GroundPass(context), AtOnce()).surface(
             smaller, replace(finished.lit, camera=camera), finished.gather
         )
     finally:

@@ -6,8 +6,9 @@ of a moment ago, never of two at once, and always replaced as soon as the newer 
 """
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 
@@ -17,9 +18,10 @@ from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
 from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, radiance_of, scene_sources, turn_deg
 from milkglass.viewer.live.developer import Developer, ToneMap
-from milkglass.viewer.live.draft import DRAFT_PATH_STEP, Cost, Detail, allowance, draft_resolution
+from milkglass.viewer.live.draft import PATH_STEPS, Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
+from milkglass.viewer.live.worker import WakingWorker
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import SCATTERED, Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
@@ -56,11 +58,13 @@ class Live:
         self.assets = assets or Assets(KEEP)
         self.assets.bakes = False
         self.rays = RaysJob(self.assets, wake)
-        self.renderer = Renderer(context, assets=self.assets)
+        self._sight = WakingWorker("sight", wake)
+        self.renderer = Renderer(context, assets=self.assets, worker=self._sight)
         self.finished: Finished | None = None
         self.picture: Picture | None = None
         self.current = False  # whether the last picture is of the scene asked for, not of one before it
         self.spreading = False  # whether the last frame left something to do for the next one
+        self.awaited: Future[Any] | None = None  # what that waits for, where it is on its way
         self.stage_times: Timings = {}  # ms, of the last time that each ran
         self.ran: Timings = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
@@ -71,6 +75,7 @@ class Live:
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._looks: Key = ()  # what the last picture depends on, but for its quality
         self._traced: Key = ()  # what its radiance does
+        self._step = 1  # how finely rays of sight were followed for it, pixels
         self._lit: LitScene | None = None
         self._lit_for: LitFor | None = None
         self._shadows: Key | None = None  # what all of the sub-lights there are were cast for
@@ -124,10 +129,10 @@ class Live:
                     ground=not detail.alone,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
-                self._traced = radiance
+                self._traced, self._step = radiance, step
                 unfinished = step > 1 and not detail.draft
-            except Unfinished:
-                unfinished = True
+            except Unfinished as left:
+                unfinished, self.awaited = True, left.awaited
             if unfinished:
                 looks = ()
                 self._go_on()
@@ -136,10 +141,12 @@ class Live:
         return self.picture
 
     def _path_step(self, scene: Scene, lit: LitScene, detail: Detail, radiance: Key) -> int:
-        """Return how finely a frame follows rays of sight: few show at once what all will, several frames later."""
-        if detail.at_once or (self._traced == radiance and not detail.draft):
+        """Return how finely a frame follows rays of sight: ever more finely while radiance is the same."""
+        if detail.at_once or not self.renderer.traces(scene, lit):
             return 1
-        return DRAFT_PATH_STEP if self.renderer.traces(scene, lit) else 1
+        if detail.draft or self._traced != radiance:
+            return PATH_STEPS[0]
+        return next((step for step in PATH_STEPS if step < self._step), PATH_STEPS[-1])
 
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
         """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""
@@ -148,14 +155,17 @@ class Live:
         done = True
         if newest is not None:
             drawn, lit, finished = newest
-            done = self.renderer.advance(drawn, lit, finished.gather, PictureRequest(pixel_offsets(samples), show))
+            try:
+                self.renderer.advance(drawn, lit, finished.gather, PictureRequest(pixel_offsets(samples), show))
+            except Unfinished as left:
+                done, self.awaited = False, left.awaited
         self._count(self.renderer.stages.timings)
         return done
 
     def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Finished] | None:
         """Light the scene and keep the worker busy; returns what can be drawn now."""
         self._collect()
-        self.current = self.spreading = False
+        self.current, self.spreading, self.awaited = False, False, None
         drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
@@ -192,12 +202,18 @@ class Live:
             self._load.exception(timeout)
         if self.job is not None:
             self.job.future.exception(timeout)
+        if self.awaited is not None:
+            wait([self.awaited], timeout)
         self.rays.wait(timeout)
 
     def close(self) -> None:
-        """Let the worker finish and free it."""
+        """Have the workers give up, and free them."""
+        self.renderer.stages.abandon()
+        if self.job is not None:
+            self.job.supersede(at_once=True)
         self.rays.close()
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        for worker in (self._sight, self._worker):
+            worker.shutdown(wait=True, cancel_futures=True)
 
     # files
 
@@ -340,9 +356,10 @@ class Live:
         self.renderer.stages.timings.update(outcome.timings)
 
     def _go_on(self) -> None:
-        """Have the next frame drawn at once, for what this one left."""
+        """Have the next frame drawn for what this one left, at once or when that is there which it waits for."""
         self.spreading = True
-        self._wake()
+        if self.awaited is None:
+            self._wake()
 
     def _count(self, timings: Timings) -> None:
         if timings:

@@ -124,7 +124,7 @@ class GroundPass:
                 context.scissor = (0, low, LAMPS_SIDE, rows)
                 self._add(framebuffer, triangle)
                 context.scissor = None
-                yield
+                yield None
         return LampMaps(lit, open_)
 
     def targets(self, size: tuple[int, int]) -> GroundTargets:

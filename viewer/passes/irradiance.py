@@ -44,7 +44,7 @@ class SampleIrradiancePass:
         result, step = np.empty((buffers.count, 3), np.float32), max(1, SAMPLES_A_STEP // source.sub_lights)
         for first in range(0, buffers.count, step):
             if first > 0:
-                yield
+                yield None
             part = result[first : first + step]
             program.set(source.sample_uniforms(eta))
             part[:] = np.frombuffer(buffers.transform(program, first, len(part)), np.float32).reshape(-1, 3)
@@ -117,7 +117,7 @@ class PixelIrradiancePass:
             for low in range(0, height, rows):
                 cost = tests * width * rows
                 if drawn > 0 and drawn + cost > PIXELS_A_STEP:
-                    yield
+                    yield None
                     drawn = 0
                 drawn += cost
                 framebuffer.use()

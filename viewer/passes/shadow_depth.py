@@ -59,7 +59,7 @@ class DepthTiles:
         vertices = buffers.positions(program, bodies)
         for i, matrix in enumerate(matrices):
             if i > 0:
-                yield
+                yield None
             framebuffer.use()
             self._context.enable_only(moderngl.DEPTH_TEST)  # both sides cast: open meshes have no closed back
             framebuffer.viewport = (side * (i % columns), side * (i // columns), side, side)

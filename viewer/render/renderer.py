@@ -7,6 +7,7 @@ benchmark's) computes only what a new scene needs.
 
 import functools
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -16,7 +17,7 @@ import numpy as np
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stages, Timings
-from milkglass.core.threads import one_blas_thread
+from milkglass.core.threads import AtOnce, one_blas_thread
 from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import PartedProbe
@@ -103,10 +104,16 @@ class Renderer:
         FFTW's planner flag, see `core.grid.convolution.LayerConvolver`.
     assets : Assets, optional
         Where meshes and probes come from, and stay for the next scene.
+    worker : Executor, optional
+        What follows rays of sight while stages with an allowance are left for other work.
     """
 
     def __init__(
-        self, context: moderngl.Context | None = None, effort: str = "FFTW_ESTIMATE", assets: Assets | None = None
+        self,
+        context: moderngl.Context | None = None,
+        effort: str = "FFTW_ESTIMATE",
+        assets: Assets | None = None,
+        worker: Executor | None = None,
     ) -> None:
         self.context = context = context or headless_context()
         # Two sets of stages, because transport may run in a thread of its own.
@@ -114,7 +121,7 @@ class Renderer:
         with current(context):
             ground = GroundPass(context)
             self._lighting = Lighting(context, self.stages, effort, assets or Assets(), ground)
-            self._shading = Shading(context, self.stages, ground)
+            self._shading = Shading(context, self.stages, ground, worker or AtOnce())
 
     @property
     def timings(self) -> Timings:
@@ -225,10 +232,16 @@ class Renderer:
         return self._shading.shade(scene, lit, gather, request, behind, ground, paths)
 
     @_in_turn
-    def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> bool:
-        """Draw one of the samples of a pixel ahead of `shade`; True when it will find all of them there."""
+    def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> None:
+        """Draw some of the samples of a pixel ahead of `shade`.
+
+        Raises
+        ------
+        Unfinished
+            Until `shade` will find all of them there.
+        """
         ground, paths = self._lighting.ground(scene, lit), self._paths(scene, lit, request)
-        return self._shading.advance(scene, lit, gather, request, ground, paths)
+        self._shading.advance(scene, lit, gather, request, ground, paths)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Return the light probe of an environment that has one."""

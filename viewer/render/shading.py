@@ -1,7 +1,8 @@
 """Second half of the pipeline, from the layer volume to the picture: G-buffer, composite, tone map."""
 
+from concurrent.futures import Executor
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
 from milkglass.core.light.probe import Probe
-from milkglass.core.stages import Stage, Stages, Steps, Unfinished
+from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
@@ -28,13 +29,10 @@ from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Picture, PictureRequest
-from milkglass.viewer.render.tracing import Tracing, is_traced
+from milkglass.viewer.render.tracing import Followed, Tracing
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from milkglass.core.paths import Tree
 
 LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
 
@@ -47,22 +45,22 @@ class Sample(NamedTuple):
     number : int
     sharing : int
         Among how many samples a light's sub-lights are shared.
-    tree : Tree, optional
-        Of its rays of sight.
+    followed : Followed, optional
+        Its rays of sight, and those of the other samples.
     exits : bool
         Whether the surface's exitance is shown.
     """
 
     number: int
     sharing: int
-    tree: "Tree | None"
+    followed: Followed | None
     exits: bool
 
 
 class Shading:
     """Draws lit scenes in one OpenGL context."""
 
-    def __init__(self, context: moderngl.Context, stages: Stages, ground: GroundPass) -> None:
+    def __init__(self, context: moderngl.Context, stages: Stages, ground: GroundPass, worker: Executor) -> None:
         self._context = context
         self._stages, self._run = stages, stages.run
         self._gbuffer = GBufferPass(context)
@@ -76,7 +74,7 @@ class Shading:
         self._ground = ground
         exitance = SurfaceExitance(context, self._irradiance, self._composite, self._no_probe)
         self._ground_lighting = GroundLighting(context, stages, exitance)
-        self._tracing = Tracing(context, stages, self._composite, exitance)
+        self._tracing = Tracing(context, stages, self._composite, exitance, worker)
         self._seen: GBuffer | None = None
 
     def shade(
@@ -168,17 +166,19 @@ class Shading:
         request: PictureRequest,
         ground: Ground | None = None,
         paths: Paths | None = None,
-    ) -> bool:
-        """Draw part of the samples that `shade` needs, so that no frame waits for all; True when none is missing."""
-        try:
-            if paths is not None and ground is not None:
-                paths = self._ground_lighting.below(paths, ground, lit, gather)
-            self._pixels(scene, lit, gather, request, paths)
-            if ground is not None and request.shows_ground:
-                self._ground_pixels(scene, lit, gather, ground)
-        except Unfinished:
-            return False
-        return True
+    ) -> None:
+        """Draw part of the samples that `shade` needs, so that no frame waits for all.
+
+        Raises
+        ------
+        Unfinished
+            As long as some are missing.
+        """
+        if paths is not None and ground is not None:
+            paths = self._ground_lighting.below(paths, ground, lit, gather)
+        self._pixels(scene, lit, gather, request, paths)
+        if ground is not None and request.shows_ground:
+            self._ground_pixels(scene, lit, gather, ground)
 
     def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
         """Return the surface at the middle of every pixel, read back from the GPU, top row first.
@@ -207,10 +207,11 @@ class Shading:
         sharing = PARTS if request.quick and large and len(offsets) == 1 else len(offsets)
 
         def shade() -> Steps[Composite]:
+            followed = None if tree is None else Followed(tree, len(offsets), request.path_step)
             for i in range(len(offsets)):
                 if i > 0:
-                    yield
-                yield from self._sample(scene, lit, gather, request, Sample(i, sharing, tree, shown.often), targets)
+                    yield None
+                yield from self._sample(scene, lit, gather, request, Sample(i, sharing, followed, shown.often), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
         step = 0 if tree is None else request.path_step
@@ -253,7 +254,8 @@ class Shading:
     ) -> Steps[None]:
         """Add one sample of every pixel; the first one clears what was there."""
         run, size, camera, offsets = self._run, scene.display.image_size, lit.camera, request.offsets
-        mirrors = sample.tree is not None and sample.tree.mirrors
+        followed = sample.followed
+        mirrors = followed is not None and followed.tree.mirrors
         occlusion, behind = lit.occlusion, self._behind(lit, gather)
         lobes = None if mirrors else self._occluded_lobes(scene, lit)
         is_occluded, has_lobes = occlusion is not None, lobes is not None
@@ -271,7 +273,7 @@ class Shading:
         if lit.body_marks is not None and surface is not None:
             of_vertex = lit.body_marks.of_vertex
             marks = run(Stage.REFINED_MARKS, [of_vertex, surface], lambda: surface.bodies(self._context, of_vertex))
-        clear = None if sample.tree is None else self._clear(lit)
+        clear = None if followed is None else self._clear(lit)
         run(
             Stage.GBUFFER,
             [buffers, gbuffer, clip.tobytes(), marks, occlusion, behind, lobes, clear],
@@ -288,11 +290,11 @@ class Shading:
         yield from self._irradiance.steps(
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
         )
-        left = gather.left_to_surface if sample.tree is not None else (1.0,) * 3
+        left = gather.left_to_surface if followed is not None else (1.0,) * 3
         traced = self._composite.not_traced(left if sample.exits else (0.0,) * 3)
-        if sample.tree is not None and is_traced(sample.number, len(offsets)):
-            found = yield from self._tracing.steps(sample.tree, gbuffer, camera.eye, len(offsets), request.path_step)
-            traced = replace(found, left=traced.left)
+        if followed is not None:
+            found = yield from self._tracing.steps(followed, gbuffer, camera.eye, sample.number)
+            traced = traced if found is None else replace(found, left=traced.left)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)
 

@@ -1,11 +1,14 @@
 """Rays of sight traced for the pixels of a G-buffer, batch by batch."""
 
+import threading
 from collections.abc import Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32, Ints
@@ -23,8 +26,9 @@ from milkglass.viewer.scene.light_paths import LightPaths
 if TYPE_CHECKING:
     from milkglass.core.paths import ClearPart, Sight, Tree
     from milkglass.core.paths.resolved import Resolved
+    from milkglass.core.paths.tree import Found
 
-MOST_SAMPLES = 4  # of a pixel, whose rays are followed
+MOST_SAMPLES = 4  # of a pixel within the object, whose rays are followed
 RESUME = 1e-5  # radii behind a face at which rays that look for the next one start
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
@@ -77,12 +81,17 @@ def dimming(mesh: Mesh, parts: "Sequence[ClearPart]") -> Float32:
 
 
 class Tracing:
-    """Traces rays of sight for pictures in one OpenGL context."""
+    """Traces rays of sight for pictures in one OpenGL context, in a `worker`."""
 
     def __init__(
-        self, context: moderngl.Context, stages: Stages, composite: CompositePass, exitance: SurfaceExitance
+        self,
+        context: moderngl.Context,
+        stages: Stages,
+        composite: CompositePass,
+        exitance: SurfaceExitance,
+        worker: Executor,
     ) -> None:
-        self._context, self._run = context, stages.run
+        self._context, self._run, self._worker = context, stages.run, worker
         self._composite, self._exitance = composite, exitance
 
     def tree(self, paths: Paths | None, lit: LitScene, gather: Gather, shown: LightPaths) -> "Tree | None":
@@ -108,39 +117,86 @@ class Tracing:
             return tree
         return self._run(Stage.PATH_PARTS, [tree, resolved, shown], lambda: _of_parts(tree, resolved, shown))
 
-    def steps(self, tree: "Tree", gbuffer: GBuffer, eye: Array, samples: int, step: int) -> Steps[Traced]:
-        """Trace the rays of all pixels of a G-buffer and return what they found, to be added by the composite.
+    def steps(self, followed: "Followed", gbuffer: GBuffer, eye: Array, number: int) -> Steps[Traced | None]:
+        """Follow the rays of a sample of the pixels and return what they found, to be added by the composite.
 
         Parameters
         ----------
-        tree : Tree
+        followed : Followed
         gbuffer : GBuffer
-            With the relief of the surface, where it has any.
+            Of the sample, with the relief of the surface, where it has any.
         eye : (4,)
             As of `viewer.scene.camera.Camera`.
-        samples : int
-            Of a pixel, of which `is_traced` tells those whose rays are followed.
-        step : int
-            Side of the squares of pixels that share the rays of one of them.
+        number : int
+            Of the sample.
         """
-        width, height = gbuffer.position.size
+        tree, (width, height) = followed.tree, gbuffer.position.size
+        with current(self._context):
+            pixels, sight = seen_first(gbuffer, eye)
+        factors = followed.factors(number, pixels, (height, width))
+        pixels, sight, factors = pixels[factors > 0.0], sight.part(np.flatnonzero(factors)), factors[factors > 0.0]
+        if number > 0 and len(pixels) == 0:
+            return None
+        chosen, of_pixel = in_squares(pixels, width, followed.step)
+        radiance, superseded = np.empty((TREE_LAYERS, len(chosen), 3), np.float32), threading.Event()
+
+        def begun(start: int) -> "Future[Found]":
+            rays = sight.part(chosen[start : start + RAYS_A_STEP])
+            return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())
+
+        try:
+            following = begun(0)
+            for start in range(0, len(chosen), RAYS_A_STEP):
+                yield following
+                found = following.result()
+                if start + RAYS_A_STEP < len(chosen):
+                    following = begun(start + RAYS_A_STEP)
+                for layer, values in zip(radiance, tree.lit(found), strict=True):
+                    layer[start : start + RAYS_A_STEP] = values
+        finally:
+            superseded.set()
         texture = self._run(
             Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_texture((width, height))
         )
-        found = np.zeros((TREE_LAYERS, height * width, 3), np.float32)
-        with current(self._context):
-            pixels, sight = seen_first(gbuffer, eye)
-        chosen, of_pixel = in_squares(pixels, width, step)
-        radiance = np.empty((TREE_LAYERS, len(chosen), 3), np.float32)
-        for start in range(0, len(chosen), RAYS_A_STEP):
-            if start > 0:
-                yield
-            rays = slice(start, start + RAYS_A_STEP)
-            for layer, values in zip(radiance, tree.trace(sight.part(chosen[rays])), strict=True):
-                layer[rays] = values
-        found[:, pixels] = radiance[:, of_pixel]
-        texture.write(found)
-        return Traced(texture, samples / min(samples, MOST_SAMPLES))
+        of_pixels = np.zeros((TREE_LAYERS, height * width, 3), np.float32)
+        of_pixels[:, pixels] = factors[:, None] * radiance[:, of_pixel]
+        texture.write(of_pixels)
+        return Traced(texture, 1.0)
+
+
+class Followed:
+    """Of which pixels' samples rays of sight are followed for a picture.
+
+    Of many samples of a pixel `MOST_SAMPLES` are, evenly among them; on outlines all, of which those few would not tell
+    how much of the pixel the object covers.
+
+    Parameters
+    ----------
+    tree : Tree
+    samples : int
+        Of a pixel.
+    step : int
+        Side of the squares of pixels that share the rays of one of them.
+    """
+
+    def __init__(self, tree: "Tree", samples: int, step: int) -> None:
+        self.tree, self.step, self._samples = tree, step, samples
+        self._on_outline = np.zeros(0, bool)  # pixels, as the first sample has them
+
+    def factors(self, number: int, pixels: Ints, shape: tuple[int, int]) -> Float32:
+        """Return by what factor the rays of a sample count at each of some pixels, (k,); 0: they are not followed.
+
+        Samples are asked for in their order; `pixels` are those that show the object, `shape` is that of the picture.
+        """
+        if self._samples <= MOST_SAMPLES:
+            return np.ones(len(pixels), np.float32)
+        if number == 0:
+            shows = np.zeros(shape, bool)
+            shows.ravel()[pixels] = True
+            self._on_outline = (maximum_filter(shows, 3) != minimum_filter(shows, 3)).ravel()
+        is_one = (number * MOST_SAMPLES) // self._samples != ((number - 1) * MOST_SAMPLES) // self._samples
+        elsewhere = self._samples / MOST_SAMPLES if is_one else 0.0
+        return np.where(self._on_outline[pixels], 1.0, elsewhere).astype(np.float32)
 
 
 def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "Tree":
@@ -153,11 +209,6 @@ def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "
     elif shown.once:
         glow = tree.glow
     return replace(tree, inside=Inside(shown.unscattered, glow, shown.often))
-
-
-def is_traced(i: int, samples: int) -> bool:
-    """Tell whether the rays of a pixel's sample are followed: of every one, or of so many evenly among them."""
-    return samples <= MOST_SAMPLES or (i * MOST_SAMPLES) // samples != ((i - 1) * MOST_SAMPLES) // samples
 
 
 def in_squares(pixels: Ints, width: int, step: int) -> tuple[Ints, Ints]:

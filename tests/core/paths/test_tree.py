@@ -170,4 +170,4 @@ def test_lamps_are_as_large_as_they_are(lamp, solid_angle):
 def test_paths_that_are_superseded_end():
     surface = sphere(1.33)
     with pytest.raises(PathsSuperseded):
-        Tree(surface, CLEAR, WHITE).trace(sight(surface, 10), lambda: False)
+        Tree(surface, CLEAR, WHITE).find(sight(surface, 10), lambda: False)

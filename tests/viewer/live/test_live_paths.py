@@ -1,12 +1,16 @@
 """Rays of sight in the window: few while something moves, and at rest the picture that `render` draws."""
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from milkglass.core.paths.tree import PathsSuperseded, Tree
 from milkglass.viewer.files.images import write_exr
-from milkglass.viewer.live.draft import DRAFT_PATH_STEP
+from milkglass.viewer.live.draft import PATH_STEPS, Detail
 from milkglass.viewer.render.tracing import Tracing
-from milkglass.viewer.scene.scene import apply_set
+from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
 from tests.support.skies import sky
 
@@ -28,9 +32,10 @@ def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_with_few
     driver, traced = clear, []
     steps = Tracing.steps
 
-    def counted(self, *arguments):
-        traced.append((driver.view.detail.draft, arguments[-1]))
-        return steps(self, *arguments)
+    def counted(self, followed, *arguments):
+        if self is driver.view.live.renderer._shading._tracing:
+            traced.append((driver.view.detail.draft, followed.step))
+        return steps(self, followed, *arguments)
 
     monkeypatch.setattr(Tracing, "steps", counted)
     first = driver.picture()
@@ -39,5 +44,37 @@ def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_with_few
     turned = driver.picture()
     assert (turned != first).any()
     np.testing.assert_array_equal(turned, headless_picture(driver.session.scene, PICTURE))
-    assert {step for is_draft, step in traced if is_draft} == {DRAFT_PATH_STEP}
-    assert {step for is_draft, step in traced if not is_draft} == {1}
+    assert {step for is_draft, step in traced if is_draft} == {PATH_STEPS[0]}
+    at_rest = [step for is_draft, step in traced if not is_draft]
+    assert list(dict.fromkeys(at_rest)) == list(PATH_STEPS[1:])
+
+
+@pytest.mark.slow
+def test_frames_go_on_while_rays_are_on_their_way_and_what_moves_supersedes_them(clear, monkeypatch):
+    driver, live, find, asked = clear, clear.view.live, Tree.find, []
+
+    def endless(self, sight, go_on):
+        asked.append(go_on)
+        while go_on():
+            time.sleep(0.001)
+        return find(self, sight, go_on)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Tree, "find", endless)
+        live.draw(turned(driver, 10.0), Detail())
+        assert live.awaited is not None
+        shown = live.picture
+        assert live.draw(turned(driver, 10.0), Detail()) is shown
+        assert len(asked) == 1
+        live.draw(turned(driver, 20.0), Detail())
+        assert not asked[0]()
+        live.renderer.stages.abandon()
+    with pytest.raises(PathsSuperseded):
+        live.awaited.result()
+    driver.settle()
+
+
+def turned(driver: Driver, by: float) -> Scene:
+    """The scene of a window, seen from elsewhere."""
+    scene = driver.view.shown
+    return replace(scene, camera=replace(scene.camera, azimuth_deg=scene.camera.azimuth_deg + by))

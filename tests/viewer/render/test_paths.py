@@ -57,6 +57,15 @@ def test_a_clear_ball_in_a_white_furnace_is_as_bright_as_what_it_lets_through(re
     assert not frame.subsurface.any()
 
 
+def test_outlines_have_the_rays_of_all_samples(renderer, mesh):
+    """A ball of the index of air shows what is behind it, as much as it covers of each pixel."""
+    frame = renderer.render(
+        white(mesh, "material.eta=1", "material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0,0]"), samples=9
+    )
+    assert np.count_nonzero((frame.alpha > 0.0) & (frame.alpha < 1.0)) > 0
+    np.testing.assert_allclose(frame.radiance, np.repeat(frame.alpha[..., None], 3, axis=-1), atol=1e-5)
+
+
 def test_the_mirror_of_a_smooth_surface_is_fresnels(renderer, mesh):
     scene = white(mesh, *OPAQUE)
     frame = renderer.render(scene, samples=1)

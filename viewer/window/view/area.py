@@ -111,7 +111,7 @@ class ViewArea:
         if self.detail.draft:
             return max(0.0, DRAFT_UNTIL - age)
         if self.refining and self.detail.samples == 1:
-            return 0.0
+            return 0.0 if self.live.awaited is None else None
         if self.detail.samples < SAMPLES and self.picture is not None:
             return max(0.0, FINE_AFTER - age)
         return None
