@@ -46,6 +46,7 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("PYTHONPATH", str(PACKAGES))  # of the programs that tests start
         patch.setenv("XDG_CACHE_HOME", str(folder))
         patch.setenv("XDG_DATA_HOME", str(folder / "data"))
+        patch.setenv("XDG_STATE_HOME", str(folder / "state"))
         patch.setattr("milkglass.viewer.assets.ray_cache.cache_folder", lambda: folder / "milkglass")
         yield folder
 

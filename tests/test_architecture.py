@@ -194,7 +194,8 @@ def private_reaches(tree: ast.AST) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if not isinstance(node, ast.Attribute) or ast.unparse(node.value) in ("self", "cls"):
             continue
-        if node.attr.startswith("_") and not node.attr.startswith("__"):
+        is_public = node.attr.startswith("__") or ast.unparse(node) == "os._exit"  # which is documented
+        if node.attr.startswith("_") and not is_public:
             yield node.lineno, ast.unparse(node)
 
 

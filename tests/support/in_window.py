@@ -17,6 +17,7 @@ from pathlib import Path
 import glfw
 from glfw import _glfw as library  # the C library itself: its callbacks get C strings, as from a file manager
 
+from milkglass.viewer.gui.events import Key
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.window import Window
@@ -66,6 +67,14 @@ class Inside:
         """Call the registered callback as GLFW does."""
         names = [str(path).encode() for path in paths]
         call_back("Drop", self.window, len(names), (ctypes.c_char_p * len(names))(*names))
+
+    def press(self, name: str) -> None:
+        """Press a key and let it go."""
+        for event in (None, Key(name, True), Key(name, False)):
+            if event is not None:
+                self.app.handle(event)
+            for _ in range(2):
+                self.window.draw()
 
     def minimise(self, minimised: bool) -> None:
         """Ask for it, and be the window manager that does it."""
@@ -144,6 +153,7 @@ def main(folder: Path) -> None:
     inside.shot("changed")
     assert session.modified
     inside.drop(folder / "saved.toml")
+    inside.press("d")  # discard the changes
     assert not session.modified
     inside.shot("reopened")
 

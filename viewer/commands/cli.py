@@ -197,9 +197,9 @@ def has_display() -> bool:
 
 
 def _run_window(scene: Scene, path: Path | None = None, record: Path | None = None) -> None:
-    from milkglass.viewer.window import window
+    from milkglass.viewer.commands.show import show
 
-    window.run(scene, path=path, record=record)
+    show(scene, path, record)
 
 
 def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":

@@ -21,10 +21,10 @@ def run(options: Mapping[str, Any], *, has_display: bool) -> None:
     work, scene = work_and_scene(options)
     if not has_display:
         raise InputError("there is no display for a window; write a picture with `milkglass edit PHOTO --mask MASK`")
-    from milkglass.viewer.window import window
+    from milkglass.viewer.commands.show import show
 
     path = options["scene"]
-    window.run(scene, path=None if path is None else Path(path), photo=work)
+    show(scene, None if path is None else Path(path), photo=work)
 
 
 def work_and_scene(options: Mapping[str, Any]) -> tuple[PhotoWork, Scene]:

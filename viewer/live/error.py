@@ -9,7 +9,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.live.dependence import light_key
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import Live
+from milkglass.viewer.live.worker import Worker
 from milkglass.viewer.passes.ground import GroundPass
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.shading import Shading
@@ -168,7 +169,7 @@ class LiveError:
         self.trouble: str | None = None
         self.outdated = False
         self._context, self._wake = context, wake
-        self._worker: ThreadPoolExecutor | None = None
+        self._worker: Worker | None = None
         self._job: _Job | None = None
         self._asked: Question | None = None
         self._answered: Question | None = None
@@ -226,11 +227,17 @@ class LiveError:
         if self._job is not None and self._job.future is not None:
             self._job.future.exception(timeout)
 
-    def close(self) -> None:
-        """Give up what is being measured and free the thread."""
+    def stop(self) -> None:
+        """Give up what is being measured, and wait for nothing."""
         self._cancel()
         if self._worker is not None:
-            self._worker.shutdown(wait=True, cancel_futures=True)
+            self._worker.stop()
+
+    def close(self) -> None:
+        """Give up what is being measured and free the thread."""
+        self.stop()
+        if self._worker is not None:
+            self._worker.close()
 
     # one measurement
 
@@ -249,7 +256,7 @@ class LiveError:
 
     def _submit(self, asked: Question, work: "Callable[[_Job], Measured] | Callable[[_Job], Walked]") -> None:
         if self._worker is None:
-            self._worker = ThreadPoolExecutor(1, thread_name_prefix="error")
+            self._worker = Worker("error")
         self._job = job = _Job(asked, self._wake)
         job.future = self._worker.submit(work, job)  # type: ignore[assignment]
         job.future.add_done_callback(lambda _: self._wake())  # type: ignore[union-attr]

@@ -6,7 +6,7 @@ of a moment ago, never of two at once, and always replaced as soon as the newer 
 """
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import PATH_STEPS, Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
-from milkglass.viewer.live.worker import WakingWorker
+from milkglass.viewer.live.worker import Worker
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import SCATTERED, Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
@@ -58,7 +58,7 @@ class Live:
         self.assets = assets or Assets(KEEP)
         self.assets.bakes = False
         self.rays = RaysJob(self.assets, wake)
-        self._sight = WakingWorker("sight", wake)
+        self._sight = Worker("sight", wake)
         self.renderer = Renderer(context, assets=self.assets, worker=self._sight)
         self.finished: Finished | None = None
         self.picture: Picture | None = None
@@ -68,7 +68,7 @@ class Live:
         self.stage_times: Timings = {}  # ms, of the last time that each ran
         self.ran: Timings = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="transport")
+        self._worker = Worker("transport")
         self.job: TransportJob | None = None  # what the worker scatters now
         self._load: Future[None] | None = None
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
@@ -206,14 +206,21 @@ class Live:
             wait([self.awaited], timeout)
         self.rays.wait(timeout)
 
-    def close(self) -> None:
-        """Have the workers give up, and free them."""
+    def stop(self) -> None:
+        """Give up what is computed, and wait for nothing."""
         self.renderer.stages.abandon()
         if self.job is not None:
             self.job.supersede(at_once=True)
+        self.rays.stop()
+        for worker in self._sight, self._worker:
+            worker.stop()
+
+    def close(self) -> None:
+        """Have the workers give up, and free them."""
+        self.stop()
         self.rays.close()
-        for worker in (self._sight, self._worker):
-            worker.shutdown(wait=True, cancel_futures=True)
+        for worker in self._sight, self._worker:
+            worker.close()
 
     # files
 

@@ -1,7 +1,7 @@
 """A photograph in the window: its mask, how its depth is read, and the surface and light made of them in a worker."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.files.photograph import Photo
+from milkglass.viewer.live.worker import Worker
 from milkglass.viewer.photograph.cut import Box, cut_out
 from milkglass.viewer.photograph.edit import placed_scene
 from milkglass.viewer.photograph.mask import PaintedMask
@@ -53,7 +54,7 @@ class PhotoWork:
         self.trouble = ""
         self.wake: Callable[[], object] = lambda: None
         self._objects: tuple[PhotographObject, ...] = ()  # the last few: on screen, or on their way there
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="photograph")
+        self._worker = Worker("photograph")
         self._job: tuple[ObjectRequest, Future[PhotographObject]] | None = None
         self._cut: Future[npt.NDArray[np.uint8]] | None = None
         self._answered: ObjectRequest | None = None
@@ -116,9 +117,13 @@ class PhotoWork:
         if self._cut is not None:
             self._cut.exception(timeout)
 
+    def stop(self) -> None:
+        """Take nothing more, and wait for nothing."""
+        self._worker.stop()
+
     def close(self) -> None:
         """Let the worker finish and free it."""
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        self._worker.close()
 
     def _collect(self) -> None:
         if self._cut is not None and self._cut.done():

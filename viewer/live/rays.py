@@ -3,7 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import replace
 
 from milkglass.core.geometry.mesh import Mesh
@@ -19,6 +19,7 @@ from milkglass.viewer.assets.sources import (
     model_source,
 )
 from milkglass.viewer.assets.visibility import needs_visibility
+from milkglass.viewer.live.worker import Worker
 from milkglass.viewer.render.paths import is_clear
 from milkglass.viewer.scene.scene import Scene
 
@@ -54,7 +55,7 @@ class RaysJob:
         self.progress: float | None = None
         self.casting = ""
         self._assets, self._wake = assets, wake
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="rays")
+        self._worker = Worker("rays")
         self._wanted: tuple[RaySource, ...] = ()  # that were last asked for
         self._cancelled = threading.Event()
         self._future: Future[None] | None = None
@@ -87,10 +88,15 @@ class RaysJob:
         if self._future is not None:
             self._future.exception(timeout)
 
+    def stop(self) -> None:
+        """Give up, and wait for nothing."""
+        self._cancelled.set()
+        self._worker.stop()
+
     def close(self) -> None:
         """Give up and free the thread."""
-        self._cancelled.set()
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        self.stop()
+        self._worker.close()
 
     def _sources(self, scene: Scene) -> tuple[RaySource, ...]:
         """Return what rays are to find for a scene whose mesh is loaded, the first one first."""

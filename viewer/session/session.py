@@ -5,7 +5,7 @@ stays as it was.
 """
 
 import tomllib
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -62,10 +62,19 @@ class View:
 
 
 @dataclass(frozen=True)
+class _File:
+    """A scene file, None where there is none yet, and the scene as it stands there."""
+
+    path: Path | None
+    scene: Scene
+
+
+@dataclass(frozen=True)
 class _Step:
     before: Scene
     gesture: Hashable
     moves_camera: bool
+    file: _File | None = None  # before, where the step opened another
 
 
 class Session:
@@ -85,6 +94,8 @@ class Session:
         The other state of an A/B comparison.
     origin : str or None
         The library's material that own coefficients started from.
+    files : set of Path
+        Scene files that were opened or written in this session, without links.
     messages : list of Message
         New ones, for the window to take and show.
     """
@@ -97,6 +108,7 @@ class Session:
         self.origin = scene.material.name
         self.messages: list[Message] = []
         self.gesture: Hashable = None
+        self.files = set() if path is None else {path.resolve()}
         self._saved = scene
         self._working: Scene | None = None  # the last scene that could be drawn
         self._undo: list[_Step] = []
@@ -107,6 +119,11 @@ class Session:
         """Name of the model or the photograph that is shown."""
         model = self.scene.model
         return self.view.photograph or (str(model.builtin_name) if model.path is None else model.path.name)
+
+    @property
+    def file_name(self) -> str:
+        """Name of the scene's file, or of the model while it has none."""
+        return self.model_name if self.path is None else self.path.name
 
     # edits
 
@@ -168,6 +185,11 @@ class Session:
         """Whether the scene differs from its file."""
         return self.scene != self._saved
 
+    @property
+    def unsaved(self) -> bool:
+        """Whether closing would lose more than where the camera stands."""
+        return _without_look(self.scene) != _without_look(self._saved)
+
     def undo(self) -> None:
         """Go back one step of the history; the camera stays unless the step moved it."""
         self._travel(self._undo, self._redo)
@@ -180,7 +202,10 @@ class Session:
         if not source:
             return
         step = source.pop()
-        target.append(_Step(self.scene, None, step.moves_camera))
+        file = None if step.file is None else _File(self.path, self._saved)
+        target.append(_Step(self.scene, None, step.moves_camera, file))
+        if step.file is not None:
+            self.path, self._saved = step.file.path, step.file.scene
         self._set(step.before if step.moves_camera else replace(step.before, camera=self.scene.camera))
 
     def _set(self, scene: Scene) -> None:
@@ -189,6 +214,11 @@ class Session:
             self.origin = scene.material.name
 
     # what cannot be drawn
+
+    @property
+    def has_worked(self) -> bool:
+        """Whether a scene has been drawn, to which one that cannot be drawn goes back."""
+        return self._working is not None
 
     def works(self, scene: Scene) -> None:
         """Note that a scene could be drawn."""
@@ -203,6 +233,9 @@ class Session:
             return True
         for i in reversed(range(len(self._undo))):
             if self._undo[i].before == self._working:
+                file = next((step.file for step in self._undo[i:] if step.file is not None), None)
+                if file is not None:
+                    self.path, self._saved = file.path, file.scene
                 del self._undo[i:]
                 break
         self._redo.clear()
@@ -220,17 +253,33 @@ class Session:
 
     # files
 
-    def open(self, path: Path) -> bool:
-        """Replace the scene by that of a file; one that cannot be read gives a message and False."""
+    def open(self, path: Path, adapt: Callable[[Scene], Scene] = lambda scene: scene) -> bool:
+        """Replace the scene by that of a file, adapted; one that cannot be read gives a message and False."""
         try:
-            scene = Scene.load(path)
+            scene = adapt(Scene.load(path))
         except InputError as error:
             self.fail(error)
             return False
-        self.gesture = None
-        self.put(scene)
-        self.path, self._saved = path, scene
+        self._take(scene, _File(path, scene))
         return True
+
+    def restore(self, scene: Scene, path: Path | None) -> None:
+        """Replace the scene by an unsaved one that was edited before, of a file; the file may be gone by now."""
+        try:
+            saved = self._saved if path is None else Scene.load(path)
+        except InputError:
+            path, saved = None, self._saved
+        self._take(scene, _File(path, saved))
+
+    def _take(self, scene: Scene, file: _File) -> None:
+        """Replace the scene and its file, as one step of the history."""
+        step = _Step(self.scene, None, moves_camera=True, file=_File(self.path, self._saved))
+        self._undo = [*self._undo, step][-UNDO_STEPS:]
+        self._redo.clear()
+        self.gesture, self.path, self._saved = None, file.path, file.scene
+        if file.path is not None:
+            self.files.add(file.path.resolve())
+        self._set(scene)
 
     def save(self, path: Path, image_size: tuple[int, int], key: float) -> bool:
         """Write the scene so that `milkglass render` makes the picture seen, of `image_size`, exposed by `key`."""
@@ -241,6 +290,7 @@ class Session:
             self.fail(error)
             return False
         self.path, self._saved = path, self.scene
+        self.files.add(path.resolve())
         self.say(f"saved {path.name}")
         return True
 
@@ -290,3 +340,8 @@ class Session:
             self.fail("the clipboard holds no view: copy one with Ctrl+C first, or a [camera] table")
             return
         self.edit("camera", **table)
+
+
+def _without_look(scene: Scene) -> Scene:
+    """Return a scene with its camera where every camera stands at first."""
+    return replace(scene, camera=CameraSettings(view_angle_deg=scene.camera.view_angle_deg))

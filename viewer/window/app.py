@@ -20,6 +20,7 @@ from milkglass.viewer.gui.toolkit import Gui, imgui
 from milkglass.viewer.live.error import LiveError
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.session.autosave import Autosave, LeftBehind
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.commands import Workspace, cheat_sheet, commands_of
@@ -112,6 +113,8 @@ class App:
         self.panel = Panel(Tools(self.session, controls, self.commands, photo))
         self.profiles = ProfileView(self.session, controls, self.commands, wake)
         self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
+        self._autosave: Autosave | None = None
+        self._left_behind: LeftBehind | None = None
         self._frames_due = FRAMES_AN_EVENT
         self._last_event = self.clock()
         self._tooltip_due = False
@@ -126,8 +129,7 @@ class App:
     @property
     def title(self) -> str:
         """Title of the window: the name of the file, with a star while the scene is not saved."""
-        name = self.session.path.name if self.session.path is not None else self.session.model_name
-        return f"{name}{' *' if self.session.modified else ''} - milkglass"
+        return f"{self.session.file_name}{' *' if self.session.modified else ''} - milkglass"
 
     def handle(self, event: Event) -> None:
         """Take an event for the next frames."""
@@ -142,7 +144,7 @@ class App:
         elif isinstance(event, Invoked):
             self.commands.run(event.command, event.argument)
         elif isinstance(event, Closed):
-            self.actions.closing = True
+            self.actions.quit()
         elif not isinstance(event, Drawn):
             self._gui.feed(event)
         if event == Focused(True):  # whoever comes back may have edited a file meanwhile
@@ -163,6 +165,8 @@ class App:
         waits.append(None if end is None else max(0.0, end - now))
         if self._tooltip_due:
             waits.append(max(0.0, self._last_event + TOOLTIP_SECONDS - now))
+        if self._autosave is not None:
+            waits.append(self._autosave.due(self.session, now))
         return min((wait for wait in waits if wait is not None), default=None)
 
     def frame(self, target: moderngl.Framebuffer) -> None:
@@ -184,7 +188,9 @@ class App:
         if profile_box is not None:
             self.profiles.draw(profile_box, self.view.live)
             self.commands.run_requests()
+        self._keep(now)
         self.actions.dialog.draw()
+        self.actions.questions.draw()
         self._messages.take(self.session.messages, now)
         self._messages.draw(view_box)
         if self.actions.help_shown:
@@ -206,6 +212,23 @@ class App:
     def at_rest(self) -> bool:
         """Whether the picture, the error and the curves are final."""
         return self.view.at_rest() and self.error.progress is None and not self.profiles.busy
+
+    def keep_in(self, autosave: Autosave) -> None:
+        """Keep unsaved edits from now on, and offer those that an earlier process left."""
+        self._autosave, self._left_behind = autosave, autosave.left_behind()
+
+    def leave(self, *, is_done: bool) -> None:
+        """Drop what is kept of unsaved edits, unless the person is not done with them: then keep the last of them."""
+        if self._autosave is not None and is_done:
+            self._autosave.clear()
+        elif self._autosave is not None:
+            self._autosave.follow(self.session, np.inf)
+
+    def stop(self) -> None:
+        """Have the workers give up what they do, and wait for none of them."""
+        self.error.stop()
+        self.profiles.stop()
+        self.view.stop()
 
     def close(self) -> None:
         """Stop the workers and free ImGui's objects."""
@@ -229,8 +252,17 @@ class App:
         split = width - panel
         return (0.0, 0.0, split, float(height)), (split, 0.0, float(width), float(height))
 
+    def _keep(self, now: float) -> None:
+        """Keep unsaved edits, and offer those that an earlier process left once there is a scene to go back to."""
+        if self._autosave is None:
+            return
+        if self._left_behind is not None and self.session.has_worked:
+            left, self._left_behind = self._left_behind, None
+            self.actions.offer(left, self._autosave)
+        self._autosave.follow(self.session, now)
+
     def _keys(self) -> None:
-        if imgui.get_io().want_text_input or self.actions.dialog.is_open:
+        if imgui.get_io().want_text_input or self.actions.dialog.is_open or self.actions.questions.current is not None:
             return
         self.commands.run_pressed()
 

@@ -11,7 +11,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.threads import one_blas_thread
 from milkglass.viewer.gl.context import current, headless_context, leave_framebuffer
 from milkglass.viewer.gui.command import find
-from milkglass.viewer.gui.events import Closed, Drawn, Event, Invoked, Resized, read_recording
+from milkglass.viewer.gui.events import Drawn, Event, Invoked, Resized, read_recording
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window import commands
@@ -142,7 +142,7 @@ def feed(
     start: tuple[float, float] | None = None
     for event in events:
         before(event)
-        if isinstance(event, Closed) or app.actions.closing:
+        if app.actions.closing:
             return
         if isinstance(event, Drawn):
             if at_its_pace:

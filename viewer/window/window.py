@@ -25,10 +25,14 @@ from milkglass.viewer.gui.events import (
     Typed,
 )
 from milkglass.viewer.live.photograph_work import PhotoWork
+from milkglass.viewer.live.worker import have_ended
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.session.autosave import Autosave
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.window.app import App
+from milkglass.viewer.window.interrupts import interrupts
 
+PATIENCE = 0.4  # seconds that workers may take to end with the window
 SMALLEST_SIZE = (480, 320)  # window coordinates
 MOUSE_BUTTONS = {0: "left", 1: "right", 2: "middle"}  # GLFW's numbers
 POINTERS = {
@@ -42,8 +46,10 @@ DEFAULT_RATE = 60.0  # frames a second, where the display does not say
 
 
 @one_blas_thread()
-def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: PhotoWork | None = None) -> None:
-    """Show a scene in a window until it is closed.
+def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: PhotoWork | None = None) -> int:
+    """Show a scene in a window until it is closed, and return the exit code: 128 and more where a signal closed it.
+
+    What is still computed then is left behind, in threads that `viewer.live.worker.have_ended` knows.
 
     Parameters
     ----------
@@ -61,10 +67,15 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, p
         No display or no OpenGL 3.3; the scene's files or values cannot be used at all.
     """
     window = Window(scene, path, record, photo)
+    code = 1
     try:
-        window.loop()
+        with interrupts(window.app.actions.close, glfw.post_empty_event) as code_of_signal:
+            window.loop()
+            window.hide()
+            code = code_of_signal()
     finally:
-        window.close()
+        window.close(is_done=code == 0)
+    return code
 
 
 class Window:
@@ -93,6 +104,8 @@ class Window:
             clipboard=_WindowClipboard(),
             photo=photo,
         )
+        if photo is None and record is None:  # a recording has all that happens in itself
+            self.app.keep_in(Autosave())
         self._pointers: dict[str, Any] = {}
         self._pointer = ""
         self._title = ""
@@ -123,14 +136,24 @@ class Window:
             drawn = time.monotonic()
             self.draw()
 
-    def close(self) -> None:
-        """Keep the size in the preferences, stop the workers and close the window."""
+    def hide(self) -> None:
+        """Take the window off the screen."""
+        glfw.hide_window(self.handle)
+
+    def close(self, *, is_done: bool = True) -> None:
+        """Keep the size in the preferences, give up what is computed and close the window.
+
+        Workers that do not end soon are left behind. An autosave stays unless the person `is_done` with the scene.
+        """
         if min(self._size) > 0 and not glfw.get_window_attrib(self.handle, glfw.MAXIMIZED):
             self._preferences.window_size = self._size
         self._preferences.save()
         if self._recorder is not None:
             self._recorder.close()
-        self.app.close()
+        self.app.leave(is_done=is_done)
+        self.app.stop()
+        if have_ended(PATIENCE):
+            self.app.close()
         glfw.destroy_window(self.handle)
         glfw.terminate()
 

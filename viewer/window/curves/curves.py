@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.profiles.curves import curve_radii, reach, sampled
+from milkglass.viewer.live.worker import Worker
 from milkglass.viewer.scene.material_settings import MaterialSettings
 from milkglass.viewer.scene.tables import ProfileTable
 
@@ -75,7 +76,7 @@ class CurvesJob:
 
     def __init__(self, wake: Callable[[], object]) -> None:
         self._wake = wake
-        self._worker = ThreadPoolExecutor(1, thread_name_prefix="profiles")
+        self._worker = Worker("profiles")
         self._future: Future[list[Curves]] | None = None
         self._cache: OrderedDict[Wish, Curves] = OrderedDict()
         self._asked: tuple[Wish, ...] = ()
@@ -104,6 +105,10 @@ class CurvesJob:
         if self._future is not None:
             self._future.exception(timeout)
 
+    def stop(self) -> None:
+        """Take nothing more, and wait for nothing."""
+        self._worker.stop()
+
     def close(self) -> None:
         """Stop the worker."""
-        self._worker.shutdown(wait=True, cancel_futures=True)
+        self._worker.close()

@@ -71,6 +71,10 @@ class ProfileView:
         """Wait until the curves are sampled; for tests and replays."""
         self._job.wait(timeout)
 
+    def stop(self) -> None:
+        """Sample nothing more, and wait for nothing."""
+        self._job.stop()
+
     def close(self) -> None:
         """Stop the worker and free ImPlot."""
         self._job.close()

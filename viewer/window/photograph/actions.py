@@ -12,9 +12,10 @@ from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import Request
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.photograph.geometry import read_depth
+from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.photograph.subject import PhotographSubject
-from milkglass.viewer.window.view.actions import SCENE_SUFFIXES, Actions
+from milkglass.viewer.window.view.actions import Actions
 from milkglass.viewer.window.view.area import ViewArea
 
 PNG = (".png",)
@@ -37,6 +38,7 @@ class PhotoActions:
     ) -> None:
         self._session, self._view, self._subject = session, view, subject
         self._work, self._actions = work, actions
+        actions.adapt = lit_around
 
     def open(self, path: Path) -> None:
         """Open a light probe, a profile or a scene, whose model and camera mean nothing here."""
@@ -44,9 +46,6 @@ class PhotoActions:
             self._session.fail(f"{path.name} is a model, and the window shows a photograph: `milkglass view` shows it")
             return
         self._actions.open(path)
-        if path.suffix.lower() in SCENE_SUFFIXES and self._session.scene.lights is None:
-            # The default pair is for models: here is light all around.
-            self._session.put(replace(self._session.scene, lights=()))
 
     def show_all(self) -> None:
         """Zoom out until the whole photograph shows."""
@@ -117,3 +116,8 @@ class PhotoActions:
             self._session.fail(error)
         else:
             self._session.say(f"wrote {path}")
+
+
+def lit_around(scene: Scene) -> Scene:
+    """Return a scene without the default pair of lights, which is for models: a photograph has light all around."""
+    return replace(scene, lights=()) if scene.lights is None else scene

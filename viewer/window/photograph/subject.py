@@ -144,6 +144,10 @@ class PhotographSubject:
         """Wait for the object and the mask that are being made."""
         self.work.wait(timeout)
 
+    def stop(self) -> None:
+        """Begin nothing more, and wait for nothing."""
+        self.work.stop()
+
     def close(self) -> None:
         """Let the worker finish and free it."""
         self.work.close()

@@ -1,7 +1,8 @@
 """What the commands of the window do to a session, its view and its files; `viewer.window.commands` has their table."""
 
+import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -13,13 +14,15 @@ from milkglass.core.profiles.registry import TABLE
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import FileDialog, Request
+from milkglass.viewer.gui.question import Answer, Question, Questions
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.scene.own_materials import Materials, export_to, import_from
 from milkglass.viewer.scene.profile_export import write_profile
-from milkglass.viewer.scene.scene import Change
+from milkglass.viewer.scene.scene import Change, Scene
 from milkglass.viewer.scene.settings import CameraSettings
 from milkglass.viewer.scene.tables import read_profile_table
 from milkglass.viewer.session import navigation
+from milkglass.viewer.session.autosave import Autosave, LeftBehind
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.view.area import ViewArea
@@ -53,12 +56,36 @@ class MemoryClipboard:
         self.text = text
 
 
+@dataclass(frozen=True)
+class Work:
+    """Work of the person at the window that closing it would lose.
+
+    Attributes
+    ----------
+    noun : callable
+        Returns what has changed, the beginning of a sentence.
+    unsaved : callable
+        Whether it has changed since it was saved.
+    save : callable
+        Saves it, asking for a name where it has none, and then runs what it is given.
+    """
+
+    noun: Callable[[], str]
+    unsaved: Callable[[], bool]
+    save: Callable[[Callable[[], object]], object]
+
+
 class Actions:
     """Opens, saves, exports and toggles for a window.
 
     Attributes
     ----------
     dialog : FileDialog
+    questions : Questions
+    work : list of Work
+        What is asked about before it is lost, the scene first.
+    adapt : callable
+        Returns what is shown of the scene of a file.
     clipboard : Clipboard
     closing : bool
         Whether the window should close.
@@ -69,13 +96,15 @@ class Actions:
     """
 
     def __init__(self, session: Session, view: ViewArea, preferences: Preferences, clipboard: Clipboard) -> None:
-        self.dialog = FileDialog()
+        self.dialog, self.questions = FileDialog(), Questions()
+        self.adapt: Callable[[Scene], Scene] = lambda scene: scene
         self.clipboard = clipboard
         self.closing = False
         self.capture: Path | None = None
         self.help_shown = False
         self.panel_shown = True
         self._session, self._view, self._preferences = session, view, preferences
+        self.work = [Work(lambda: session.file_name, lambda: session.unsaved, self._save_then)]
 
     @property
     def recent(self) -> list[str]:
@@ -83,8 +112,32 @@ class Actions:
         return self._preferences.recent
 
     def ask(self, request: Request) -> None:
-        """Open the file dialog in the last folder."""
-        self.dialog.open(request, self._preferences.start_folder())
+        """Open the file dialog in the last folder; before another's file is replaced, there is a question."""
+        checked = request if not request.save_as else replace(request, done=lambda path: self._check(request, path))
+        self.dialog.open(checked, self._preferences.start_folder())
+
+    def _check(self, request: Request, path: Path) -> None:
+        """Write what was asked for, after a question where that would replace a file of somebody else."""
+        if not path.exists() or path.resolve() in self._session.files:
+            request.done(path)
+            return
+        answers = Answer("Replace", lambda: request.done(path)), Answer("Keep it", lambda: self.ask(request))
+        self.questions.ask(Question(f"{path.name} exists already. Replace it?", answers))
+
+    def _ask_about(self, work: list[Work], then: Callable[[], object]) -> None:
+        """Do something that loses work, after a question for what is unsaved: save it, discard it, or cancel."""
+        while work and not work[0].unsaved():
+            work = work[1:]
+        if not work:
+            then()
+            return
+        first, rest = work[0], work[1:]
+        answers = (
+            Answer("Save", lambda: first.save(lambda: self._ask_about(rest, then))),
+            Answer("Discard", lambda: self._ask_about(rest, then)),
+            Answer("Cancel"),
+        )
+        self.questions.ask(Question(f"{first.noun()} has changes that are not saved.", answers))
 
     def open(self, path: Path) -> None:
         """Open a model, a light probe, a profile or a scene; a bad one leaves everything as it was."""
@@ -94,8 +147,9 @@ class Actions:
             return
         self._session.gesture = None
         if suffix in SCENE_SUFFIXES:
-            opened = self._session.open(path)
-        elif suffix in PROBE_SUFFIXES:
+            self._ask_about(self.work[:1], lambda: self._open_scene(path))
+            return
+        if suffix in PROBE_SUFFIXES:
             opened = self._light_by(path)
         elif suffix in PROFILE_SUFFIXES:
             opened = self._scatter_by(path)
@@ -108,6 +162,10 @@ class Actions:
             self._session.fail(f"{path.name} is none of {known} that can be opened here")
             return
         if opened:
+            self._preferences.opened(path)
+
+    def _open_scene(self, path: Path) -> None:
+        if self._session.open(path, self.adapt):
             self._preferences.opened(path)
 
     def write_capture(self, pixels: npt.NDArray[np.uint8]) -> None:
@@ -190,21 +248,31 @@ class Actions:
 
     def save(self) -> None:
         """Write the scene to its file; ask for one where it has none."""
-        if self._session.path is None:
-            self.save_as()
-        else:
-            self.save_to(self._session.path)
+        self._save_then(lambda: None)
 
     def save_as(self) -> None:
         """Ask where to write the scene."""
-        suggested = "scene.toml" if self._session.path is None else self._session.path.name
-        self.ask(Request("Save the scene", SCENE_SUFFIXES, self.save_to, suggested))
+        self._ask_where_to_save(lambda: None)
 
-    def save_to(self, path: Path) -> None:
-        """Write the scene to a file that `milkglass render` makes the picture on screen from."""
-        session = self._session
-        if session.save(path, self._view.size, self._exposed_key()):
-            self._preferences.opened(path)
+    def _save_then(self, then: Callable[[], object]) -> None:
+        """Write the scene to its file, or where the person says, and do something after it is written."""
+        if self._session.path is None:
+            self._ask_where_to_save(then)
+        elif self.save_to(self._session.path):
+            then()
+
+    def _ask_where_to_save(self, then: Callable[[], object]) -> None:
+        path = self._session.path
+        suggested = f"{Path(self._session.model_name).stem}.toml" if path is None else path.name
+        done = lambda path: self.save_to(path) and then()  # noqa: E731
+        self.ask(Request("Save the scene", SCENE_SUFFIXES, done, suggested))
+
+    def save_to(self, path: Path) -> bool:
+        """Write the scene to a file that `milkglass render` makes the picture on screen from; False if that fails."""
+        if not self._session.save(path, self._view.size, self._exposed_key()):
+            return False
+        self._preferences.opened(path)
+        return True
 
     def _exposed_key(self) -> float:
         """Return the key that exposes by itself as the lock does now."""
@@ -292,6 +360,26 @@ class Actions:
         """Show or hide the panel."""
         self.panel_shown = not self.panel_shown
 
+    def offer(self, left: LeftBehind, autosave: Autosave) -> None:
+        """Ask whether to go on with what a process that ended by itself had not saved."""
+        name = (left.path or left.scene.model.path or Path(str(left.scene.model.builtin_name))).name
+        when = time.strftime("%d %B, %H:%M", time.localtime(left.seconds)).lstrip("0")
+        answers = (
+            Answer("Restore", lambda: self._restore(left, autosave)),
+            Answer("Discard", lambda: autosave.discard(left)),
+            Answer("Later"),
+        )
+        text = f"Milkglass ended before changes to {name} were saved ({when}). Restore them?"
+        self.questions.ask(Question(text, answers))
+
+    def _restore(self, left: LeftBehind, autosave: Autosave) -> None:
+        if autosave.take(left):
+            self._session.restore(left.scene, left.path)
+
     def quit(self) -> None:
+        """Have the window closed, after questions about work that is not saved."""
+        self._ask_about(self.work, self.close)
+
+    def close(self) -> None:
         """Have the window closed."""
         self.closing = True

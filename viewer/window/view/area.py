@@ -160,6 +160,12 @@ class ViewArea:
         for live in self.lives():
             live.wait(timeout)
 
+    def stop(self) -> None:
+        """Give up what the workers do, and wait for nothing."""
+        for live in self.lives():
+            live.stop()
+        self.subject.stop()
+
     def close(self) -> None:
         """Stop the workers."""
         for live in self.lives():

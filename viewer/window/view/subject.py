@@ -59,6 +59,9 @@ class Subject(Protocol):
     def wait(self, timeout: float) -> None:
         """Wait for the workers, at most so many seconds for each of their tasks; for tests and replays."""
 
+    def stop(self) -> None:
+        """Give up what the workers do, and wait for nothing."""
+
     def close(self) -> None:
         """Let the workers finish and free them."""
 
@@ -99,6 +102,9 @@ class ModelSubject:
 
     def wait(self, timeout: float) -> None:
         """Return at once: a model has no workers but those of `Live`."""
+
+    def stop(self) -> None:
+        """Stop nothing."""
 
     def close(self) -> None:
         """Free nothing."""
