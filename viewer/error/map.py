@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from milkglass.viewer.error.visible import VisibleError
 
 
-# From no error to the largest: dark blue, teal, yellow, red; legible on grey and in print.
-COLOURS = np.array([[48, 62, 140], [38, 130, 142], [122, 200, 90], [250, 220, 60], [240, 120, 40], [200, 20, 30]])
+# Viridis (van der Walt and Smith 2015), from no error to the largest: even steps, for every kind of colour vision.
+COLOURS = np.array(
+    [[68, 1, 84], [68, 57, 131], [49, 104, 142], [33, 145, 140], [53, 183, 121], [144, 215, 67], [253, 231, 37]]
+)
 FOOT_PIXELS = 76  # height below the picture, for the scale
 MIN_PIXELS = 420  # along the shorter side; smaller pictures are enlarged by whole factors
 MARGIN_PIXELS = 20

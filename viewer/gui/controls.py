@@ -17,6 +17,7 @@ from milkglass.viewer.session.session import Session
 CHANNELS = (("R", (0.93, 0.42, 0.40)), ("G", (0.45, 0.80, 0.45)), ("B", (0.45, 0.62, 0.95)))
 
 
+BOUNDLESS = 1e5  # from which on the end of a range tells nobody anything
 LABEL_SHARE = 0.36  # of the panel's width
 TYPE_HINT = "Ctrl+click to type a number, right click to reset."
 RESET_HINT = "Right click to reset."
@@ -68,7 +69,7 @@ REACH = {
     "display.white": Reach(0.1, 100.0, True, "%.2f"),
     "display.background_blur_deg": Reach(0.0, 60.0, False, "%.1f"),
 }
-UNITS = {"deg": "°", "1/mm": " /mm", "px": " px", "texels": " texels", "mm": " mm", "stops": " stops"}
+UNITS = {"deg": "°", "1/mm": " /mm", "px": " px", "nodes": " nodes", "mm": " mm", "stops": " stops"}
 
 
 class Controls:
@@ -299,10 +300,13 @@ def default_of(table: str, key: str) -> Any:
 
 def explained(declared: Setting, default: Any) -> str:
     """Return the tooltip of a setting: its purpose, unit, range and default."""
-    text = declared.why[:1].upper() + declared.why[1:] + "."
+    purpose = declared.tip or declared.why
+    text = purpose[:1].upper() + purpose[1:] + "."
     facts = [declared.unit and f"unit {declared.unit}"]
-    facts += [declared.range_text()] if declared.kind in ("number", "integer") else []
+    is_bounded = max(abs(declared.low or 0.0), abs(declared.high or 0.0)) < BOUNDLESS
+    facts += [declared.range_text()] if declared.kind in ("number", "integer") and is_bounded else []
     if declared.default_text or default not in (None, dataclasses.MISSING):
-        facts.append(f"default {declared.default_text or default}")
+        shown = ("off", "on")[default] if declared.kind == "boolean" else default
+        facts.append(f"default {declared.default_text or shown}")
     facts = [fact for fact in facts if fact]
     return text + ("\n" + ", ".join(facts) if facts else "")

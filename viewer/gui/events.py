@@ -19,6 +19,9 @@ class MouseMoved:
     y: float
 
 
+OUTSIDE = MouseMoved(-3.4028235e38, -3.4028235e38)  # the pointer has left the window; ImGui's own convention
+
+
 @dataclass(frozen=True)
 class MouseButton:
     """A button of `BUTTONS` went down or up."""

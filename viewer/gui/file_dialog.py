@@ -32,6 +32,8 @@ class FileDialog:
         self._entries: list[tuple[str, bool]] = []
         self._error = ""
         self._opening = False
+        self.boxes: dict[str, tuple[float, float, float, float]] = {}  # of the entries, in the last frame
+        self._entered = False  # whether the last click in the list opened a folder
 
     @property
     def is_open(self) -> bool:
@@ -86,17 +88,26 @@ class FileDialog:
             self._go(Path(os.path.expanduser(self._typed_folder)))
         height = ROWS * imgui.get_text_line_height_with_spacing()
         imgui.begin_child("##files", (0.0, height), imgui.ChildFlags_.borders.value)
+        self.boxes.clear()
         for name, is_folder in self._entries:
             icon = icons.ICON_FA_FOLDER if is_folder else icons.ICON_FA_FILE
             flags = imgui.SelectableFlags_.allow_double_click.value | imgui.SelectableFlags_.no_auto_close_popups.value
             clicked, _ = imgui.selectable(f"{icon}  {name}", name == self.name, flags)
-            if clicked and is_folder:
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            self.boxes[name] = (low.x, low.y, high.x, high.y)
+            if not clicked:
+                continue
+            is_second = imgui.is_mouse_double_clicked(imgui.MouseButton_.left.value)
+            if is_second and self._entered:  # the other half of a double click on a folder, which one click opens
+                self._entered = False
+                continue
+            self._entered = is_folder
+            if is_folder:
                 self._go(self.folder / name)
                 break
-            if clicked:
-                self.name = name
-                if imgui.is_mouse_double_clicked(imgui.MouseButton_.left.value):
-                    chosen = self.folder / name
+            self.name = name
+            if is_second:
+                chosen = self.folder / name
         if not self._entries:
             imgui.text_disabled(self._error or f"no {', '.join(request.suffixes)} here")
         imgui.end_child()

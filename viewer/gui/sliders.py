@@ -14,6 +14,15 @@ def percent(share: float) -> str:
     return f"{significant(100.0 * share, 2)} %"
 
 
+def duration(seconds: float) -> str:
+    """Return a time as a person says it: "40 ms", "1.4 s", "22 s", "3 min"."""
+    if seconds < 0.1:
+        return f"{1e3 * seconds:.0f} ms"
+    if seconds < 10.0:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+
+
 DECIMALS = 6  # ImGui's logarithmic scale starts at 10^-DECIMALS where a slider starts at 0
 
 

@@ -42,6 +42,7 @@ class Setting:
     optional : True where None (key absent) is a value
     nonzero : True where a vector must have a direction
     default_text : the default as documented, where the field's own default does not say it
+    tip : the purpose for who sees no key of a scene file, where `why` speaks of those
     pattern : regular expression accepted beside the choices, with `pattern_name` for messages
     """
 
@@ -56,6 +57,7 @@ class Setting:
     optional: bool = False
     nonzero: bool = False
     default_text: str = ""
+    tip: str = ""
     pattern: str = ""
     pattern_name: str = ""
 

@@ -67,11 +67,13 @@ class MaterialSettings:
     )
     sigma_s_prime: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        moves=Part.TRANSPORT, why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name"
+        moves=Part.TRANSPORT, why="reduced scattering coefficient of R, G, B; with sigma_a, instead of name",
+        tip="reduced scattering coefficient: how often light turns, a mm"
     )
     sigma_a: Vector | None = setting(
         "number", None, optional=True, unit="1/mm", length=3, low=0, high=materials.MAX_COEFFICIENT,
-        moves=Part.TRANSPORT, why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name"
+        moves=Part.TRANSPORT, why="absorption coefficient of R, G, B; with sigma_s_prime, instead of name",
+        tip="absorption coefficient: how often light is lost, a mm"
     )
     eta: float | None = setting(
         "number", None, optional=True, low=materials.MIN_ETA, high=materials.MAX_ETA,
@@ -82,23 +84,28 @@ class MaterialSettings:
         "number", None, optional=True, length=3, low=0, high=materials.MAX_G,
         default_text="of the named material, else 0", moves=Part.TRANSPORT,
         why="mean cosine of the angle by which one scattering turns light of R, G, B: 0 all ways alike, near 1 almost "
-            "straight on; sigma_s_prime stays, and of clear and murky matter the look changes"
+            "straight on; sigma_s_prime stays, and of clear and murky matter the look changes",
+        tip="mean cosine of the angle by which one scattering turns light: 0 all ways alike, near 1 almost straight "
+            "on; changes the look of clear and murky matter"
     )
     diffuse_reflectance: Vector | None = setting(
         "number", None, optional=True, length=3, low=0, high=1,
         moves=Part.TRANSPORT,
         why="colour: share of R, G, B that leaves again of what enters; with mean_free_path_mm, instead of name; the "
-            "profile's own reflectance turns them into coefficients"
+            "profile's own reflectance turns them into coefficients",
+        tip="colour: share of light that leaves again of what enters"
     )
     mean_free_path_mm: Vector | None = setting(
         "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
-        moves=Part.TRANSPORT, why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name"
+        moves=Part.TRANSPORT, why="1 / sigma_t' of R, G, B; with diffuse_reflectance, instead of name",
+        tip="mean free path: how far light goes before it scatters or is lost"
     )
     diffuse_mean_free_path_mm: Vector | None = setting(
         "number", None, optional=True, unit="mm", length=3, low=1 / materials.MAX_COEFFICIENT, high=1e6,
         moves=Part.TRANSPORT,
         why="1 / sigma_tr of R, G, B, how far light gets before it is absorbed; with diffuse_reflectance, instead of "
-            "mean_free_path_mm"
+            "mean_free_path_mm",
+        tip="how far light gets before it is absorbed"
     )
     mix_with: str | None = setting(
         "text", None, optional=True,
@@ -136,7 +143,8 @@ class MaterialSettings:
     )
     profile_table: Path | None = setting(
         "path", None, optional=True, moves=Part.TRANSPORT,
-        why="CSV of radius_mm, R, G, B (R_d in 1/mm^2) for the profile table"
+        why="CSV of radius_mm, R, G, B (R_d in 1/mm^2) for the profile table",
+        tip="a profile of your own: a CSV file of radii in mm and R_d of R, G, B in 1/mm²"
     )
 
     def __post_init__(self) -> None:

@@ -110,7 +110,8 @@ class EnvironmentSettings:
     builtin: str | None = setting(
         "text", None, optional=True, choices=BUILTIN_PROBES,
         moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
-        why="light that needs no file, made for the default camera; instead of path"
+        why="light that needs no file, made for the default camera; instead of path",
+        tip="light that needs no file, made for the default camera"
     )
     extract: bool = setting(
         "boolean", True, moves=(Part.LIGHT, Part.OCCLUSION),
@@ -325,10 +326,10 @@ class TransportSettings:
         moves=Part.TRANSPORT, why="layers over the object's depth (layered) or its z extent (the others)"
     )
     resolution: int | None = setting(
-        "integer", None, optional=True, unit="texels", low=16, high=1024,
-        default_text="128 if layered, else from error_target",
+        "integer", None, optional=True, unit="nodes", low=16, high=1024,
+        default_text="128 if layered, else from the error target",
         moves=Part.SAMPLES,
-        why="texels along the longer side of a layer (layered), nodes along the longest side of the object (the others)"
+        why="nodes along the longer side of a layer (layered), or along the longest side of the object (the others)"
     )
     error_target: float | None = setting(
         "number", None, optional=True, low=1e-3, high=0.5, default_text="0.02, as far as a slider can wait",
@@ -337,7 +338,7 @@ class TransportSettings:
             "at 0.02; if given, it may take longer"
     )
     assignment: str | None = setting(
-        "text", None, optional=True, choices=("tent", "tsc"), default_text="from error_target",
+        "text", None, optional=True, choices=("tent", "tsc"), default_text="from the error target",
         moves=Part.TRANSPORT,
         why="how ewald spreads light over nodes and reads it back: tent over 8, faster; tsc over 27, smoother"
     )

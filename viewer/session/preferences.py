@@ -20,14 +20,15 @@ class Preferences:
 
     Attributes
     ----------
-    window_size : (width, height) in window coordinates
+    window_size : (width, height) in window coordinates, optional
+        None before there has been a window.
     folder : str
         Where dialogs start.
     recent : list of str
         Paths of the files opened last, the newest first.
     """
 
-    window_size: tuple[int, int] = (1440, 900)
+    window_size: tuple[int, int] | None = None
     folder: str = ""
     recent: list[str] = field(default_factory=list)
 

@@ -110,6 +110,7 @@ class Session:
         self.gesture: Hashable = None
         self.files = set() if path is None else {path.resolve()}
         self._saved = scene
+        self._nodes: dict[str, tuple[int | None, int | None]] = {}  # layers and resolution asked of other methods
         self._working: Scene | None = None  # the last scene that could be drawn
         self._undo: list[_Step] = []
         self._redo: list[_Step] = []
@@ -139,8 +140,17 @@ class Session:
         except InputError as error:
             self.fail(error)
             return False
-        self.put(following(self.scene, scene))
+        self.put(following(self.scene, self._with_its_nodes(scene)))
         return True
+
+    def _with_its_nodes(self, scene: Scene) -> Scene:
+        """Return a scene whose method of transport has changed with the layers and nodes that this one had before."""
+        old, new = self.scene.transport, scene.transport
+        if new.method == old.method or (new.layers, new.resolution) != (old.layers, old.resolution):
+            return scene
+        self._nodes[old.method] = old.layers, old.resolution
+        layers, resolution = self._nodes.get(new.method, (None, None))
+        return replace(scene, transport=replace(new, layers=layers, resolution=resolution))
 
     def edit_lights(self, lights: Sequence[Light]) -> None:
         """Replace the lights of the scene."""
@@ -299,7 +309,7 @@ class Session:
     def keep(self) -> None:
         """Keep the scene as B, for comparison."""
         self.kept = self.scene
-        self.say("kept this state as B: press B to flip, V to split the view")
+        self.say(f"kept {self.scene.material.resolve().name} as B: press B to flip, V to split the view")
 
     def flip(self) -> None:
         """Exchange the scene and the kept one; the camera stays."""

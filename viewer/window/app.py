@@ -80,6 +80,11 @@ class App:
     clock : callable, optional
         Seconds, from any start.
     photo : PhotoWork, optional
+
+    Attributes
+    ----------
+    help_boxes : pair of Box, optional
+        Where the cheat sheet and all that is in it were last drawn.
     """
 
     def __init__(
@@ -104,6 +109,7 @@ class App:
         graphics, clipboard = (context, self._gui, self._painter), clipboard or MemoryClipboard()
         parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
         self.view, self.actions, photo_actions = parts
+        self.help_boxes: tuple[Box, Box] | None = None
         self._messages = Messages()
         self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear)
         self.commands = commands_of(self.workspace)
@@ -173,8 +179,9 @@ class App:
         """Draw a frame into a framebuffer."""
         now = self.clock()
         self._frames_due = max(0, self._frames_due - 1)
-        if now >= self._last_event + TOOLTIP_SECONDS:
+        if self._tooltip_due and now >= self._last_event + TOOLTIP_SECONDS:
             self._tooltip_due = False
+            self._frames_due = max(self._frames_due, 1)  # ImGui sees that the pointer rests, then shows it
         if min(self._gui.pixels) <= 0 or min(self._gui.size) <= 0:  # minimised
             return
         self._gui.begin(now)
@@ -194,7 +201,7 @@ class App:
         self._messages.take(self.session.messages, now)
         self._messages.draw(view_box)
         if self.actions.help_shown:
-            draw_help(self._gui, view_box, cheat_sheet())
+            self.help_boxes = draw_help(self._gui, cheat_sheet())
         data = self._gui.end()
         if self._gui.has_events:
             self._frames_due = FRAMES_AN_EVENT
@@ -333,9 +340,10 @@ class App:
             rate = 1.0 / (now - self._last_frame)
             old = self.frames_per_second or rate
             self.frames_per_second = old + RATE_WEIGHT * (rate - old)
-        elif self.view.at_rest():
-            self.frames_per_second = 0.0
         self._last_frame = now if self.view.changed else None
+        if self.frames_per_second and self.view.at_rest():
+            self.frames_per_second = 0.0
+            self._frames_due = max(self._frames_due, 1)  # without it
 
 
 def read_pixels(target: moderngl.Framebuffer, size: tuple[int, int]) -> npt.NDArray[np.uint8]:

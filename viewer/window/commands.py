@@ -148,7 +148,7 @@ def _ask_for_profile(space: Workspace) -> None:
 
 
 def _recent(space: Workspace) -> dict[str, str]:
-    return {path: Path(path).name for path in space.actions.recent}
+    return {path: Path(path).name for path in space.actions.recent if Path(path).is_file()}
 
 
 COMMANDS: tuple[Command[Workspace], ...] = (

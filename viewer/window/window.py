@@ -5,12 +5,16 @@ import time
 from pathlib import Path
 from typing import Any
 
+from milkglass.viewer.gui import toolkit as toolkit  # first: it chooses the library of GLFW, for Wayland too
+
+# isort: split
 import glfw
 
 from milkglass.core.errors import InputError
 from milkglass.core.threads import one_blas_thread
 from milkglass.viewer.gl.context import window_context
 from milkglass.viewer.gui.events import (
+    OUTSIDE,
     Closed,
     Drawn,
     Dropped,
@@ -34,6 +38,7 @@ from milkglass.viewer.window.interrupts import interrupts
 
 PATIENCE = 0.4  # seconds that workers may take to end with the window
 SMALLEST_SIZE = (480, 320)  # window coordinates
+FIRST_SIZE = (1440, 900)  # window coordinates on a display of 96 dpi
 MOUSE_BUTTONS = {0: "left", 1: "right", 2: "middle"}  # GLFW's numbers
 POINTERS = {
     "resize_ew": "HRESIZE_CURSOR",
@@ -109,7 +114,7 @@ class Window:
         self._pointers: dict[str, Any] = {}
         self._pointer = ""
         self._title = ""
-        self._size: tuple[int, int] = self._preferences.window_size
+        self._size: tuple[int, int] = glfw.get_window_size(self.handle)
         self._interval = 1.0 / _refresh_rate()
         self._listen()
         self._resized()
@@ -199,6 +204,10 @@ class Window:
         def dropped(_: Any, paths: Any) -> None:
             take(Dropped(tuple(map(str, paths))))
 
+        def entered(_: Any, is_inside: int) -> None:
+            if not is_inside and not any(glfw.get_mouse_button(handle, button) for button in MOUSE_BUTTONS):
+                take(OUTSIDE)
+
         def pressed(_: Any, button: int, action: int, mods: int) -> None:
             if button in MOUSE_BUTTONS:
                 take(MouseButton(MOUSE_BUTTONS[button], action == glfw.PRESS))
@@ -209,6 +218,7 @@ class Window:
                 take(Key(name, action != glfw.RELEASE))
 
         glfw.set_cursor_pos_callback(handle, lambda _, x, y: take(MouseMoved(x, y)))
+        glfw.set_cursor_enter_callback(handle, entered)
         glfw.set_mouse_button_callback(handle, pressed)
         glfw.set_scroll_callback(handle, lambda _, x, y: take(Scrolled(x, y)))
         glfw.set_key_callback(handle, key)
@@ -272,12 +282,18 @@ def key_name(code: int) -> str | None:
     return _KEYS.get(code)
 
 
-def _open(size: tuple[int, int]) -> Any:
-    """Open a window of a size, smaller if the display is, with an OpenGL 3.3 context that is current."""
+def _open(size: tuple[int, int] | None) -> Any:
+    """Open a window of a size, or of that for who has none yet, with an OpenGL 3.3 context that is current.
+
+    It is smaller if the display is.
+    """
     glfw.ERROR_REPORTING = "ignore"
     if not glfw.init():
         raise InputError("cannot open a window: there is no display; write a picture with `milkglass render`")
     monitor = glfw.get_primary_monitor()
+    if size is None:
+        scale = glfw.get_monitor_content_scale(monitor)[0] if monitor and _counts_pixels() else 1.0
+        size = round(scale * FIRST_SIZE[0]), round(scale * FIRST_SIZE[1])
     if monitor:
         _, _, width, height = glfw.get_monitor_workarea(monitor)
         size = (min(size[0], width or size[0]), min(size[1], height or size[1]))
@@ -294,6 +310,11 @@ def _open(size: tuple[int, int]) -> Any:
     glfw.make_context_current(handle)
     glfw.swap_interval(1)
     return handle
+
+
+def _counts_pixels() -> bool:
+    """Whether window coordinates are pixels, so that a window on a dense display needs more of them."""
+    return glfw.get_platform() in (glfw.PLATFORM_X11, glfw.PLATFORM_WIN32)
 
 
 def _refresh_rate() -> float:

@@ -104,7 +104,7 @@ def test_map_has_a_dot_for_every_point_and_a_scale():
     assert picture.shape == (500 + FOOT_PIXELS, 600, 3)
     assert np.ptp(picture[300, 300].astype(int)) == 0  # grey
     right, wrong = picture[100, 100].astype(int), picture[400, 500].astype(int)
-    assert right[2] > right[0] + 50  # blue
+    assert right[2] > right[1] + 50  # violet
     assert wrong[0] > wrong[2] + 50  # red
 
 

@@ -114,6 +114,15 @@ def test_flip_exchanges_the_states_and_keeps_the_view(session):
     assert session.scene.material.name == "jade"
 
 
+def test_layers_and_nodes_stay_with_their_transport(session):
+    session.edit("transport", method="layered")
+    session.edit("transport", layers=43, resolution=33)
+    session.edit("transport", method="diffusion")
+    assert (session.scene.transport.layers, session.scene.transport.resolution) == (None, None)
+    session.edit("transport", method="layered")
+    assert (session.scene.transport.layers, session.scene.transport.resolution) == (43, 33)
+
+
 def test_view_as_text_comes_back_and_other_text_is_refused(session):
     session.look(dataclasses.replace(session.scene.camera, azimuth_deg=12.5, target_mm=(1.0, -2.0, 3.0)))
     text, camera = session.view_text(), session.scene.camera

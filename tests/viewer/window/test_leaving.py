@@ -27,7 +27,8 @@ def scene_file(tmp_path, model):
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("xdotool") is None, reason="needs xdotool")
-def test_ctrl_q_ends_the_program_while_a_worker_never_ends(display, tmp_path, scene_file):
+def test_ctrl_q_ends_the_program_while_a_worker_never_ends(display, tmp_path, scene_file, monkeypatch):
+    monkeypatch.setenv("XDG_SESSION_TYPE", "wayland")  # whose X server serves too
     window = RealWindow(display, tmp_path, program=(PROGRAM, "stuck", str(scene_file)))
     try:
         window.opened()

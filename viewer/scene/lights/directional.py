@@ -24,7 +24,8 @@ class DirectionalLight(Light):
     VECTORS: ClassVar[tuple[str, ...]] = ("direction",)
 
     direction: Vector = light_setting(
-        "number", length=3, low=-1e6, high=1e6, nonzero=True, why="towards the light; any length"
+        "number", length=3, low=-1e6, high=1e6, nonzero=True, why="towards the light; any length",
+        tip="direction towards the light"
     )
     irradiance: Vector = light_setting(
         "number", (3.0, 3.0, 3.0), length=3, low=0, high=1e9,

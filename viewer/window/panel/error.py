@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT
-from milkglass.viewer.gui.sliders import percent
+from milkglass.viewer.gui.sliders import duration, percent
 from milkglass.viewer.gui.toolkit import GOOD, WARNING, icons, imgui
 from milkglass.viewer.live.error import NO_POINTS, PHOTONS, LiveError, Measured, Walked
 from milkglass.viewer.live.live import Live, solves
@@ -172,7 +172,7 @@ def conditions(measured: Measured) -> str:
     points, (width, height) = len(measured.error.reference), measured.size
     return (
         f"{points} points of the picture at {width} x {height} px, {measured.error.n_sources:,} sources each, "
-        f"{measured.seconds:.1f} s"
+        f"{duration(measured.seconds)}"
     )
 
 
@@ -226,5 +226,5 @@ def walk_conditions(walked: Walked) -> str:
     noise = percent(float(np.nanmax([0.0, *walked.error.inside.noise])))
     return (
         f"rms over {walked.error.regions} regions against {PHOTONS:,} photons a light and mean free path; "
-        f"their noise of {noise} is taken off; {walked.seconds:.1f} s"
+        f"their noise of {noise} is taken off; {duration(walked.seconds)}"
     )

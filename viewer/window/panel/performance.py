@@ -1,5 +1,6 @@
 """The panel's section on what pictures cost."""
 
+from milkglass.viewer.gui.sliders import duration
 from milkglass.viewer.gui.toolkit import imgui
 from milkglass.viewer.window.panel.section import Section, Seen
 
@@ -23,7 +24,7 @@ class PerformanceSection(Section):
                 imgui.table_next_column()
                 write(stage)
                 imgui.table_next_column()
-                write(f"{live.ran.get(stage, milliseconds):.1f} ms")
+                write(duration(1e-3 * live.ran.get(stage, milliseconds)))
             imgui.end_table()
         for sentence in () if live.picture is None else live.picture.parts:
             self._controls.note(sentence)

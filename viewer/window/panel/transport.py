@@ -7,6 +7,7 @@ from milkglass.core.transport.base import Scattered
 from milkglass.core.transport.diffusion.solver import SOURCES
 from milkglass.core.transport.quality import DEFAULT_ERROR_TARGET
 from milkglass.viewer.gui.controls import RESET_HINT, explained
+from milkglass.viewer.gui.sliders import duration
 from milkglass.viewer.live.job import Finished
 from milkglass.viewer.live.live import solves
 from milkglass.viewer.render.remarks import remarks
@@ -94,5 +95,5 @@ def chosen(finished: Finished, milliseconds: Timings) -> str:
         new_light, new_material = (slowest, *rest), (Stage.SPECTRA, *rest)
     if all(stage in milliseconds for stage in (*new_light, *new_material)):
         light, material = (sum(milliseconds[stage] for stage in stages) for stages in (new_light, new_material))
-        text += f"; new light in {light:.0f} ms, a new material in {material:.0f} ms"
+        text += f"; new light in {duration(1e-3 * light)}, a new material in {duration(1e-3 * material)}"
     return text

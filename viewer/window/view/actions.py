@@ -114,7 +114,8 @@ class Actions:
     def ask(self, request: Request) -> None:
         """Open the file dialog in the last folder; before another's file is replaced, there is a question."""
         checked = request if not request.save_as else replace(request, done=lambda path: self._check(request, path))
-        self.dialog.open(checked, self._preferences.start_folder())
+        of_scene = self._session.path if request.save_as else None
+        self.dialog.open(checked, self._preferences.start_folder() if of_scene is None else of_scene.parent)
 
     def _check(self, request: Request, path: Path) -> None:
         """Write what was asked for, after a question where that would replace a file of somebody else."""

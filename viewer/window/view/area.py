@@ -22,6 +22,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings
 from milkglass.viewer.session.session import SHOWN, Session
 from milkglass.viewer.window.view.drawing import checkerboard, developed, fitted
+from milkglass.viewer.window.view.labels import told_apart
 from milkglass.viewer.window.view.overlays import draw_label
 from milkglass.viewer.window.view.subject import Subject
 
@@ -315,8 +316,9 @@ class ViewArea:
             draw.add_image(right_image, (middle, top), (right, bottom), (split, 1.0), (1.0, 0.0))
             draw.add_line((middle, top), (middle, bottom), imgui.get_color_u32((1.0, 1.0, 1.0, 0.7)), 1.5)
             assert self._session.kept is not None
-            draw_label((middle, top), f"A  {_named(self._session.scene)}", from_right=True)
-            draw_label((middle, top), f"B  {_named(self._session.kept)}")
+            left_name, right_name = told_apart(self._session.scene, self._session.kept)
+            draw_label((middle, top), f"A  {left_name}", from_right=True)
+            draw_label((middle, top), f"B  {right_name}")
 
     def _put_map(self, draw: Any, *, is_incoming: bool, layer: int) -> None:
         """Show one layer, tone-mapped by itself, as the camera that it was made for sees it."""
@@ -351,7 +353,3 @@ class ViewArea:
         point = self.live.renderer.pick((column, row))
         if point is not None:
             self._session.look(replace(self._session.scene.camera, target_mm=point))
-
-
-def _named(scene: Scene) -> str:
-    return scene.material.resolve().name

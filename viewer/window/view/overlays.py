@@ -69,9 +69,12 @@ class Messages:
 
 
 def draw_status(view: Box, left: str, right: str) -> None:
-    """Write the status line at the foot of the view: the model on the left, progress on the right."""
+    """Write the status line at the foot of the view: progress on the right, the model on the left if it has room."""
     draw: Any = imgui.get_window_draw_list()
     style = imgui.get_style()
+    needed = imgui.calc_text_size(left).x + imgui.calc_text_size(right).x + 4.0 * style.window_padding.x
+    if right and needed > view[2] - view[0]:
+        left = ""
     height = imgui.get_font_size()
     y = view[3] - height - style.window_padding.y
     for text, x in (
@@ -92,23 +95,45 @@ def draw_label(corner: tuple[float, float], text: str, *, from_right: bool = Fal
     draw.add_text((x + 6.0, y + 3.0), imgui.get_color_u32((0.9, 0.9, 0.9, 1.0)), text)
 
 
-def draw_help(gui: Gui, view: Box, groups: list[tuple[str, Rows]]) -> None:
-    """Draw the cheat sheet, groups of rows under headings, in the middle of the view: two in a first column."""
-    imgui.set_next_window_pos(
-        (0.5 * (view[0] + view[2]), 0.5 * (view[1] + view[3])), imgui.Cond_.always.value, (0.5, 0.5)
-    )
+def draw_help(gui: Gui, groups: list[tuple[str, Rows]]) -> tuple[Box, Box]:
+    """Draw the cheat sheet, groups of rows under headings, in the middle of the window.
+
+    It has two columns, two groups in the first, or one where the window is narrow; it scrolls where it is low.
+    Returns the boxes of the sheet and of all that is in it, as far as it is scrolled.
+    """
+    window, em = imgui.get_io().display_size, imgui.get_font_size()
+    columns = [groups[:2], groups[2:]]
+    style, gap = imgui.get_style(), 2.0 * em
+    widths = [max(_help_width(rows) for _, rows in column) for column in columns]
+    if sum(widths) + gap + 2.0 * style.window_padding.x > window.x:
+        columns, widths = [groups], [max(widths)]
+    imgui.set_next_window_pos((0.5 * window.x, 0.5 * window.y), imgui.Cond_.always.value, (0.5, 0.5))
     imgui.set_next_window_bg_alpha(0.95)
-    if imgui.begin("##help", None, _float_flags() | imgui.WindowFlags_.no_inputs.value)[0]:
+    width = min(window.x, sum(widths) + gap * (len(columns) - 1) + 2.0 * style.window_padding.x + style.scrollbar_size)
+    imgui.set_next_window_size_constraints((width, 0.0), (width, window.y))
+    flags = _float_flags() & ~imgui.WindowFlags_.no_scrollbar.value
+    sheet = content = (0.0, 0.0, 0.0, 0.0)
+    if imgui.begin("##help", None, flags)[0]:
         imgui.begin_group()
-        for title, rows in groups[:2]:
-            _help_group(gui, title, rows)
+        for i, column in enumerate(columns):
+            if i:
+                imgui.same_line(0.0, gap)
+            imgui.begin_group()
+            for title, rows in column:
+                _help_group(gui, title, rows)
+            imgui.end_group()
         imgui.end_group()
-        imgui.same_line(0.0, 2.0 * imgui.get_font_size())
-        imgui.begin_group()
-        for title, rows in groups[2:]:
-            _help_group(gui, title, rows)
-        imgui.end_group()
+        content = (*imgui.get_item_rect_min(), *imgui.get_item_rect_max())
+        place, size = imgui.get_window_pos(), imgui.get_window_size()
+        sheet = (place.x, place.y, place.x + size.x, place.y + size.y)
     imgui.end()
+    return sheet, content
+
+
+def _help_width(rows: Rows) -> float:
+    """Return the width of the rows of a group."""
+    keys, titles = (max(imgui.calc_text_size(row[i]).x for row in rows) for i in range(2))
+    return float(keys + titles + imgui.get_font_size())
 
 
 def _help_group(gui: Gui, title: str, rows: Rows) -> None:
@@ -117,11 +142,13 @@ def _help_group(gui: Gui, title: str, rows: Rows) -> None:
     imgui.pop_font()
     start, em = imgui.get_cursor_pos_x(), imgui.get_font_size()
     keys_width = max(imgui.calc_text_size(keys).x for keys, _ in rows) + em
+    imgui.push_text_wrap_pos(0.0)
     for keys, title in rows:
         imgui.text_unformatted(keys)
         imgui.same_line()
         imgui.set_cursor_pos_x(start + keys_width)
         imgui.text_disabled(title)
+    imgui.pop_text_wrap_pos()
     imgui.spacing()
 
 

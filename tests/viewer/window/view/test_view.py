@@ -237,6 +237,41 @@ def test_split_shows_both_states_at_one_exposure(driver):
     assert driver.session.view.split is None
 
 
+def test_a_double_click_on_a_folder_opens_no_file_in_it(driver, tmp_path):
+    inside = tmp_path / "meshes" / "many"
+    inside.mkdir(parents=True)
+    for i in range(12):
+        write_knot(inside.parent / f"{i:02}.ply")
+    before = driver.session.scene
+    driver.key("left_ctrl", "o")
+    press, release = MouseButton("left", True), MouseButton("left", False)
+    places = driver.app.actions.dialog.boxes
+    left, top, _, bottom = places["meshes"]
+    driver.send(MouseMoved(left + 20.0, 0.5 * (top + bottom)), press, release, press, release, frames=2)
+    assert driver.app.actions.dialog.folder == inside.parent
+    assert driver.app.actions.dialog.is_open
+    assert driver.session.scene == before
+    left, top, _, bottom = places["03.ply"]
+    driver.now += 1.0
+    driver.send(MouseMoved(left + 20.0, 0.5 * (top + bottom)), press, release, press, release, frames=2)
+    assert driver.session.scene.model.path == inside.parent / "03.ply"
+
+
+@pytest.mark.parametrize(("size", "scale"), [((1280, 800), 1.0), ((640, 480), 1.0), ((1440, 900), 2.0)])
+def test_the_cheat_sheet_lies_in_the_window_and_scrolls(driver, size, scale):
+    driver.send(Resized(size, size, scale))
+    driver.key("h")
+    left, top, right, bottom = driver.app.help_boxes[0]
+    assert min(left, top) >= 0.0
+    assert right <= size[0]
+    assert bottom <= size[1]
+    driver.scroll((0.5 * (left + right), 0.5 * (top + bottom)), -200.0)
+    driver.frames(2)
+    content = driver.app.help_boxes[1]
+    assert content[3] <= bottom  # the last row can be read
+    assert content[2] <= right
+
+
 def test_what_is_typed_faster_than_frames_come_arrives(driver, tmp_path):
     other = write_knot(tmp_path / "other.ply")
     driver.key("left_ctrl", "o")
