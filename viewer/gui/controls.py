@@ -5,7 +5,8 @@ A row is a label, the control, and a reset that appears when the value is not th
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from milkglass.viewer.gui.sliders import Sliders
@@ -17,7 +18,7 @@ from milkglass.viewer.session.session import Session
 CHANNELS = (("R", (0.93, 0.42, 0.40)), ("G", (0.45, 0.80, 0.45)), ("B", (0.45, 0.62, 0.95)))
 
 
-BOUNDLESS = 1e5  # from which on the end of a range tells nobody anything
+BOUNDLESS = 1e5  # to both sides of 0, from which on a range tells nobody anything
 LABEL_SHARE = 0.36  # of the panel's width
 TYPE_HINT = "Ctrl+click to type a number, right click to reset."
 RESET_HINT = "Right click to reset."
@@ -88,6 +89,7 @@ class Controls:
         self.boxes: dict[str, Box] = {}
         self.sliders = Sliders()
         self._gui = gui
+        self._heights: dict[str, tuple[Hashable, float]] = {}  # of blocks that change while one looks
         self._labels: tuple[float, float] = (0.0, 0.0)
 
     def begin(self) -> None:
@@ -222,6 +224,19 @@ class Controls:
         imgui.pop_text_wrap_pos()
         imgui.pop_style_color()
 
+    @contextmanager
+    def steady(self, name: str, key: Hashable) -> Iterator[None]:
+        """Keep what is drawn in a block as high as it has been for a key, so that rows below it stay where they are."""
+        start, width = imgui.get_cursor_pos_y(), imgui.get_content_region_avail().x
+        yield
+        spacing = imgui.get_style().item_spacing.y
+        height = imgui.get_cursor_pos_y() - start
+        known, least = self._heights.get(name, (None, 0.0))
+        least = least if known == (key, width) else 0.0
+        if height + spacing < least:
+            imgui.dummy((0.0, least - height - spacing))
+        self._heights[name] = (key, width), max(height, least)
+
     def section(self, label: str, *, is_open: bool = False) -> bool:
         """Draw a heading that folds, and return whether the rows below it show."""
         imgui.push_font(self._gui.bold, 0.0)
@@ -303,7 +318,7 @@ def explained(declared: Setting, default: Any) -> str:
     purpose = declared.tip or declared.why
     text = purpose[:1].upper() + purpose[1:] + "."
     facts = [declared.unit and f"unit {declared.unit}"]
-    is_bounded = max(abs(declared.low or 0.0), abs(declared.high or 0.0)) < BOUNDLESS
+    is_bounded = min(-(declared.low or 0.0), declared.high or 0.0) < BOUNDLESS
     facts += [declared.range_text()] if declared.kind in ("number", "integer") and is_bounded else []
     if declared.default_text or default not in (None, dataclasses.MISSING):
         shown = ("off", "on")[default] if declared.kind == "boolean" else default

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from milkglass.core.stages import Part
 from milkglass.core.transport.quality import sample_spacing
@@ -58,6 +59,25 @@ def scene_sources(scene: Scene, assets: Assets, *, draft: bool = False) -> Itera
     if settings.facts.needs_roughness:
         yield RoughnessOf(mesh)
     yield SamplesOf(mesh, sample_spacing(mesh, settings, quality_of(scene, mesh, assets).resolution))
+
+
+def most_sources(scene: Scene) -> int:
+    """Return how many sources `scene_sources` yields, unless transport has to fall back to another method."""
+    environment, facts = scene.environment, scene.transport.facts
+    further = (
+        environment.given, environment.given and environment.extract, scene.material.table_in_use is not None,
+        scene.separate, facts.on_open_surface is not None, facts.needs_roughness,
+    )  # fmt: skip
+    return 3 + sum(further)
+
+
+def missing_file(scene: Scene, assets: Assets) -> str | None:
+    """Return the name of the first file of a scene that has not been read yet, None where all have been."""
+    environment, table = scene.environment, scene.material.table_in_use
+    needed: list[tuple[Path | None, Source[object]]] = [(scene.model.path, model_source(scene.model))]
+    needed += [(environment.path, probe_source(environment))] if environment.given else []
+    needed += [(table, ProfileFile(table))] if table is not None else []
+    return next((path.name for path, source in needed if path is not None and not assets.has(source)), None)
 
 
 def light_key(scene: Scene) -> Key:

@@ -15,6 +15,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.grid.layers import deposit
 from milkglass.core.stages import Stage, Timings
 from milkglass.core.transport.base import Scattered
+from milkglass.core.transport.diffusion.solver import TOLERANCE
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.renderer import Renderer
@@ -54,6 +55,7 @@ class Finished:
 # have coloured stains yet; what a start of other light gives is black and blue, worse than the volume before.
 PRESENTABLE = 2e-3
 PREVIEW_SECONDS = 0.15  # between solutions that are shown on the way
+SHARES = 20  # of the progress that is shown
 SURFACE_STAGES = {Stage.RAYS, Stage.BOUNDARY}  # run once a mesh and grid, which a drag keeps
 
 
@@ -108,6 +110,11 @@ class TransportJob:
     renderer, lit
     wake : callable
         Called from the worker when there is something to take.
+
+    Attributes
+    ----------
+    share : float, optional
+        How far a solution is, [0, 1]; None where transport does not say.
     """
 
     def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
@@ -116,6 +123,7 @@ class TransportJob:
         self._preview: Scattered | None = None
         self._shown: Scattered | None = None
         self._shown_at, self._gave_up = -np.inf, False
+        self.share: float | None = None  # that is done, where a solution tells
         self._began, self._seen_after = 0.0, np.inf
         self.future: Future[Outcome] = worker.submit(self._scatter)
         self.future.add_done_callback(lambda _: wake())
@@ -143,6 +151,7 @@ class TransportJob:
     def _go_on(self, solution: Scattered) -> bool:
         """Show the first solution that may be seen at once and some of the later ones; give up in good time."""
         presentable = _is_presentable(solution)
+        self._tell(max(solution.residuals))
         self._gave_up = self._unwanted.is_set() or (presentable and self._superseded.is_set())
         now = time.perf_counter()
         if presentable:
@@ -153,6 +162,13 @@ class TransportJob:
             self._shown_at, self._shown, self._preview = now, solution, solution
             self._wake()
         return not self._gave_up
+
+    def _tell(self, residual: float) -> None:
+        """Say how far a solution is whose relative residual falls from 1, and have the window look now and then."""
+        share = min(1.0, float(np.log(max(residual, TOLERANCE)) / np.log(TOLERANCE))) if residual < 1.0 else 0.0
+        before, self.share = self.share, share
+        if before is None or int(SHARES * share) != int(SHARES * before):
+            self._wake()
 
 
 def _is_presentable(scattered: Scattered) -> bool:

@@ -8,7 +8,7 @@ of a moment ago, never of two at once, and always replaced as soon as the newer 
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import moderngl
 
@@ -16,7 +16,17 @@ from milkglass.core.stages import Part, Timings, Unfinished
 from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
-from milkglass.viewer.live.dependence import Drag, LitFor, files, looks_of, radiance_of, scene_sources, turn_deg
+from milkglass.viewer.live.dependence import (
+    Drag,
+    LitFor,
+    files,
+    looks_of,
+    missing_file,
+    most_sources,
+    radiance_of,
+    scene_sources,
+    turn_deg,
+)
 from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import PATH_STEPS, Cost, Detail, allowance, draft_resolution
 from milkglass.viewer.live.job import Finished, TransportJob
@@ -28,6 +38,14 @@ from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera, pixel_offsets
 from milkglass.viewer.scene.keys import Key
 from milkglass.viewer.scene.scene import Scene
+
+
+class Doing(NamedTuple):
+    """What is computed now, and the share of it that is done, None where that is unknown."""
+
+    text: str
+    share: float | None
+
 
 KEEP = 3  # models, probes and sets of samples that undo finds again at once
 DRAFT_TURN_DEG = 25.0  # how far an old volume may be turned before an orbit replaces it
@@ -71,6 +89,7 @@ class Live:
         self._worker = Worker("transport")
         self.job: TransportJob | None = None  # what the worker scatters now
         self._load: Future[None] | None = None
+        self._read_share = 0.0  # of the sources of what is loaded that are there
         self._failed: Scene | None = None  # whose files could not be read, so that they are not tried every frame
         self._ready: Scene | None = None  # the newest scene whose files are there
         self._looks: Key = ()  # what the last picture depends on, but for its quality
@@ -92,6 +111,28 @@ class Live:
     def loading(self) -> bool:
         """Whether files are being read or sampled."""
         return self._load is not None
+
+    @property
+    def shown(self) -> Scene | None:
+        """The newest scene whose files are there, which is what pictures are of."""
+        return self._ready
+
+    def doing(self, scene: Scene) -> Doing | None:
+        """Return what goes on until a scene is seen as it is; None where nothing is computed that takes long."""
+        if self.loading:
+            name = missing_file(scene, self.assets)
+            return Doing("the surface is sampled" if name is None else f"loading {name}", self._read_share)
+        if self.job is not None:
+            return Doing("light spreads", self.job.share)
+        if self.rays.progress is not None:
+            return Doing(self.rays.casting, self.rays.progress)
+        return None
+
+    def give_up(self) -> None:
+        """Leave what is computed to its end, for a scene that is not wanted any longer."""
+        self._load = None
+        if self.job is not None:
+            self.job.supersede(at_once=True)
 
     @property
     def working(self) -> bool:
@@ -243,8 +284,10 @@ class Live:
         return all(self.assets.has(source) for source in scene_sources(scene, self.assets, draft=detail.draft))
 
     def _read(self, scene: Scene) -> None:
-        self._failed = scene
-        for source in scene_sources(scene, self.assets):
+        self._failed, count = scene, most_sources(scene)
+        for i, source in enumerate(scene_sources(scene, self.assets)):
+            self._read_share = min(1.0, i / count)
+            self._wake()
             self.assets.get(source)
         if scene.environment.given:
             lobes = self.assets.get(LobesOf(self.assets.surround(scene.environment)[1]))

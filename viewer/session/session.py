@@ -111,6 +111,7 @@ class Session:
         self.files = set() if path is None else {path.resolve()}
         self._saved = scene
         self._nodes: dict[str, tuple[int | None, int | None]] = {}  # layers and resolution asked of other methods
+        self._settled: Scene | None = None  # the last scene that was seen at its best
         self._working: Scene | None = None  # the last scene that could be drawn
         self._undo: list[_Step] = []
         self._redo: list[_Step] = []
@@ -239,18 +240,35 @@ class Session:
         if self._working is None:
             return False
         self.fail(error)
-        if self.scene == self._working:
-            return True
+        if self.scene != self._working:
+            self._back_to(self._working)
+        return True
+
+    def settles(self) -> None:
+        """Note that the scene is seen at its best."""
+        self._settled = self.scene
+
+    @property
+    def can_cancel(self) -> bool:
+        """Whether the scene differs from the last one that was seen at its best, but for its camera."""
+        return self._settled is not None and not _is_same(self._settled, self.scene)
+
+    def cancel(self) -> None:
+        """Go back to the last scene that was seen at its best; the camera stays."""
+        if self._settled is not None:
+            self._back_to(self._settled)
+
+    def _back_to(self, scene: Scene) -> None:
+        """Take back the steps since a scene, and what they opened."""
         for i in reversed(range(len(self._undo))):
-            if self._undo[i].before == self._working:
+            if _is_same(self._undo[i].before, scene):
                 file = next((step.file for step in self._undo[i:] if step.file is not None), None)
                 if file is not None:
                     self.path, self._saved = file.path, file.scene
                 del self._undo[i:]
                 break
         self._redo.clear()
-        self._set(replace(self._working, camera=self.scene.camera))
-        return True
+        self._set(replace(scene, camera=self.scene.camera))
 
     def say(self, text: str) -> None:
         """Show a sentence."""
@@ -350,6 +368,11 @@ class Session:
             self.fail("the clipboard holds no view: copy one with Ctrl+C first, or a [camera] table")
             return
         self.edit("camera", **table)
+
+
+def _is_same(one: Scene, other: Scene) -> bool:
+    """Tell whether two scenes differ by no more than their cameras."""
+    return replace(one, camera=other.camera) == other
 
 
 def _without_look(scene: Scene) -> Scene:

@@ -30,6 +30,7 @@ from milkglass.viewer.window.panel.panel import WIDTH, Panel
 from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
 from milkglass.viewer.window.photograph.subject import PhotographSubject
+from milkglass.viewer.window.status import progress_status, subject_status
 from milkglass.viewer.window.view.actions import Actions, Clipboard, MemoryClipboard
 from milkglass.viewer.window.view.area import ViewArea
 from milkglass.viewer.window.view.error_overlay import ErrorOverlay
@@ -111,7 +112,7 @@ class App:
         self.view, self.actions, photo_actions = parts
         self.help_boxes: tuple[Box, Box] | None = None
         self._messages = Messages()
-        self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear)
+        self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear, self.cancel)
         self.commands = commands_of(self.workspace)
         self.error = LiveError(context, wake)
         self.error_overlay = ErrorOverlay()
@@ -287,8 +288,9 @@ class App:
         self.error.follow(self.view.shown, points)
         self.view.draw()
         self._measure()
-        left, right = self._status()
-        draw_status(box, left, right)
+        if self.view.at_rest():
+            self.session.settles()
+        draw_status(box, *self.status())
         imgui.end()
 
     def _measure(self) -> None:
@@ -305,26 +307,26 @@ class App:
         hovered = imgui.is_window_hovered()
         self.error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
 
-    def _status(self) -> tuple[str, str]:
-        live = self.view.live
-        left = ""
-        if live.finished is not None:
-            mesh = live.finished.lit.model.whole
-            size = self.session.scene.model.size_mm
-            left = f"{self.session.model_name}   {len(mesh.faces):,} triangles   {size:g} mm"
-        if live.loading:
-            return left, f"loading {self.session.model_name} ..."
-        if live.finished is None:
-            return left, "light spreads ..." if self.view.working else ""
+    def status(self) -> tuple[str, str]:
+        """Return what the picture is of, and what goes on, in words."""
+        can_cancel = self.session.can_cancel or self.error.progress is not None
+        going_on = progress_status(self.view, self.session.scene, self.error_status(), can_cancel=can_cancel)
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
-        baked = live.rays.progress
-        casting = "" if baked is None else f"{live.rays.casting}: {100.0 * baked:.0f} %"
-        return left, "   ".join(filter(None, (casting, self.error_status(), rate)))
+        return subject_status(self.session, self.view.live), "   ".join(filter(None, (going_on, rate)))
+
+    def cancel(self) -> None:
+        """Give up what is computed: the measurement of the error, else what has changed since the last picture."""
+        if self.error.progress is not None:
+            self.session.view.measure = False
+        elif self.session.can_cancel and self.view.live.doing(self.session.scene) is not None:
+            self.session.cancel()
+            self.view.live.give_up()
+            self.session.say("cancelled: everything is as it was before")
 
     def error_status(self) -> str:
         """Return the error of the picture in a few words, or how far its measurement is; else nothing."""
         if self.error.progress is not None:
-            return f"measuring the error: {100.0 * self.error.progress:.0f} %"
+            return f"measuring the error: {100.0 * self.error.progress:.0f} %   Esc cancels"
         result, walked = self.error.result, self.error.walked
         if not self.session.view.measure or self.error.outdated:
             return ""

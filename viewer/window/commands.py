@@ -45,12 +45,16 @@ class Workspace:
     photo : PhotoActions or None
         Those of a photograph, where the window shows one.
     dismiss_messages : callable
+        Returns whether there were any.
+    cancel : callable
+        Gives up what is computed, and goes back to the scene before.
     """
 
     session: Session
     actions: Actions
     photo: PhotoActions | None
-    dismiss_messages: Callable[[], object]
+    dismiss_messages: Callable[[], bool]
+    cancel: Callable[[], object]
 
     def open(self, path: str | Path) -> None:
         """Open a file of any kind that fits what the window shows."""
@@ -124,10 +128,11 @@ def _capture_object(space: Workspace) -> None:
 
 
 def _dismiss(space: Workspace) -> None:
-    if space.photo is not None:
-        space.photo.lay_down_tool()
-    space.actions.help_shown = False
-    space.dismiss_messages()
+    """Close all that is open over the view; where nothing is, cancel what is computed."""
+    had_tool = space.photo is not None and space.photo.lay_down_tool()
+    had_help, space.actions.help_shown = space.actions.help_shown, False
+    if not any((had_tool, had_help, space.dismiss_messages())):
+        space.cancel()
 
 
 def _ask_for_file(space: Workspace) -> None:
@@ -240,7 +245,9 @@ COMMANDS: tuple[Command[Workspace], ...] = (
             lambda space: space.session.view.profiles,
         ),
     ),
-    Command("dismiss", "close what is open, dismiss messages", _dismiss, "Window", "Escape"),
+    Command(
+        "dismiss", "close what is open, dismiss messages; else cancel what is computed", _dismiss, "Window", "Escape"
+    ),
     # what controls of the panel ask for
     Command("open_model", "open a model", _ask_for_model),
     Command("open_probe", "light with a probe", _ask_for_probe),

@@ -45,15 +45,16 @@ class TransportSection(Section):
         controls.setting("transport.exchange", "Light between parts", "on" if exchanges else "off")
         if quality.facts.follows_sight:
             self._light_paths()
-        if quality.fallback is not None:
-            controls.note(quality.fallback, warning=True)
-        if expects:
-            controls.note(quality.warning or quality.expected)
-        if quality.facts.solves:
-            controls.note(solved(live.finished.scattered, complete=live.finished.complete))
-        controls.note(chosen(live.finished, live.stage_times))
-        for missed in remarks(self._session.scene, lit, live.finished.gather):
-            controls.note(missed)
+        with controls.steady("transport", quality.method):
+            if quality.fallback is not None:
+                controls.note(quality.fallback, warning=True)
+            if expects:
+                controls.note(quality.warning or quality.expected)
+            if quality.facts.solves:
+                controls.note(solved(live.finished.scattered, complete=live.finished.complete))
+            controls.note(chosen(live.finished, live.stage_times))
+            for missed in remarks(self._session.scene, lit, live.finished.gather):
+                controls.note(missed)
 
     def _light_paths(self) -> None:
         """Draw which parts of light are shown."""

@@ -60,9 +60,10 @@ class PhotoActions:
         """Take the last stroke of the mask back."""
         self._work.mask.undo()
 
-    def lay_down_tool(self) -> None:
-        """Stop painting the mask."""
-        self._work.tool = None
+    def lay_down_tool(self) -> bool:
+        """Stop painting the mask, and return whether it was painted."""
+        tool, self._work.tool = self._work.tool, None
+        return tool is not None
 
     def ask_for_depth(self) -> None:
         """Ask for a depth map."""

@@ -41,9 +41,11 @@ class Messages:
         """Time at which the next message goes away, None if none shows."""
         return min((shown.until for shown in self._shown), default=None)
 
-    def clear(self) -> None:
-        """Take all messages away."""
+    def clear(self) -> bool:
+        """Take all messages away, and return whether there were any."""
+        had_any = bool(self._shown)
         self._shown.clear()
+        return had_any
 
     def draw(self, view: Box) -> None:
         """Draw the messages at the foot of the view, the newest lowest."""

@@ -1,6 +1,7 @@
 """The panel, drawn into a framebuffer and used with an injected mouse and keyboard."""
 
 import dataclasses
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -270,6 +271,16 @@ def test_probe_lights_and_shows_and_is_removed(driver, few_rays, tmp_path):
     driver.click("environment.remove")
     assert driver.session.scene.environment.path is None
     assert len({picture.tobytes() for picture in pictures}) == len(pictures)
+
+
+def test_rows_stay_where_they_are_when_the_text_on_transport_gets_shorter(driver):
+    words = "milkglass.viewer.window.panel.transport.chosen"
+    with patch(words, lambda *_: "many words " * 30):
+        driver.frames(2)
+        before = driver.app.panel.controls.boxes["section.Camera"]
+    with patch(words, lambda *_: "one"):
+        driver.frames(2)
+        assert driver.app.panel.controls.boxes["section.Camera"] == pytest.approx(before)
 
 
 def test_tooltip_says_unit_range_and_default(driver):

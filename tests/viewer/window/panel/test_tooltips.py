@@ -13,7 +13,7 @@ SHOWN = [
     *((f"{kind}.{key}", declared, None) for kind, light in LIGHT_KINDS.items()
       for key, declared in settings_of(light).items()),
 ]  # fmt: skip
-KEYS = r"\b[a-z0-9]+_\w+|True|False|e[+-]?0?[5-9]\b|instead of (name|path|builtin|mix)"
+KEYS = r"\b[a-z0-9]+_\w+|True|False|-1e|instead of (name|path|builtin|mix)"
 NO_ROW = re.compile(
     "material.(name|mix_(sigma|eta|g)|diffuse_mean)|display.(image_size|transform)|model.(path|builtin)|environment.path"
 )
