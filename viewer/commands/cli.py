@@ -104,7 +104,7 @@ def view(
 @scene_options
 def render(
     scene: Scene,
-    output: Annotated[list[str], typer.Option("-o", "--output", metavar="FILE", help=f"{RENDERED}; may be repeated.")],
+    output: Annotated[list[str], typer.Option("--output", "-o", metavar="FILE", help=f"{RENDERED}; may be repeated.")],
     reference: Annotated[
         str | None, typer.Option(metavar="FILE", help="Picture to compare with; exit code 1 if they differ.")
     ] = None,

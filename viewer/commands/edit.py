@@ -34,7 +34,7 @@ def _edit(
     scene: Scene,
     photo: Annotated[str, typer.Argument(metavar="PHOTO", help="Photograph: PNG, JPEG, TIFF, WebP or BMP.")],
     mask: Annotated[str, typer.Option(metavar="FILE", help="Picture of the same size, white on the object.")],
-    output: Annotated[list[str], typer.Option("-o", "--output", metavar="FILE", help=f"{OUTPUT_TYPES}; may repeat.")],
+    output: Annotated[list[str], typer.Option("--output", "-o", metavar="FILE", help=f"{OUTPUT_TYPES}; may repeat.")],
     depth_output: Annotated[
         str | None, typer.Option(metavar="FILE", help="Write the depth: .png of 16 bits, or .exr, .npy in mm.")
     ] = None,

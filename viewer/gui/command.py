@@ -13,7 +13,9 @@ from milkglass.viewer.gui.toolkit import imgui
 Target = TypeVar("Target")  # what commands work on
 Rows = tuple[tuple[str, str], ...]  # of the cheat sheet: keys and what they do
 
+MODIFIERS = 0xF000  # of ImGui's number of a combination, which is a key's besides
 _KEYS = {"Enter": "enter", "Escape": "escape", "Tab": "tab"} | {f"{i}": f"_{i}" for i in range(10)}
+_KEYS |= {name: f"{name.lower()}_arrow" for name in ("Left", "Right", "Up", "Down")}
 
 
 def _always(_: Any) -> bool:
@@ -86,6 +88,8 @@ class Command(Generic[Target]):
         Sentence for who asks while it is not enabled; empty where nothing needs to be said.
     argument : Argument, optional
     button : Button, optional
+    repeats : bool
+        Whether keys held down run it again and again.
     """
 
     id: str
@@ -97,6 +101,7 @@ class Command(Generic[Target]):
     reason: str = ""
     argument: Argument[Target] | None = None
     button: Button[Target] | None = None
+    repeats: bool = False
 
     def run(self, target: Target, argument: str = "") -> None:
         """Run the command, whether it is enabled or not."""
@@ -163,9 +168,15 @@ class Commands(Generic[Target]):
         for id, argument in requests:
             self.run(id, argument)
 
-    def run_pressed(self) -> None:
-        """Run the commands whose keys went down in this frame."""
-        pressed = [command.id for command in self if command.keys and _is_pressed(command.keys)]
+    def run_pressed(self, *, only_modified: bool = False) -> None:
+        """Run the commands whose keys went down in this frame; `only_modified`, those of a function key or of Ctrl."""
+        pressed = [
+            command.id
+            for command in self
+            if command.keys
+            and (not only_modified or (command.keys.startswith(("Ctrl", "F")) and command.keys != "F"))
+            and _is_pressed(command.keys, repeat=command.repeats)
+        ]
         for id in pressed:
             self.run(id)
 
@@ -223,5 +234,9 @@ def chords(keys: str) -> list[int]:
     return [held | getattr(imgui.Key, name).value for name in names]
 
 
-def _is_pressed(keys: str) -> bool:
-    return any(imgui.is_key_chord_pressed(chord) for chord in chords(keys))
+def _is_pressed(keys: str, *, repeat: bool) -> bool:
+    modifiers = imgui.get_io().key_mods
+    return any(
+        modifiers == chord & MODIFIERS and imgui.is_key_pressed(imgui.Key(chord & ~MODIFIERS), repeat)
+        for chord in chords(keys)
+    )

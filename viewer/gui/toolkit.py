@@ -128,6 +128,11 @@ class Gui:
         self._time = now
         imgui.new_frame()
 
+    def navigate(self, *, on: bool) -> None:
+        """Have keys move from control to control, from the next frame on, or no longer."""
+        io, keys = imgui.get_io(), imgui.ConfigFlags_.nav_enable_keyboard.value
+        io.config_flags = io.config_flags | keys if on else io.config_flags & ~keys
+
     def share_clipboard(self, get: Callable[[], str], put: Callable[[str], object]) -> None:
         """Let text fields copy and paste through a clipboard."""
         platform: Any = imgui.get_platform_io()

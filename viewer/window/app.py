@@ -117,7 +117,7 @@ class App:
         self.error = LiveError(context, wake)
         self.error_overlay = ErrorOverlay()
         controls = Controls(self.session, self._gui)
-        self.panel = Panel(Tools(self.session, controls, self.commands, photo))
+        self.panel = Panel(Tools(self.session, controls, self.commands, photo), self._gui)
         self.profiles = ProfileView(self.session, controls, self.commands, wake)
         self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
         self._autosave: Autosave | None = None
@@ -190,6 +190,7 @@ class App:
         view_box, panel_box = self.boxes()
         view_box, profile_box = self.profiles.split(view_box)
         if self.actions.panel_shown:
+            self.panel.follow_keys(entered=self.actions.panel_entered)
             self.panel.draw(panel_box, Seen(self.view.live, self.error, self.frames_per_second))
             self.commands.run_requests()
         self._draw_view(view_box, now)
@@ -272,7 +273,21 @@ class App:
     def _keys(self) -> None:
         if imgui.get_io().want_text_input or self.actions.dialog.is_open or self.actions.questions.current is not None:
             return
-        self.commands.run_pressed()
+        if not self._moves_in_panel():
+            self.commands.run_pressed()
+
+    def _moves_in_panel(self) -> bool:
+        """Run the keys of commands while others move in the panel; return whether they do."""
+        actions = self.actions
+        any_popup = imgui.PopupFlags_.any_popup_id.value | imgui.PopupFlags_.any_popup_level.value
+        is_left = imgui.is_key_pressed(imgui.Key.escape) and not imgui.is_popup_open("", any_popup)
+        if not actions.panel_entered:
+            return False
+        if is_left or imgui.is_mouse_clicked(imgui.MouseButton_.left.value) or not actions.panel_shown:
+            actions.panel_entered = False
+        else:
+            self.commands.run_pressed(only_modified=True)
+        return True
 
     def _draw_view(self, box: Box, now: float) -> None:
         flags = imgui.WindowFlags_

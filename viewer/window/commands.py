@@ -22,6 +22,7 @@ NO_PHOTO = "the window shows a model, not a photograph"
 NO_MODEL = "the window shows a photograph, which has no model"
 NO_ERROR = "the error is that of a model, not of a photograph"
 NO_EXPOSURE = "a photograph is exposed as it was taken: change the key"
+STEP_DEG = 5.0  # of an arrow key
 MOUSE = (
     ("Left drag", "orbit"),
     ("Shift + left drag, middle drag", "pan"),
@@ -92,6 +93,20 @@ def _view_from(side: str, keys: str, where: str, azimuth_deg: float, elevation_d
         space.actions.see_from(azimuth_deg, elevation_deg)
 
     return Command(f"view_{side}", f"view from {where}", turn, "View", keys, _shows_model, CAMERA_FIXED)
+
+
+def _turn(id: str, keys: str, where: str, right: float, up: float) -> Command[Workspace]:
+    def run(space: Workspace) -> None:
+        space.actions.orbit(STEP_DEG * right, STEP_DEG * up)
+
+    return Command(id, f"move the camera {where}", run, "View", keys, _shows_model, CAMERA_FIXED, repeats=True)
+
+
+def _zoom(id: str, keys: str, where: str, notches: float) -> Command[Workspace]:
+    def run(space: Workspace) -> None:
+        space.actions.zoom(notches)
+
+    return Command(id, f"move the camera {where}", run, "View", keys, _shows_model, CAMERA_FIXED, repeats=True)
 
 
 def _of_photo(id: str, title: str, callback: Callable[[PhotoActions], object]) -> Command[Workspace]:
@@ -176,6 +191,12 @@ COMMANDS: tuple[Command[Workspace], ...] = (
         "View", "F", _shows_model, CAMERA_FIXED,
     ),
     Command("reset_view", "reset the view", _reset_view, "View", "Enter"),
+    *(_turn(*turn) for turn in (
+        ("orbit_left", "Left", "to the left", -1.0, 0.0), ("orbit_right", "Right", "to the right", 1.0, 0.0),
+        ("orbit_up", "Up", "up", 0.0, 1.0), ("orbit_down", "Down", "down", 0.0, -1.0),
+    )),
+    _zoom("zoom_in", "Ctrl+Up", "closer", 1.0),
+    _zoom("zoom_out", "Ctrl+Down", "away", -1.0),
     Command(
         "copy_view", "copy the view as text", lambda space: space.actions.copy_view(),
         "View", "Ctrl+C", _shows_model, CAMERA_FIXED,
@@ -235,6 +256,10 @@ COMMANDS: tuple[Command[Workspace], ...] = (
     Command(
         "toggle_help", "this cheat sheet", lambda space: space.actions.toggle_help(), "Window", "H",
         button=Button(icons.ICON_FA_CIRCLE_QUESTION, "Mouse and keys ({toggle_help})", is_last=True),
+    ),
+    Command(
+        "enter_panel", "into the panel: arrows, Space, Escape", lambda space: space.actions.enter_panel(),
+        "Window", "F6",
     ),
     Command("toggle_panel", "show or hide the panel", lambda space: space.actions.toggle_panel(), "Window", "Tab"),
     Command(

@@ -55,7 +55,7 @@ BAD_LINES = [
     ("rendr", "no such command 'rendr'. Did you mean 'render'?"),
     ("dragon.ply", "no such command 'dragon.ply'; to show a model, write `milkglass view MODEL`."),
     ("--laers 3", "no such option: --laers; did you mean --version?"),
-    ("render", "missing option '--output'."),
+    ("render", "missing option '--output' / '-o'."),
     ("render --output", "option '--output' requires an argument."),
     ("render --output a.png --laers 3", "no such option: --laers; did you mean --layers"),
     ("render --output a.jpg", "a.jpg must end in .png or .exr"),

@@ -90,7 +90,7 @@ def test_a_command_is_one_entry_of_the_table(context, model, monkeypatch):
     )
     monkeypatch.setattr(commands, "COMMANDS", (*COMMANDS, greet, name))
     drawn: list[object] = []
-    monkeypatch.setattr("milkglass.viewer.window.app.draw_help", lambda *a: (drawn.append(a[2]), draw_help(*a)))
+    monkeypatch.setattr("milkglass.viewer.window.app.draw_help", lambda *a: (drawn.append(a[1]), draw_help(*a)))
     driver = Driver(small_scene(model), SIZE)
     try:
         driver.key("g")

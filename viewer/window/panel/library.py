@@ -32,6 +32,7 @@ class LibraryList:
     def __init__(self, session: Session, controls: Controls, commands: Commands[Any], key: str) -> None:
         self._session, self._controls, self._commands, self._key = session, controls, commands, key
         self._search, self._only = "", "all"
+        self._at = 0  # the row that Enter takes, which arrows move
         self._name = ""  # typed for what is to be kept or renamed
         self._renaming = self._deleting = ""  # own materials that a button was pressed for
 
@@ -42,12 +43,14 @@ class LibraryList:
         """
         if imgui.is_window_appearing():
             self._search = self._name = self._renaming = self._deleting = ""
+            self._at = 0
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(0.55 * imgui.get_content_region_avail().x)
         hint = f"{icons.ICON_FA_MAGNIFYING_GLASS}  search"
-        _, self._search = imgui.input_text_with_hint(f"##{self._key}.search", hint, self._search)
+        changed, self._search = imgui.input_text_with_hint(f"##{self._key}.search", hint, self._search)
+        searching = imgui.is_item_active()
         self._controls.mark(f"{self._key}.search")
-        enter = imgui.is_key_pressed(imgui.Key.enter) and bool(self._search)
+        enter = imgui.is_key_pressed(imgui.Key.enter) and (bool(self._search) or self._at > 0)
         imgui.same_line()
         self._filter()
         problem = None
@@ -56,9 +59,14 @@ class LibraryList:
         except InputError as error:
             kept, problem = (), str(error)
         found = library.found(self._only, self._search, kept)
-        chosen = self._list(found, current, keeps=keeps)
+        before = self._at
+        if searching or changed:
+            down, up = (imgui.is_key_pressed(key) for key in (imgui.Key.down_arrow, imgui.Key.up_arrow))
+            self._at = 0 if changed else self._at + int(down) - int(up)
+        self._at = max(0, min(self._at, len(found) - 1))
+        chosen = self._list(found, current, keeps=keeps, moved=self._at != before)
         if chosen is None and enter and found:
-            chosen = found[0]
+            chosen = found[self._at]
             imgui.close_current_popup()
         if problem is not None:
             self._controls.note(problem, warning=True)
@@ -77,20 +85,24 @@ class LibraryList:
             imgui.end_combo()
         self._controls.mark(f"{self._key}.filter")
 
-    def _list(self, found: list[Material], current: str | None, *, keeps: bool) -> Material | None:
+    def _list(self, found: list[Material], current: str | None, *, keeps: bool, moved: bool) -> Material | None:
         controls, row, chosen = self._controls, imgui.get_frame_height(), None
         imgui.begin_child(
             f"##{self._key}.list",
             (0.0, imgui.get_frame_height_with_spacing() * min(VISIBLE_MATERIALS, max(1, len(found)))),
         )
-        for material in found:
+        for i, material in enumerate(found):
+            is_marked = i == self._at and (bool(self._search) or i > 0)
             swatch(controls, f"swatch.{material.name}", material, (row, row))
             imgui.same_line()
             imgui.align_text_to_frame_padding()
             is_own = material.source == own_materials.SOURCE
             room = imgui.get_content_region_avail().x - (2.2 * row if is_own and keeps else 0.0)
             label = f"{material.name}{'  (yours)' if is_own else ''}##{material.name}"
-            clicked, _ = imgui.selectable(label, material.name == current, 0, (room, 0.0))
+            highlighted = imgui.SelectableFlags_.highlight.value if is_marked else 0
+            clicked, _ = imgui.selectable(label, material.name == current, highlighted, (room, 0.0))
+            if is_marked and moved:
+                imgui.set_scroll_here_y()
             controls.mark(f"{self._key}={material.name}")
             if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip.value):
                 controls.tooltip(material.name, described(material))

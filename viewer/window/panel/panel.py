@@ -1,7 +1,7 @@
 """The panel: everything that can be changed, from top to bottom."""
 
 from milkglass.viewer.gui.controls import Box
-from milkglass.viewer.gui.toolkit import imgui
+from milkglass.viewer.gui.toolkit import Gui, imgui
 from milkglass.viewer.window.panel.camera import CameraSection
 from milkglass.viewer.window.panel.environment import EnvironmentSection
 from milkglass.viewer.window.panel.error import ErrorSection
@@ -38,11 +38,19 @@ SECTIONS: tuple[type[Section], ...] = (
 class Panel:
     """Draws the toolbar, what the view shows, and the sections."""
 
-    def __init__(self, tools: Tools) -> None:
+    def __init__(self, tools: Tools, gui: Gui) -> None:
         self.controls = tools.controls
+        self._gui, self._entered, self._enters = gui, False, False
         self._toolbar = Toolbar(tools.controls, tools.commands)
         self._shown = ShownRows(tools.session, tools.controls)
         self._sections = [make(tools) for make in SECTIONS]
+
+    def follow_keys(self, *, entered: bool) -> None:
+        """Have keys move from row to row, from the first one that they are in the panel, or no longer."""
+        self._enters = entered and not self._entered
+        if entered != self._entered:
+            self._entered = entered
+            self._gui.navigate(on=entered)
 
     def draw(self, box: Box, seen: Seen) -> None:
         """Draw the panel into a box of the window."""
@@ -56,6 +64,9 @@ class Panel:
         imgui.pop_style_var()
         self._toolbar.draw()
         imgui.begin_child("rows")
+        if self._enters:
+            imgui.set_keyboard_focus_here()
+            imgui.set_nav_cursor_visible(True)
         self._shown.draw(seen.live)
         is_below_rows = False
         for section in self._sections:

@@ -93,6 +93,8 @@ class Actions:
         Where the next frame is to be written, as it is seen.
     help_shown, panel_shown : bool
         Whether the cheat sheet and the panel show.
+    panel_entered : bool
+        Whether the keyboard moves in the panel, until Escape or a click on the view.
     """
 
     def __init__(self, session: Session, view: ViewArea, preferences: Preferences, clipboard: Clipboard) -> None:
@@ -103,6 +105,7 @@ class Actions:
         self.capture: Path | None = None
         self.help_shown = False
         self.panel_shown = True
+        self.panel_entered = False
         self._session, self._view, self._preferences = session, view, preferences
         self.work = [Work(lambda: session.file_name, lambda: session.unsaved, self._save_then)]
 
@@ -180,6 +183,17 @@ class Actions:
     def see_from(self, azimuth_deg: float, elevation_deg: float) -> None:
         """Turn the camera to a side."""
         self._session.look(navigation.seen_from(self._session.scene.camera, azimuth_deg, elevation_deg))
+
+    def orbit(self, right_deg: float, up_deg: float) -> None:
+        """Move the camera around the object, degrees to the right and up."""
+        camera = self._session.scene.camera
+        elevation = min(90.0, max(-90.0, camera.elevation_deg + up_deg))
+        azimuth = navigation.wrapped(camera.azimuth_deg + right_deg)
+        self._session.look(replace(camera, azimuth_deg=azimuth, elevation_deg=elevation))
+
+    def zoom(self, notches: float) -> None:
+        """Move the camera closer by notches of the wheel."""
+        self._session.look(navigation.zoomed(self._session.scene.camera, notches))
 
     def toggle_orthographic(self) -> None:
         """Change between perspective and orthographic projection."""
@@ -356,6 +370,10 @@ class Actions:
     def toggle_help(self) -> None:
         """Show or hide the cheat sheet."""
         self.help_shown = not self.help_shown
+
+    def enter_panel(self) -> None:
+        """Have the keyboard move in the panel."""
+        self.panel_shown = self.panel_entered = True
 
     def toggle_panel(self) -> None:
         """Show or hide the panel."""
