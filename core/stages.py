@@ -84,6 +84,9 @@ class Stage(StrEnum):
     MODEL = "model", Part.SHAPE
     CLEAR_PARTS = "clear parts", Part.IRRADIANCE
 
+    BODIES_OF_KINDS = "bodies of each kind of matter", Part.OBJECT
+    MATTER = "matter of bodies", Part.TRANSPORT
+    TOUCHING = "parts that touch", Part.OBJECT
     FIND_BODIES = "find bodies", Part.BODIES
     BODY_MARKS = "body marks", Part.BODIES
     CLEAR_MARKS = "marks of clear parts", Part.BODIES
@@ -119,6 +122,8 @@ class Stage(StrEnum):
 
     ENVIRONMENT_TABLE = "environment table", Part.IRRADIANCE
     ENVIRONMENT_LIGHT = "environment light", Part.IRRADIANCE
+    INDICES = "indices of refraction of bodies", Part.IRRADIANCE
+    OF_KIND = "samples of bodies of one kind", Part.IRRADIANCE
     EXCHANGE = "exchange between parts", Part.IRRADIANCE
     MIRROR = "mirror", Part.OCCLUSION
     NO_EXCHANGE = "no exchange between parts", Part.IRRADIANCE
@@ -278,6 +283,13 @@ class NumberedStage(str):
 
 
 AnyStage = Stage | NumberedStage
+
+
+def numbered(stage: Stage, i: int) -> AnyStage:
+    """Return the stage of the first, 0, of several alike, which is without a number, or of a later one."""
+    return stage.of(i + 1) if i else stage
+
+
 Timings = dict[AnyStage, float]  # ms
 
 

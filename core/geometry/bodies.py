@@ -27,6 +27,7 @@ from milkglass.core.geometry.normals import vertex_normals
 from milkglass.core.geometry.rays import RayMesh
 
 TOUCHING_DISTANCE = 2e-5  # of the longest side, inwards from a surface: anything nearer to it touches it
+TOUCHING_PARTS = 1e-4  # of the bounding sphere's radius: the same of parts of different matter
 VOTING_RAYS = 5  # rays that vote on whether a point lies inside
 SURFACE_REACH = 1e-4  # of the bounding sphere's radius: how far from a point `bodies_at` looks for the surface
 
@@ -78,6 +79,54 @@ def find_bodies(mesh: Mesh) -> Bodies:
     links = np.concatenate([rims, crossed, components.enclosures(crossed)], axis=1)
     n, body = _connected(links[0], links[1], count)
     return Bodies(body[component].astype(np.int32), n, len(opened))
+
+
+def bodies_of_kinds(mesh: Mesh, *, joined: bool) -> tuple[Bodies, tuple[range, ...]]:
+    """Return the bodies of a mesh around several kinds of matter, and the numbers of those of each kind.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    joined : bool
+        Whether all of a kind is one body.
+    """
+    of_face, ranges, opened = np.zeros(len(mesh.faces), np.int32), list[range](), 0
+    kinds = mesh.kinds
+    assert kinds is not None
+    for kind in range(int(kinds.max()) + 1):
+        chosen, first = kinds == kind, ranges[-1].stop if ranges else 0
+        count = 1
+        if not joined:
+            found = find_bodies(Mesh(mesh.vertices, mesh.normals, mesh.faces[chosen]))
+            count, opened = found.count, opened + found.open_components
+            of_face[chosen] = found.of_face
+        of_face[chosen] += first
+        ranges.append(range(first, first + count))
+    return Bodies(of_face, ranges[-1].stop, opened), tuple(ranges)
+
+
+def touching_kinds(mesh: Mesh) -> list[tuple[int, int]]:
+    """Return pairs of kinds of matter in a mesh whose bodies touch or overlap."""
+    parts, kinds = [], mesh.kinds
+    assert kinds is not None
+    for kind in range(int(kinds.max()) + 1):
+        used, corners = np.unique(mesh.faces[kinds == kind], return_inverse=True)
+        parts.append(Mesh.of(mesh.vertices[used], mesh.normals[used], corners.reshape(-1, 3)))
+    near = TOUCHING_PARTS * mesh.radius
+    pairs = [(i, j) for i in range(len(parts)) for j in range(i)]
+    return [(j, i) for i, j in pairs if _touches(parts[i], parts[j], near) or _touches(parts[j], parts[i], near)]
+
+
+def _touches(part: Mesh, other: Mesh, near: float) -> bool:
+    """Whether a vertex of a part is within a distance of the surface of another, or in its matter."""
+    (low, high), (points, normals) = other.bounds, (part.vertices, part.normals)
+    within = np.flatnonzero(((points > low - near) & (points < high + near)).all(axis=1))
+    if len(within) == 0:
+        return False
+    points, normals = points[within], normals[within]
+    beside = other.rays.first(points - near * normals, normals, np.full(len(within), 2.0 * near))[0] >= 0
+    ray, _ = other.rays.all_hits(points.astype(np.float64), np.broadcast_to(_directions(1)[0], points.shape), near)
+    return bool(beside.any() or (np.bincount(ray, minlength=len(points)) % 2 == 1).any())
 
 
 def bodies_at(mesh: Mesh, bodies: Bodies, points: npt.ArrayLike) -> Int32:

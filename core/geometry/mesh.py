@@ -37,12 +37,15 @@ class Mesh:
     faces : (m, 3) int32, counter-clockwise seen from outside
     closed : bool
         Whether the mesh is closed by construction, so that nobody needs to measure it; False says nothing.
+    kinds : (m,) int, optional
+        Matter behind each face, numbered from 0, where it is not all of one kind.
     """
 
     vertices: npt.NDArray[np.float32]
     normals: npt.NDArray[np.float32]
     faces: npt.NDArray[np.int32]
     closed: bool = False
+    kinds: Ints | None = None
 
     def __post_init__(self) -> None:
         casts = {"vertices": np.float32, "normals": np.float32, "faces": np.int32}

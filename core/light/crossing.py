@@ -7,7 +7,7 @@ exp(-sigma_t' l), l the length of all chords, with the reduced extinction sigma_
 is followed, chosen at random by Fresnel's factors, so that a path keeps its weight; both sides of a surface have the
 same factors, and radiance over the squared index of refraction stays, so that uniform light stays uniform.
 
-Paths are those of a mesh and an index of refraction; a medium attenuates them, one for all bodies. Colours of the
+Paths are those of a mesh and its indices of refraction; media attenuate them, one for each kind of body. Colours of the
 surface are left out where a path crosses it between its ends.
 """
 
@@ -23,6 +23,7 @@ from milkglass.core.arrays import Array, Bools, Float32, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.light.casting import Casting
+from milkglass.core.light.indices import Eta, Indices
 from milkglass.core.light.vertex_rays import (
     RAYS,
     TEST_RAYS,
@@ -45,6 +46,16 @@ REACH_STEP = 4.0  # to which lengths are rounded: paths of any length take twice
 LEAST_CROSSING = 2e-3  # factor of a medium below which a path is left out
 
 
+Extinction = float | Sequence[float]  # of matter, or of each kind of it, 1/mm
+
+
+def left_of(lengths: Float32, extinction: Extinction) -> Float32:
+    """Return what matter leaves of light on ways of lengths (k,) in it, or (k, m) in each kind of it: (k,)."""
+    if lengths.ndim == 1:
+        return np.asarray(np.exp(np.float32(-np.ravel(extinction)[0]) * lengths))
+    return np.asarray(np.exp(-(lengths @ np.asarray(extinction, np.float32))))
+
+
 @dataclass(frozen=True, eq=False)
 class Arrivals:
     """Where paths through matter come out: k times at a face from outside, j times in the surroundings.
@@ -52,15 +63,17 @@ class Arrivals:
     Attributes
     ----------
     paths, faces : (k,) int
-    facing, lengths : (k,) float32
-        Cosine at the face; length of the path in matter, mm.
+    facing : (k,) float32
+        Cosine at the face.
+    lengths : (k,) or (k, m) float32
+        Of the path in matter, or in each kind of it, mm.
     places : (k, 3) float32
         On the face, mm.
     left : (j,) int
         Paths that left the object.
     directions : (j, 3) float32
         Unit, of these.
-    left_lengths : (j,) float32
+    left_lengths : (j,) or (j, m) float32
         In matter, mm.
     """
 
@@ -84,25 +97,36 @@ class Follower:
         Unit, outward.
     lift : float
         By which rays start off the surface, mm.
-    eta : float
+    eta : float or Indices
         Relative index of refraction, >= 1.
     reach : float
         Length in matter at which a path ends, mm.
     """
 
-    def __init__(self, rays: RayMesh, normals: Float32, lift: np.float32, eta: float, reach: float) -> None:
+    def __init__(self, rays: RayMesh, normals: Float32, lift: np.float32, eta: Eta, reach: float) -> None:
         self._rays, self._normals, self._lift, self._reach = rays, normals, lift, reach
-        self._eta, grid = np.float32(eta), np.linspace(0.0, 1.0, 4097)
-        self._from_outside = reflectance(eta, grid).astype(np.float32)
-        self._from_inside = reflectance(1.0 / eta, grid).astype(np.float32)
+        several, grid = isinstance(eta, Indices), np.linspace(0.0, 1.0, 4097)
+        etas = eta.etas if isinstance(eta, Indices) else (eta,)
+        self._kinds = eta.of_face if isinstance(eta, Indices) else np.zeros(len(normals), np.int64)
+        self._etas, self._columns = np.array(etas, np.float32), (len(etas),) if several else ()
+        self._from_outside = np.stack([reflectance(of_kind, grid).astype(np.float32) for of_kind in etas])
+        self._from_inside = np.stack([reflectance(1.0 / of_kind, grid).astype(np.float32) for of_kind in etas])
 
-    def mirrors(self, facing: Float32, *, inside: bool = False) -> Float32:
-        """Return F_r for cosines, of a surface met from outside or inside, (k,)."""
-        table = self._from_inside if inside else self._from_outside
-        return np.asarray(table[np.clip(facing * np.float32(4096.0) + np.float32(0.5), 0.0, 4096.0).astype(np.int32)])
+    def mirrors(self, facing: Float32, faces: Ints, *, inside: bool = False) -> Float32:
+        """Return F_r for cosines at faces, of a surface met from outside or inside, (k,)."""
+        tables = self._from_inside if inside else self._from_outside
+        numbers = np.clip(facing * np.float32(4096.0) + np.float32(0.5), 0.0, 4096.0).astype(np.int32)
+        return np.asarray(tables[self._kinds[faces], numbers])
 
     def follow(
-        self, places: Float32, normals: Float32, arriving: Float32, rng: np.random.Generator, *, mirror: bool = False
+        self,
+        places: Float32,
+        normals: Float32,
+        arriving: Float32,
+        faces: Ints,
+        rng: np.random.Generator,
+        *,
+        mirror: bool = False,
     ) -> Arrivals:
         """Return where n paths come out that arrive from outside; all are refracted where they begin.
 
@@ -110,22 +134,25 @@ class Follower:
         ----------
         places, normals, arriving : (n, 3) float32
             Where they begin, mm; unit, outward, and the rays' directions.
+        faces : (n,) int
+            That they begin at.
         rng : Generator
         mirror : bool
             Whether those that Fresnel's factors choose are mirrored there instead, and refracted at what they meet
             next, whose arrival is not told.
         """
         n = len(places)
-        paths, lengths, first = np.arange(n), np.zeros(n, np.float32), np.zeros(n, bool)
+        paths, first = np.arange(n), np.zeros(n, bool)
+        lengths, total = np.zeros((n, *self._columns), np.float32), np.zeros(n, np.float32)
         if mirror:
             facing = -_dot(arriving, normals)
-            first = rng.random(n, np.float32) < self.mirrors(facing)
-        starts, directions = self._onwards(places, normals, arriving, first, np.zeros(n, bool))
+            first = rng.random(n, np.float32) < self.mirrors(facing, faces)
+        starts, directions = self._onwards(places, normals, arriving, faces, first, np.zeros(n, bool))
         inside = ~first
         met: list[tuple[Ints, Ints, Float32, Float32, Float32]] = []
         left: list[tuple[Ints, Float32, Float32]] = []
         for _ in range(EVENTS):
-            face, along = self._rays.first(starts, directions, np.where(inside, self._reach - lengths, np.inf))
+            face, along = self._rays.first(starts, directions, np.where(inside, self._reach - total, np.inf))
             along32, missed = along.astype(np.float32), face < 0
             # A path that ends inside has become too long; where the mesh has a hole it cannot be told from that.
             gone = np.flatnonzero(missed & ~inside & ~first)
@@ -133,17 +160,22 @@ class Follower:
             kept = np.flatnonzero(~missed)
             paths, face, along32, inside, first = paths[kept], face[kept], along32[kept], inside[kept], first[kept]
             directions = directions[kept]
-            lengths = lengths[kept] + np.where(inside, along32 + self._lift, np.float32(0.0))
+            crossed = np.where(inside, along32 + self._lift, np.float32(0.0))
+            lengths, total = lengths[kept], total[kept] + crossed
+            if self._columns:
+                lengths[np.arange(len(face)), self._kinds[face]] += crossed
+            else:
+                lengths = total
             places = starts[kept] + along32[:, None] * directions
             cosine = _dot(directions, self._normals[face])
             front = cosine < 0.0
             arrived = np.flatnonzero(front & ~inside & ~first)
             met.append((paths[arrived], face[arrived], -cosine[arrived], lengths[arrived], places[arrived]))
             chance = rng.random(len(paths), np.float32)
-            reflected = np.where(inside, self.mirrors(cosine, inside=True), self.mirrors(-cosine))
+            reflected = np.where(inside, self.mirrors(cosine, face, inside=True), self.mirrors(-cosine, face))
             # The last way is out, and what is mirrored at first goes on through what it meets.
             mirrored = (chance < reflected) & ~first
-            starts, directions = self._onwards(places, self._normals[face], directions, mirrored, inside)
+            starts, directions = self._onwards(places, self._normals[face], directions, face, mirrored, inside)
             through = front != ~inside  # a face seen from its wrong side, of parts that overlap or are folded
             inside = np.where(through, inside, inside != ~mirrored)
             first = first & through
@@ -153,12 +185,12 @@ class Follower:
         return Arrivals(*of_met, *of_left)
 
     def _onwards(
-        self, places: Float32, normals: Float32, directions: Float32, mirrored: Bools, inside: Bools
+        self, places: Float32, normals: Float32, directions: Float32, faces: Ints, mirrored: Bools, inside: Bools
     ) -> tuple[Float32, Float32]:
         """Return where rays start, and unit directions, of paths mirrored or refracted at a surface."""
         cosine = _dot(directions, normals)
-        wrong = (cosine > 0.0) != inside
-        ratio = np.where(inside, self._eta, 1.0 / self._eta)
+        wrong, eta = (cosine > 0.0) != inside, self._etas[self._kinds[faces]]
+        ratio = np.where(inside, eta, np.float32(1.0) / eta)
         root = np.sqrt(np.maximum(1.0 - ratio * ratio * (1.0 - cosine * cosine), 0.0))
         bent = ratio[:, None] * directions + (np.sign(cosine) * root - ratio * cosine)[:, None] * normals
         turned = np.where(mirrored[:, None], directions - 2.0 * cosine[:, None] * normals, bent)
@@ -180,7 +212,7 @@ class Crossings:
     ----------
     rays : int
         Cast from each vertex.
-    eta : float
+    eta : float or Indices
         Relative index of refraction that they were cast for.
     reach : float
         Length in matter at which they end, mm.
@@ -189,19 +221,19 @@ class Crossings:
     faces : (k,) int32
     weights : (k,) float16
         F_t at the vertex times F_t at the face.
-    lengths : (k,) float32
-        In matter, mm.
+    lengths : (k,) or (k, m) float32
+        In matter, or in each kind of it, mm.
     left_first : (n + 1,) int64
         Index of each vertex' first path from the surroundings, and j.
     directions : (j, 3) float16
         Unit, towards the surroundings.
     left_weights : (j,) float16
         F_t at the vertex.
-    left_lengths : (j,) float32
+    left_lengths : (j,) or (j, m) float32
     """
 
     rays: int
-    eta: float
+    eta: Eta
     reach: float
     first: npt.NDArray[np.int64]
     faces: Int32
@@ -212,43 +244,49 @@ class Crossings:
     left_weights: Float16
     left_lengths: Float32
 
-    def matrix(self, emitters: Ints, count: int, extinction: float) -> csr_array | None:
+    def matrix(self, emitters: Ints, count: int, extinction: Extinction) -> csr_array | None:
         """Return the irradiance that enters at the vertices, see `core.light.exchange.Hits.matrix`.
 
         None where less than `NEGLIGIBLE_CHANNEL` of what enters would, were there light all around; `extinction` is
-        sigma_t' of the matter, 1/mm.
+        sigma_t' of the matter, or of each kind of it, 1/mm.
         """
-        crossing, n = np.exp(np.float32(-extinction) * self.lengths), len(self.first) - 1
+        crossing, n = left_of(self.lengths, extinction), len(self.first) - 1
         columns, weights = emitters[self.faces], self.weights * crossing
-        scale = np.float32(1.0 / (self.rays * hemispherical_transmittance(self.eta)))
+        scale = np.float32(1.0 / self.rays)
+        if isinstance(self.eta, Indices):
+            transmitting = np.array([hemispherical_transmittance(of_kind) for of_kind in self.eta.etas], np.float32)
+            weights = weights / transmitting[self.eta.of_face[self.faces]]
+        else:
+            scale = np.float32(1.0 / (self.rays * hemispherical_transmittance(self.eta)))
         if scale * weights.sum(dtype=np.float64) < NEGLIGIBLE_CHANNEL * n:
             return None
         used = (columns >= 0) & (crossing > LEAST_CROSSING)
         rows = np.concatenate([[0], np.cumsum(used)])[self.first].astype(np.int32)
         return csr_array((scale * weights[used], columns[used].astype(np.int32), rows), shape=(n, count))
 
-    def irradiance(self, radiance: Callable[[Array], Array], extinctions: Sequence[float]) -> Float32:
+    def irradiance(self, radiance: Callable[[Array], Array], extinctions: Sequence[Extinction]) -> Float32:
         """Return the irradiance from the surroundings that enters at the vertices, (n, 3).
 
         Parameters
         ----------
         radiance : callable
             Of the surroundings, (m, 3), in unit directions (m, 3).
-        extinctions : (3,) floats
-            sigma_t' of R, G and B, 1/mm.
+        extinctions : of R, G and B
+            sigma_t' of the matter, or of each kind of it, 1/mm.
         """
-        crossing = np.exp(-self.left_lengths[:, None] * np.asarray(extinctions, np.float32))
+        crossing = np.stack([left_of(self.left_lengths, extinction) for extinction in extinctions], axis=1)
         arriving = radiance(self.directions.astype(np.float64)) * crossing * self.left_weights[:, None]
         vertices = np.repeat(np.arange(len(self.left_first) - 1), np.diff(self.left_first))
         return irradiance(arriving, vertices, len(self.left_first) - 1, self.rays)
 
-    def share(self, extinction: float) -> float:
+    def share(self, extinction: Extinction) -> float:
         """Return what would enter by these paths, over what enters in all, were there light all around: [0, 1]."""
         entering = sum(
-            float(np.sum(weights * np.exp(-extinction * lengths), dtype=np.float64))
+            float(np.sum(weights * left_of(lengths, extinction), dtype=np.float64))
             for weights, lengths in ((self.weights, self.lengths), (self.left_weights, self.left_lengths))
         )
-        return entering / ((len(self.first) - 1) * self.rays * hemispherical_transmittance(self.eta))
+        eta = self.eta.etas[0] if isinstance(self.eta, Indices) else self.eta
+        return entering / ((len(self.first) - 1) * self.rays * hemispherical_transmittance(eta))
 
 
 @dataclass(frozen=True)
@@ -267,25 +305,26 @@ class Needed:
     rays: int
 
     @classmethod
-    def of(cls, few: Crossings, extinctions: Sequence[float]) -> "Needed | None":
+    def of(cls, few: Crossings, extinctions: Sequence[Extinction]) -> "Needed | None":
         """Return what is needed where sigma_t' of channels that scatter is given, 1/mm; None where little crosses."""
         share = max((few.share(extinction) for extinction in extinctions), default=0.0)
         if share < NEGLIGIBLE_SHARE:
             return None
-        longest = -np.log(LEAST_CROSSING) / max(min(extinctions), 1e-6)
+        least = min(float(np.min(extinction)) for extinction in extinctions)
+        longest = -np.log(LEAST_CROSSING) / max(least, 1e-6)
         return cls(
             float(REACH_STEP ** np.ceil(np.log(longest) / np.log(REACH_STEP))), RAYS if share > MUCH else FEW_RAYS
         )
 
 
-def few_crossings(mesh: Mesh) -> Crossings:
+def few_crossings(mesh: Mesh, eta: Eta = USUAL_ETA) -> Crossings:
     """Follow a few paths through a mesh's matter, which tell how much light crosses it, whatever the index."""
-    return cast_crossings(mesh, USUAL_ETA, rays=TEST_RAYS, chosen=representative_vertices(mesh))
+    return cast_crossings(mesh, eta, rays=TEST_RAYS, chosen=representative_vertices(mesh))
 
 
 def cast_crossings(
     mesh: Mesh,
-    eta: float,
+    eta: Eta,
     reach: float = np.inf,
     rays: int = RAYS,
     *,
@@ -299,7 +338,7 @@ def cast_crossings(
     ----------
     mesh, rays, progress, cancelled
         As of `core.light.exchange.cast_hits`, with the same rays.
-    eta : float
+    eta : float or Indices
         Relative index of refraction, >= 1.
     reach : float
         Length in matter at which paths end, mm.
@@ -318,10 +357,13 @@ def cast_crossings(
         Follower(caster.rays, caster.face_normals, caster.lift, eta, reach),
     )
 
+    faces_at = np.zeros(len(mesh.vertices), np.int64)
+    faces_at[mesh.faces] = np.arange(len(mesh.faces))[:, None]
+
     def cast(start: int) -> tuple[npt.NDArray[np.generic], ...]:
         casting.check()
         vertices = points[start : start + VERTICES_AT_A_TIME]
-        found = _paths(caster, follower, vertices)
+        found = _paths(caster, follower, vertices, faces_at)
         casting.finished(len(vertices))
         return found
 
@@ -335,17 +377,20 @@ def cast_crossings(
     )
 
 
-def _paths(caster: Caster, follower: Follower, vertices: Ints) -> tuple[npt.NDArray[np.generic], ...]:
-    """Return the columns of `Crossings` for vertices, with counts instead of the first paths."""
+def _paths(caster: Caster, follower: Follower, vertices: Ints, faces_at: Ints) -> tuple[npt.NDArray[np.generic], ...]:
+    """Return the columns of `Crossings` for vertices, with counts instead of the first paths.
+
+    `faces_at` is a face of each vertex of the mesh.
+    """
     met = caster.met(vertices)
-    at_vertex = 1.0 - follower.mirrors(met.at_vertex)
+    of_path = np.repeat(np.arange(len(vertices)), met.counts)
+    at_vertex = 1.0 - follower.mirrors(met.at_vertex, faces_at[vertices][of_path])
     rng = np.random.default_rng([int(vertices[0]), len(vertices)])
     normals = caster.face_normals[met.faces]
-    found = follower.follow(met.places, normals, met.arriving, rng, mirror=True)
-    of_path = np.repeat(np.arange(len(vertices)), met.counts)
+    found = follower.follow(met.places, normals, met.arriving, met.faces, rng, mirror=True)
     order, left = np.argsort(found.paths, kind="stable"), np.argsort(found.left, kind="stable")
     paths, left_paths = found.paths[order], found.left[left]
-    entering = (1.0 - follower.mirrors(found.facing[order])) * at_vertex[paths]
+    entering = (1.0 - follower.mirrors(found.facing[order], found.faces[order])) * at_vertex[paths]
     return (
         np.bincount(of_path[paths], minlength=len(vertices)),
         found.faces[order].astype(np.int32),

@@ -30,6 +30,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.ground import GroundExchange
+from milkglass.core.light.indices import Eta, Indices
 from milkglass.core.light.vertex_rays import (
     RAYS,
     TEST_RAYS,
@@ -80,12 +81,12 @@ class Hits:
         """Return the vertex of each ray, (k,)."""
         return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
 
-    def matrix(self, eta: float, emitters: Ints, count: int) -> csr_array:
+    def matrix(self, eta: Eta, emitters: Ints, count: int) -> csr_array:
         """Return the irradiance that enters at the vertices as a matrix on exitance: (n, count) float32 sparse.
 
         Parameters
         ----------
-        eta : float
+        eta : float or Indices
             Relative index of refraction, >= 1.
         emitters : (faces,) int
             Index of the emitter, such as a patch, that each face belongs to; -1 where it lets out nothing.
@@ -94,7 +95,7 @@ class Hits:
         """
         return Pattern(self, emitters, count).matrix(eta)
 
-    def mirrored(self, eta: float, radiance: Callable[[Array], Array]) -> Float32:
+    def mirrored(self, eta: Eta, radiance: Callable[[Array], Array]) -> Float32:
         """Return the irradiance that enters at the vertices by way of a mirror, (n, 3).
 
         `radiance` gives that of the surroundings, (m, 3), in unit directions (m, 3).
@@ -104,12 +105,17 @@ class Hits:
         arriving = radiance(self.directions.astype(np.float64)) * (entering * mirrored)[left, None]
         return irradiance(arriving, self.vertices[left], len(self.first) - 1, self.rays)
 
-    def factors(self, eta: float) -> tuple[Float32, Float32]:
+    def factors(self, eta: Eta) -> tuple[Float32, Float32]:
         """Return F_t at the vertex and F_r at the first hit, (k,) each."""
         # Of every number that float16 has in [0, 1]: their bits, as whole numbers, count them.
         one = int(np.float16(1.0).view(np.uint16))
-        table = reflectance(eta, np.arange(one + 1, dtype=np.uint16).view(np.float16)).astype(np.float32)
-        at_vertex, at_hit = table[np.minimum(self.cosines.view(np.uint16), one)].T
+        cosines, numbers = np.arange(one + 1, dtype=np.uint16).view(np.float16), self.cosines.view(np.uint16)
+        numbers = np.minimum(numbers, one)
+        if isinstance(eta, Indices):
+            tables = np.stack([reflectance(of_kind, cosines).astype(np.float32) for of_kind in eta.etas])
+            at_vertex = tables[eta.of_vertex[self.vertices], numbers[:, 0]]
+            return 1.0 - at_vertex, tables[eta.of_face[self.faces[:, 0]], numbers[:, 1]]
+        at_vertex, at_hit = reflectance(eta, cosines).astype(np.float32)[numbers].T
         return 1.0 - at_vertex, at_hit
 
 
@@ -133,10 +139,14 @@ class Pattern:
         self._rays = np.diff(first, append=len(entries)).astype(np.uint16)  # of each entry
         self._rows = np.searchsorted(first, rows).astype(np.int32)
 
-    def matrix(self, eta: float) -> csr_array:
+    def matrix(self, eta: Eta) -> csr_array:
         """Return the matrix for an index of refraction."""
         entering, mirrored = self._hits.factors(eta)
-        arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
+        if isinstance(eta, Indices):
+            transmitting = np.array([hemispherical_transmittance(of_kind) for of_kind in eta.etas], np.float32)
+            arriving = entering[:, None] / (np.float32(self._hits.rays) * transmitting[eta.of_face[self._hits.faces]])
+        else:
+            arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
         values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
         values = values[self._used][self._order]
         first = np.cumsum(self._rays, dtype=np.intp) - self._rays
@@ -240,6 +250,10 @@ class Exchange:
         Paths from these vertices through the object's matter, where much light takes them.
     ground : GroundExchange, optional
         A plane below the object, which returns light too.
+    indices : Indices, optional
+        Of the surface, where that is around several kinds of matter.
+    extinctions : of R, G and B, optional
+        Each of all kinds of matter, 1/mm, for paths through it.
     """
 
     refined: Refined
@@ -250,16 +264,19 @@ class Exchange:
     emitting: Bools | None = None
     crossings: Crossings | None = None
     ground: GroundExchange | None = None
+    indices: Indices | None = None
+    extinctions: tuple[tuple[float, ...], ...] | None = None
 
     @property
     def surface(self) -> tuple[object, ...]:
         """Return what it depends on but paths through matter and the ground, as a key of stages."""
-        return self.refined, self.hits, self.entering, self.leaving, self.faces, self.emitting
+        return self.refined, self.hits, self.entering, self.leaving, self.faces, self.emitting, self.indices
 
     def of_body(self, faces: Ints, emitting: Bools, chosen: Ints) -> "Exchange":
         """Return the exchange between what a body lets out and the whole surface; `chosen` are the body's samples."""
         entering, leaving = (None if tint is None else tint[chosen] for tint in (self.entering, self.leaving))
-        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting, self.crossings, self.ground)
+        of_all = self.crossings, self.ground, self.indices, self.extinctions
+        return Exchange(self.refined, self.hits, entering, leaving, faces, emitting, *of_all)
 
     def tinted(self, irradiance: Float32) -> Float32:
         """Return irradiance at the samples, (samples, 3), times what the surface's colours let in."""

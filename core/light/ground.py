@@ -28,9 +28,10 @@ from milkglass.core.arrays import Array, Bytes, Float32, Floats, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.harmonics import project_latlong
+from milkglass.core.light.indices import Eta, Indices
 from milkglass.core.light.probe import SH_ORDER, Probe, irradiance_direct
 from milkglass.core.light.vertex_rays import LIFT, RAYS as VERTEX_RAYS, VERTICES_AT_A_TIME, Caster, Float16, irradiance
-from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance, transmittance
+from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from milkglass.core.threads import computed_once
 
 RAYS = 256  # of a place
@@ -162,34 +163,39 @@ class GroundRays:
         arriving = np.unpackbits(self.free, axis=1).astype(np.float32) @ radiance.astype(np.float32)
         return np.where(total > 0.0, arriving / np.where(total > 0.0, total, 1.0), 1.0).astype(np.float32)
 
-    def glow(self, eta: float, exit_normalisation: float, emitters: Ints, count: int) -> csr_array:
+    def glow(self, eta: Eta, emitters: Ints, count: int, normalisation: float | None = None) -> csr_array:
         """Return the irradiance at the places as a matrix on exitance: (n, count) float32 sparse.
 
         Parameters
         ----------
-        eta : float
+        eta : float or Indices
             Relative index of refraction, >= 1.
-        exit_normalisation : float
-            N of the radiance F_t M / N, sr.
         emitters : (faces,) int
             Index of the emitter that each face belongs to; -1 where it lets out nothing.
         count : int
             Number of emitters.
+        normalisation : float, optional
+            N of the radiance F_t M / N, sr, where it is not pi T, by which the flux that leaves is M.
         """
         mirrored = self._mirrored(eta)
-        leaving = np.float32(np.pi / (RAYS * exit_normalisation)) * np.stack([1.0 - mirrored, mirrored], axis=1)
+        if isinstance(eta, Indices):
+            transmitting = np.array([hemispherical_transmittance(of_kind) for of_kind in eta.etas], np.float32)
+            scale = np.float32(1.0 / RAYS) / transmitting[eta.of_face[self.faces]]
+        else:
+            scale = np.array(np.pi / (RAYS * (normalisation or np.pi * hemispherical_transmittance(eta))), np.float32)
+        leaving = scale * np.stack([1.0 - mirrored, mirrored], axis=1)
         columns = np.where(self.faces >= 0, emitters[self.faces], -1)
         used = columns >= 0
         rows = np.concatenate([[0], np.cumsum(used.sum(axis=1))])[self.first]
         entries = leaving[used].astype(np.float32), columns[used], rows
         return csr_array(entries, shape=(len(self.free), count))
 
-    def mirrored(self, eta: float, radiance: Callable[[Array], Array]) -> Float32:
+    def mirrored(self, eta: Eta, radiance: Callable[[Array], Array]) -> Float32:
         """Return the irradiance at the places of what the mesh mirrors of the surroundings, (n, 3).
 
         Parameters
         ----------
-        eta : float
+        eta : float or Indices
             Relative index of refraction, >= 1.
         radiance : callable
             Of the surroundings, (m, 3), in unit directions (m, 3).
@@ -199,15 +205,15 @@ class GroundRays:
         places = np.repeat(np.arange(len(self.free)), np.diff(self.first))[left]
         return irradiance(arriving, places, len(self.free), RAYS)
 
-    def mirrored_back(self, eta: float) -> csr_array:
+    def mirrored_back(self, eta: Eta) -> csr_array:
         """Return the irradiance of what the mesh mirrors of the plane as a matrix on the plane's E / pi, (n, n)."""
         used = self.ends >= 0
         entries = np.float32(np.pi / RAYS) * self._mirrored(eta)[used], self.ends[used]
         rows = np.concatenate([[0], np.cumsum(used)])[self.first]
         return csr_array((*entries, rows), shape=(len(self.free),) * 2)
 
-    def _mirrored(self, eta: float) -> Float32:
-        return reflectance(eta, self.cosines.astype(np.float64)).astype(np.float32)
+    def _mirrored(self, eta: Eta) -> Float32:
+        return _reflected(eta, self.cosines, lambda of: of.of_face[self.faces[:, 0]]).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +234,20 @@ class ReturningRays:
     cosines: Float16
     ends: Int32
 
-    def matrix(self, eta: float) -> csr_array:
+    def matrix(self, eta: Eta) -> csr_array:
         """Return the irradiance that enters at the vertices as a matrix on radiance of the places, (n, places)."""
-        entering = np.pi / VERTEX_RAYS * transmittance(eta, self.cosines.astype(np.float64))
-        return csr_array((entering.astype(np.float32), self.ends, self.first), shape=(len(self.first) - 1, SIDE**2))
+        count = len(self.first) - 1
+        mirrored = _reflected(eta, self.cosines, lambda of: np.repeat(of.of_vertex, np.diff(self.first)))
+        entering = np.pi / VERTEX_RAYS * (1.0 - mirrored)
+        return csr_array((entering.astype(np.float32), self.ends, self.first), shape=(count, SIDE**2))
+
+
+def _reflected(eta: Eta, cosines: Float16, kinds: Callable[[Indices], Ints]) -> Array:
+    """Return F_r of rays, (k,), whose kinds of matter are given where there are several."""
+    if not isinstance(eta, Indices):
+        return reflectance(eta, cosines.astype(np.float64))
+    of_kinds = np.stack([reflectance(of_kind, cosines.astype(np.float64)) for of_kind in eta.etas])
+    return np.asarray(of_kinds[kinds(eta), np.arange(len(cosines))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,11 +271,11 @@ class GroundMirror:
     Parameters
     ----------
     ground : GroundExchange
-    eta : float
+    eta : float or Indices
         Relative index of refraction, >= 1.
     """
 
-    def __init__(self, ground: GroundExchange, eta: float) -> None:
+    def __init__(self, ground: GroundExchange, eta: Eta) -> None:
         self._matrix, self._returned = ground.rays.mirrored_back(eta), np.array(ground.albedo, np.float32)
 
     def lit(self, irradiance: Float32, channel: int | None = None) -> Float32:
@@ -275,15 +291,14 @@ class GroundReturn:
     Parameters
     ----------
     ground : GroundExchange
-    eta : float
+    eta : float or Indices
         Relative index of refraction, >= 1.
     emitters, count
         As of `GroundRays.glow`.
     """
 
-    def __init__(self, ground: GroundExchange, eta: float, emitters: Ints, count: int) -> None:
-        exit_normalisation = np.pi * hemispherical_transmittance(eta)
-        self._to_places = ground.rays.glow(eta, exit_normalisation, emitters, count)
+    def __init__(self, ground: GroundExchange, eta: Eta, emitters: Ints, count: int) -> None:
+        self._to_places = ground.rays.glow(eta, emitters, count)
         self._to_vertices, self._mirror = ground.rays.returning.matrix(eta), GroundMirror(ground, eta)
         self._returned = np.array(ground.albedo, np.float32) / np.float32(np.pi)
 

@@ -18,7 +18,8 @@ from milkglass.core.arrays import Array, Float32, Floats, Int32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_cross
 from milkglass.core.geometry.refine import weights_within
 from milkglass.core.light.bake import LIFTS
-from milkglass.core.light.crossing import Follower
+from milkglass.core.light.crossing import Extinction, Follower, left_of
+from milkglass.core.light.indices import Eta, Indices
 from milkglass.core.light.vertex_rays import LIFT
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.threads import computed_once
@@ -61,18 +62,22 @@ class Mirror:
         return _joined([self._received(at.faces, at.places, at.entering, np.zeros(len(at.faces))) for at in meetings])
 
     def crossing(
-        self, points: Array, normals: Array, directions: Array, flux: Array, eta: float, reach: float
+        self, points: Array, normals: Array, directions: Array, flux: Array, eta: float, reach: float, through: Eta
     ) -> "Received":
         """Return the light that enters after it has crossed matter, up to a length of `reach`, mm.
 
-        Other arguments as of `mirrored`; light that was mirrored first is among it.
+        Other arguments as of `mirrored`, `through` is the index of what is crossed; light that was mirrored first is
+        among it.
         """
         found, lift = [], np.float32(LIFT * self._mesh.radius)
-        follower = Follower(self._rays, self._normals.astype(np.float32), lift, eta, reach)
+        follower = Follower(self._rays, self._normals.astype(np.float32), lift, through, reach)
         for at in self._meetings(points, normals, directions, flux, eta):
             places, outward, arriving = (array.astype(np.float32) for array in (at.places, at.normals, at.arriving))
-            arrived = follower.follow(places, outward, arriving, np.random.default_rng(0))
-            entering = at.entering[arrived.paths] * (1.0 - follower.mirrors(arrived.facing))[:, None]
+            faces = at.faces
+            if isinstance(through, Indices) and len(faces) and faces[0] < 0:
+                faces = self._rays.first(places + lift * outward, -outward)[0]
+            arrived = follower.follow(places, outward, arriving, faces, np.random.default_rng(0))
+            entering = at.entering[arrived.paths] * (1.0 - follower.mirrors(arrived.facing, arrived.faces))[:, None]
             found.append(self._received(arrived.faces, arrived.places, entering, arrived.lengths))
         return _joined(found)
 
@@ -98,11 +103,11 @@ class Mirror:
             places = places + LIFT * self._mesh.radius * outward
         return found
 
-    def irradiance(self, received: "Received", extinctions: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
+    def irradiance(self, received: "Received", extinctions: Sequence[Extinction] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the irradiance that enters at the vertices, (n, 3), not averaged, for sigma_t' of R, G and B, 1/mm."""
         sums = np.zeros((len(self._mesh.vertices), 3))
         for channel, extinction in enumerate(extinctions):
-            flux = received.flux[:, channel] * np.exp(np.float32(-extinction) * received.lengths)
+            flux = received.flux[:, channel] * left_of(received.lengths, extinction)
             shares = received.weights * flux[:, None]
             sums[:, channel] = np.bincount(received.corners.ravel(), shares.ravel(), minlength=len(sums))
         return np.asarray(sums / np.maximum(self._areas, np.finfo(np.float64).tiny)[:, None], np.float32)
@@ -147,8 +152,8 @@ class Received:
         Of these.
     flux : (k, 3) float32
         R, G and B, but for what matter takes away.
-    lengths : (k,) float32
-        Of the path in matter, mm.
+    lengths : (k,) or (k, m) float32
+        Of the path in matter, or in each kind of it, mm.
     """
 
     corners: Int32

@@ -5,7 +5,7 @@ that are the same for all its coefficients and that no ray is cast for again.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,8 +40,10 @@ class Beams:
     ----------
     starts, ends : (k, 3) float32
         World space, mm.
-    lengths, before : (k,) float32
-        Of the chord, and of the way up to its start in matter that scatters, mm.
+    lengths : (k,) float32
+        mm.
+    before : (k, n) float32
+        Way up to its start in each kind of matter that scatters, mm.
     power : (k, 3) float32
         R, G and B at the start, without attenuation there.
     bodies : (k,) int32
@@ -69,6 +71,17 @@ class Beams:
         """Return some of the chords."""
         placed = self.starts[chosen], self.ends[chosen], self.lengths[chosen], self.before[chosen]
         return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface)
+
+    def in_matter(self, kind: int, extinctions: Float32) -> "Beams":
+        """Return the chords as one kind of matter has them: ways through the others have taken their share.
+
+        `extinctions` are those of each kind for R, G and B, (n, 3) 1/mm.
+        """
+        if len(extinctions) == 1:
+            return self
+        others = np.arange(len(extinctions)) != kind
+        power = self.power * np.exp(-(self.before[:, others] @ extinctions[others]))
+        return replace(self, before=self.before[:, [kind]], power=power)
 
 
 def traced(surface: Surface, light: Emitted) -> Beams:
@@ -126,32 +139,34 @@ def tracked_rays(
 ) -> Iterator[tuple[Event, Float32, Float32]]:
     """Yield the events of rays that matter which scatters leaves as they are, and how far they have come in it.
 
-    Parameters are those of `followed`. The ways in matter that scatters, mm, are up to the starts of the event's
-    chords, (k,), and up to the ends of all chords so far.
+    Parameters are those of `followed`. The ways in each of the m kinds of matter that scatter, mm, are up to the starts
+    of the event's chords, (k, m), and up to the ends of all chords so far.
     """
     n, absorption = len(origins), surface.absorption if surface.absorption.any() else surface.absorption[:, :1]
     weights = np.ones((n, absorption.shape[1]), np.float32)
     rays = Rays.beginning(origins, directions, weights, np.arange(n, dtype=np.int32))
     if inside:
         rays.within[:] = 1 << surface.faces.media[0]
-    travelled = np.empty(0, np.float32)
+    travelled, none = np.empty((0, surface.kinds), np.float32), np.full(len(absorption) - surface.scattering, -1)
+    kinds = np.concatenate([surface.matter, none]).astype(np.int32)
     for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
         chords = event.chords
-        in_matter = np.where(chords.bodies < surface.scattering, chords.lengths, np.float32(0.0))
-        before, travelled = _ways_travelled(chords.parents, in_matter, travelled)
+        before, travelled = _ways_travelled(chords.parents, chords.lengths, kinds[chords.bodies], travelled)
         yield event, before, travelled
 
 
 @compiled
-def _ways_travelled(parents: Int32, lengths: Float32, so_far: Float32) -> tuple[Float32, Float32]:
+def _ways_travelled(parents: Int32, lengths: Float32, kinds: Int32, so_far: Float32) -> tuple[Float32, Float32]:
     """Return the ways up to the starts of chords, and to the ends of all; a parent comes before its children."""
-    n = len(so_far)
-    before, travelled = np.zeros(len(lengths), np.float32), np.empty(n + len(lengths), np.float32)
+    n, m = so_far.shape
+    before, travelled = np.zeros((len(lengths), m), np.float32), np.empty((n + len(lengths), m), np.float32)
     travelled[:n] = so_far
     for i in range(len(lengths)):
         if parents[i] >= 0:
             before[i] = travelled[parents[i]]
-        travelled[n + i] = before[i] + lengths[i]
+        travelled[n + i] = before[i]
+        if kinds[i] >= 0:
+            travelled[n + i, kinds[i]] += lengths[i]
     return before, travelled
 
 

@@ -18,6 +18,7 @@ def collided(beams: Beams, extinctions: Sequence[float], grid: LayerGrid) -> Flo
     Parameters
     ----------
     beams : Beams
+        Of one kind of matter, see `Beams.in_matter`.
     extinctions : of R, G and B
         1/mm.
     grid : LayerGrid
@@ -33,7 +34,7 @@ def moments(beams: Beams, extinctions: Sequence[float], grid: LayerGrid, count: 
     (count, 3, n_layers, height, width).
     """
     volume = np.zeros((*grid.shape, count, 3), np.float32)
-    chords = beams.starts, beams.ends, beams.lengths, beams.before, beams.power
+    chords = beams.starts, beams.ends, beams.lengths, np.ascontiguousarray(beams.before[:, 0]), beams.power
     _deposit(*chords, np.asarray(extinctions, np.float32), *affine(grid), volume)
     found: Float32 = np.ascontiguousarray(volume.transpose(3, 4, 0, 1, 2))
     return found

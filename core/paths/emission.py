@@ -16,24 +16,50 @@ from milkglass.core.geometry.normals import across
 from milkglass.core.light.maps import latlong_to_direction, texel_solid_angles
 from milkglass.core.paths.beams import Emitted
 
+LEAST_MET = 0.05  # of rays onto a ball: more are not cast than make up for it
+BESIDE = 1e-4  # radii that a box is taken to be larger
+
 
 @dataclass(frozen=True)
 class Ball:
-    """A sphere around an object: its centre, (3,), and radius, mm."""
+    """A sphere around an object: its centre, (3,), and radius, mm, and the object's box along the axes, (2, 3) mm.
+
+    Rays are cast onto the sphere, and those that miss the box are left out: of a bottle's three in four.
+    """
 
     centre: Array
     radius: float
+    box: Array
 
     @classmethod
     def around(cls, mesh: Mesh) -> "Ball":
         """Return the sphere about the middle of a mesh's box that holds the mesh."""
-        centre = np.asarray(mesh.bounds, np.float64).mean(axis=0)
-        return cls(centre, float(np.linalg.norm(mesh.vertices - centre, axis=1).max()))
+        box = np.asarray(mesh.bounds, np.float64)
+        centre = box.mean(axis=0)
+        return cls(centre, float(np.linalg.norm(mesh.vertices - centre, axis=1).max()), box)
+
+    def met(self, count: int, cast: Callable[[int], Emitted]) -> Emitted:
+        """Return about `count` rays that meet the box, of as many more as it takes; `cast` gives so many of a light."""
+        first = self._meeting(few := cast(count))
+        share = max(len(first.power) / max(len(few.power), 1), LEAST_MET)
+        return first if share == 1.0 else self._meeting(cast(int(count / share)))
+
+    def _meeting(self, light: Emitted) -> Emitted:
+        """Return the rays that meet the box."""
+        low, high = self.box[0] - BESIDE * self.radius, self.box[1] + BESIDE * self.radius
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = (np.stack([low, high])[:, None] - light.origins) / light.directions
+        near, far = np.fmin(*ends).max(axis=1), np.fmax(*ends).min(axis=1)
+        meets = (near <= far) & (far >= 0.0)
+        return Emitted(light.origins[meets], light.directions[meets], light.power[meets])
 
 
 def parallel(towards: npt.ArrayLike, irradiance: npt.ArrayLike, ball: Ball, count: int) -> Emitted:
     """Return about `count` rays from the unit direction `towards`, of an irradiance (3,) on what faces it."""
-    axis = np.asarray(towards, np.float64)
+    return ball.met(count, lambda number: _parallel(np.asarray(towards, np.float64), irradiance, ball, number))
+
+
+def _parallel(axis: Array, irradiance: npt.ArrayLike, ball: Ball, count: int) -> Emitted:
     u, v = _strata(count)
     r, angle = ball.radius * np.sqrt(u), 2.0 * np.pi * v
     first, second = across(axis[None])
@@ -57,7 +83,11 @@ def diverging(
     ball : Ball
     count : int
     """
-    origin = np.asarray(place, np.float64)
+    origin, shining = np.asarray(place, np.float64), np.asarray(colour, np.float64)
+    return ball.met(count, lambda number: _diverging(origin, emission, shining, ball, number))
+
+
+def _diverging(origin: Array, emission: Callable[[Array], Array], colour: Array, ball: Ball, count: int) -> Emitted:
     axis = ball.centre - origin
     distance = max(float(np.linalg.norm(axis)), 1e-9)
     sine = min(ball.radius / distance, 1.0)
@@ -69,12 +99,12 @@ def diverging(
     directions = mu[:, None] * axis / distance + (sine_mu * np.cos(angle))[:, None] * first
     directions += (sine_mu * np.sin(angle))[:, None] * second
     intensity = distance**2 * emission(origin + distance * directions)
-    power = (intensity * 2.0 * np.pi * (1.0 - rim) / len(u))[:, None] * np.asarray(colour)
+    power = (intensity * 2.0 * np.pi * (1.0 - rim) / len(u))[:, None] * colour
     return _emitted(np.broadcast_to(origin, directions.shape), directions, power)
 
 
 def surrounding(latlong: Floats, to_probe: Array, ball: Ball, count: int) -> Emitted:
-    """Return `count` rays of light from all around, in directions of a density like the luminance there.
+    """Return about `count` rays of light from all around, in directions of a density like the luminance there.
 
     Directions are in the order of the map's texels and places across them those of a sequence, so that what comes from
     a region of any size covers the object evenly.
@@ -88,6 +118,10 @@ def surrounding(latlong: Floats, to_probe: Array, ball: Ball, count: int) -> Emi
     ball : Ball
     count : int
     """
+    return ball.met(count, lambda number: _surrounding(latlong, to_probe, ball, number))
+
+
+def _surrounding(latlong: Floats, to_probe: Array, ball: Ball, count: int) -> Emitted:
     radiance = latlong.reshape(-1, 3).astype(np.float64)
     height, width = latlong.shape[:2]
     solid_angles = np.repeat(texel_solid_angles(latlong), width)

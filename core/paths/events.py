@@ -251,7 +251,10 @@ def _there(within: int, body: int, surface: Faces) -> int:
     medium = len(surface.of_media) - 1
     while not within >> medium & 1:
         medium -= 1
-    return body if surface.of_media[medium] < 0 else surface.of_media[medium]
+    there = int(surface.of_media[medium])
+    if there >= 0:
+        return there
+    return body if surface.media[body] == medium else -1 - there
 
 
 @compiled

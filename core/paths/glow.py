@@ -9,6 +9,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import NEGLIGIBLE_WEIGHT, Chords
 
+ALL_BODIES, NO_BODIES = (0, 1 << 30), (0, -1)
 THIN = np.float32(1e-3)  # optical thickness of a step up to which 1 - e^-x is x
 
 
@@ -27,12 +28,15 @@ class Glow(NamedTuple):
         Place of the first node, mm: x, y, z.
     spacing : float
         Of the nodes, mm.
+    bodies : (2,) int
+        Number of the first body that it is of, and of the last one.
     """
 
     nodes: Float32
     flux: Float32
     origin: Float32
     spacing: float
+    bodies: tuple[int, int] = ALL_BODIES
 
     def __eq__(self, other: object) -> bool:
         return self is other
@@ -72,7 +76,7 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
     value, towards = np.empty(3, np.float32), np.empty(3, np.float32)
     for i in range(len(chords.lengths)):
         body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i]
-        if body >= len(etas):
+        if body >= len(etas) or body < glow.bodies[0] or body > glow.bodies[1]:
             continue
         steps = int(np.ceil(length / glow.spacing))
         if steps == 0:

@@ -3,7 +3,6 @@
 Rays depend on the surface, the lights and the index of refraction alone; matter attenuates them afterwards.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +27,8 @@ class Landings:
     ----------
     ends : (k,) int64
         Place of the map.
-    lengths : (k,) float32
-        Of the way in matter that scatters, mm.
+    lengths : (k, m) float32
+        Of the way in each kind of matter that scatters, mm.
     power : (k, 3) float32
         R, G and B, but for what that matter takes away.
     smoothed : float
@@ -41,9 +40,12 @@ class Landings:
     power: Float32
     smoothed: float
 
-    def irradiance(self, plane: GroundPlane, extinctions: Sequence[float]) -> Float32:
-        """Return the irradiance at the places of the plane's map, (n, 3), for extinctions of R, G and B, 1/mm."""
-        flux = self.power * np.exp(-self.lengths[:, None] * np.asarray(extinctions, np.float32))
+    def irradiance(self, plane: GroundPlane, extinctions: Float32) -> Float32:
+        """Return the irradiance at the places of the plane's map, (n, 3).
+
+        `extinctions` are those of each kind of matter for R, G and B, (m, 3) 1/mm.
+        """
+        flux = self.power * np.exp(-(self.lengths @ extinctions))
         sums = np.stack([np.bincount(self.ends, column, SIDE**2) for column in flux.T], axis=1).astype(np.float64)
         # Areas are smoothed likewise, so that even light stays even.
         return np.asarray(self._smooth(sums) / self._smooth(plane.areas()[:, None]), np.float32)
@@ -64,13 +66,15 @@ def landed(surface: Surface, light: Emitted, plane: GroundPlane, *, of_lamp: boo
         ends = plane.ends(escaped.origins, escaped.directions)
         kept = np.flatnonzero((ends >= 0) & (of_lamp | (escaped.parents >= 0)))
         parents = escaped.parents[kept]
-        lengths = np.zeros(len(kept), np.float32)
+        lengths = np.zeros((len(kept), surface.kinds), np.float32)
         lengths[parents >= 0] = travelled[parents[parents >= 0]]
         if surface.is_nested:  # clear parts cast no shadow that this would lighten
-            kept, lengths = kept[lengths > 0.0], lengths[lengths > 0.0]
+            in_matter = lengths.any(axis=1)
+            kept, lengths = kept[in_matter], lengths[in_matter]
         parts.append((ends[kept], lengths, light.power[escaped.sources[kept]] * escaped.weights[kept]))
     smoothed = OF_LAMP if of_lamp else OF_SURROUNDINGS
     if not parts:
-        return Landings(np.empty(0, np.int64), np.empty(0, np.float32), np.empty((0, 3), np.float32), smoothed)
+        none = np.empty((0, surface.kinds), np.float32), np.empty((0, 3), np.float32)
+        return Landings(np.empty(0, np.int64), *none, smoothed)
     ends_of_all, lengths_of_all, power = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Landings(ends_of_all, lengths_of_all, power, smoothed)

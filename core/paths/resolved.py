@@ -11,7 +11,7 @@ from milkglass.core.arrays import Float32, Ints
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.medium import DeltaEddington, Medium
 from milkglass.core.paths.filled import LEAST_WEIGHT, Filled
-from milkglass.core.paths.glow import Glow
+from milkglass.core.paths.glow import ALL_BODIES, NO_BODIES, Glow
 from milkglass.core.paths.resolution import resolved_share
 from milkglass.core.threads import computed_once
 
@@ -63,11 +63,19 @@ class Resolved:
         Of light that has scattered once, and of all other, times the shares.
     shares : of R, G and B
         By how much it takes the place of exitance of the surface, [0, 1].
+    others : tuple of Resolved
+        Of other kinds of matter.
     """
 
     once: Glow
     often: Glow
     shares: tuple[float, ...]
+    others: "tuple[Resolved, ...]" = ()
+
+    @property
+    def kinds(self) -> "tuple[Resolved, ...]":
+        """Return that of each kind of matter."""
+        return self, *self.others
 
     @computed_once
     def glow(self) -> Glow:
@@ -75,30 +83,38 @@ class Resolved:
         nodes, flux = self.once.nodes + self.often.nodes, self.once.flux + self.often.flux
         return self.once._replace(nodes=nodes, flux=flux)
 
-    def together(self, parts: Sequence["Resolved | None"], first: Ints, grid: LayerGrid) -> "Resolved":
-        """Return that of several bodies with the same shares.
 
-        Parameters
-        ----------
-        parts : of n bodies
-            None of a dark one.
-        first : (n, 3) int
-            First node of each in a grid: layer, row and column.
-        grid : LayerGrid
-            Of all.
-        """
-        found = [Glow.of(np.zeros((3, *grid.shape)), origin_of(grid), grid.texel) for _ in range(2)]
-        if self.once.flux.size:
-            found = [glow._replace(flux=np.zeros((*grid.shape, 3, 3), np.float32)) for glow in found]
-        for part, (layer, row, column) in zip(parts, first, strict=True):
-            if part is not None:
-                depth, height, width = part.once.nodes.shape[:3]
-                box = slice(layer, layer + depth), slice(row, row + height), slice(column, column + width)
-                for glow, of_part in zip(found, (part.once, part.often), strict=True):
-                    glow.nodes[box] += of_part.nodes
-                    glow.flux[box] += of_part.flux
-        once, often = found
-        return Resolved(once, often, self.shares)
+def together(parts: Sequence[Resolved | None], bodies: range, first: Ints, grid: LayerGrid) -> Resolved:
+    """Return what matter of one kind sends out.
+
+    Parameters
+    ----------
+    parts : of n bodies
+        None of a dark one.
+    bodies : range
+        Those of this kind.
+    first : (n, 3) int
+        First node of each in a grid: layer, row and column.
+    grid : LayerGrid
+        Of all.
+    """
+    lit = [(parts[i], first[i]) for i in bodies if parts[i] is not None]
+    shape = grid.shape if lit else (0, 0, 0)
+    ends = (bodies.start, bodies.stop - 1) if len(bodies) < len(parts) else ALL_BODIES
+    nothing, origin = np.zeros((3, *shape)), origin_of(grid)
+    found = [Glow.of(nothing, origin, grid.texel)._replace(bodies=ends if lit else NO_BODIES) for _ in range(2)]
+    shares: tuple[float, ...] = (0.0, 0.0, 0.0)
+    for part, (layer, row, column) in lit:
+        assert part is not None
+        if part.once.flux.size and not found[0].flux.size:
+            found = [glow._replace(flux=np.zeros((*shape, 3, 3), np.float32)) for glow in found]
+        shares, (depth, height, width) = part.shares, part.once.nodes.shape[:3]
+        box = slice(layer, layer + depth), slice(row, row + height), slice(column, column + width)
+        for glow, of_part in zip(found, (part.once, part.often), strict=True):
+            glow.nodes[box] += of_part.nodes
+            glow.flux[box] += of_part.flux
+    once, often = found
+    return Resolved(once, often, shares)
 
 
 def often_scattered(

@@ -60,7 +60,7 @@ class Returns:
         """Return the share of light from all directions alike that comes back, where all directions go on: R1."""
         courses = self.courses
         opaque = OPAQUE / max(float(self.arrivals.lengths.mean()), 1e-30)
-        met = np.exp(-opaque * courses.before) * -np.expm1(-opaque * courses.lengths)
+        met = np.exp(-opaque * courses.before[:, 0]) * -np.expm1(-opaque * courses.lengths)
         return float(np.sum(self.flux[courses.sources] * courses.weights.mean(axis=1) * met) / np.sum(self.flux))
 
 
@@ -143,7 +143,7 @@ def _without_end(courses: Courses, power: Float32, extinctions: Float32) -> Floa
     """
     last = courses.events == EVENTS
     near = last | (courses.events == EVENTS - 1)
-    arrived = power[near] * np.exp(-extinctions * courses.before[near, None])
+    arrived = power[near] * np.exp(-extinctions * courses.before[near])
     met = arrived * -np.expm1(-extinctions * courses.lengths[near, None])
     of_last = met[last[near]].sum(axis=0, dtype=np.float64)
     ratio = of_last / np.maximum(met.sum(axis=0, dtype=np.float64) - of_last, 1e-30)

@@ -15,7 +15,7 @@ OFFSET = 2e-5  # radii of the bounding sphere from a face at which rays that lea
 COINCIDENT = 1e-4  # radii by which surfaces of two media may lie apart that are meant to touch
 OVERLAP = 4.0  # of that distance by which the first of them is grown into the other
 UPWARDS = np.array([0.3713, 0.8917, 0.2589])  # along no axis or symmetry of a mesh
-MOST_CLEAR = 30  # parts: a bit of a ray's state is for each
+MOST_MEDIA = 31  # a bit of a ray's state is for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +57,9 @@ class Faces(NamedTuple):
     etas : (b,) float32
         Index of refraction inside each body over that of the air.
     media : (b,) int32
-        Medium of each body, numbered from 0; bodies that scatter are all of one. Where two media overlap, the one with
-        the higher number is there.
+        Medium of each body, numbered from 0. Where two media overlap, the one with the higher number is there.
     of_media : (k,) int32
-        Clear part of each medium; -1 of that which scatters.
+        Clear part of each medium; of one that scatters -1 less the first body of it.
     """
 
     corners: Int32
@@ -92,6 +91,8 @@ class Surface:
         Number of the bodies that scatter light; bodies from there on are clear parts.
     absorption : (b, 3) float32
         Of clear parts, 1/mm; 0 of the others.
+    matter : (scattering,) int32
+        What each body that scatters is of, numbered from 0, ascending.
     """
 
     faces: Faces
@@ -99,10 +100,16 @@ class Surface:
     offset: float
     scattering: int
     absorption: Float32
+    matter: Int32
 
     @classmethod
     def of(
-        cls, mesh: Mesh, etas: npt.ArrayLike, bodies: Int32 | None = None, clear: Sequence[ClearPart] = ()
+        cls,
+        mesh: Mesh,
+        etas: npt.ArrayLike,
+        bodies: Int32 | None = None,
+        clear: Sequence[ClearPart] = (),
+        matter: npt.ArrayLike | None = None,
     ) -> "Surface":
         """Return the surface of a closed mesh, and of clear parts beside it.
 
@@ -115,20 +122,28 @@ class Surface:
         bodies : (m,) int32, optional
             Body of each face, 0 to b - 1; without, all are one.
         clear : sequence of ClearPart
-            At most `MOST_CLEAR`.
+            With what scatters at most `MOST_MEDIA`.
+        matter : (b,) int, optional
+            What each body is of, as `Surface` has it; without, all are of one.
         """
         etas = np.atleast_1d(np.asarray(etas, np.float32))
         scattering, meshes = len(etas), [mesh, *(part.mesh for part in clear)]
         of_face = np.zeros(len(mesh.faces), np.int32) if bodies is None else bodies
+        of_body = np.zeros(scattering, np.int32) if matter is None else np.asarray(matter, np.int32)
+        kinds, first_bodies = np.unique(of_body, return_index=True)
         starts = np.cumsum([0, *(len(part.vertices) for part in meshes)])
         radius = max(part.radius for part in meshes)
         vertices = np.concatenate(_overlapping(meshes, COINCIDENT * radius))
         corners = np.concatenate([part.faces + start for part, start in zip(meshes, starts, strict=False)])
         of_clear = [np.full(len(part.mesh.faces), scattering + i) for i, part in enumerate(clear)]
-        largest_first = np.argsort([-part.volume for part in meshes], kind="stable")
+        scatter = [mesh]
+        if len(kinds) > 1:
+            scatter = [Mesh(mesh.vertices, mesh.normals, mesh.faces[of_body[of_face] == kind]) for kind in kinds]
+        largest_first = np.argsort([-part.volume for part in (*scatter, *meshes[1:])], kind="stable")
         numbers = np.argsort(largest_first)
-        media = np.concatenate([np.full(scattering, numbers[0]), numbers[1:]])
-        of_media = np.where(largest_first == 0, -1, scattering + largest_first - 1)
+        media = np.concatenate([numbers[of_body], numbers[len(kinds) :]])
+        there = np.concatenate([-1 - first_bodies, scattering + np.arange(len(clear))])
+        of_media = there[largest_first]
         faces = Faces(
             corners=np.array(corners, np.int32, order="C"),
             vertices=np.array(vertices, np.float32, order="C"),
@@ -141,7 +156,7 @@ class Surface:
         )
         absorption = np.zeros((len(faces.etas), 3), np.float32)
         absorption[scattering:] = [part.absorption for part in clear] or np.empty((0, 3))
-        return cls(faces, RayMesh(vertices, corners), OFFSET * radius, scattering, absorption)
+        return cls(faces, RayMesh(vertices, corners), OFFSET * radius, scattering, absorption, of_body)
 
     def below_clear(self, points: Array, inwards: Array) -> Array:
         """Return points (n, 3), those in a clear part moved along unit vectors `inwards` to below what they meet."""
@@ -159,6 +174,11 @@ class Surface:
     def is_nested(self) -> bool:
         """Whether there are clear parts, so that a ray may be in several media at once."""
         return self.scattering < len(self.absorption)
+
+    @property
+    def kinds(self) -> int:
+        """Return of how many kinds of matter the bodies that scatter are."""
+        return int(self.matter[-1]) + 1
 
 
 def _overlapping(meshes: Sequence[Mesh], distance: float) -> list[Float32]:

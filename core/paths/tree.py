@@ -83,20 +83,20 @@ class Inside(NamedTuple):
     ----------
     unscattered : bool
         Whether they show the surroundings.
-    glow : Glow, optional
+    glows : tuple of Glow
         What they gather.
     leaving : bool
         Whether they show the surface's exitance.
     """
 
     unscattered: bool
-    glow: Glow | None
+    glows: tuple[Glow, ...]
     leaving: bool
 
     @property
     def is_dark(self) -> bool:
         """Whether they show nothing."""
-        return not (self.unscattered or self.leaving) and self.glow is None
+        return not (self.unscattered or self.leaving or self.glows)
 
 
 class Surfaces(NamedTuple):
@@ -152,7 +152,8 @@ class Tree:
     extinction : (b, 3) float32
         s_t' of each body, absorption of each clear part, 1/mm.
     surroundings : Surroundings
-    glow : Glow, optional
+    glows : tuple of Glow
+        Of each kind of matter that has any.
     leaving : callable, optional
         Gives M / (pi T) at vertices of the surface, (m, 3) float32, for their numbers, (m,): those that rays meet; at
         those of a clear part what matter has that it touches. It is called in the thread that `lit` is called in.
@@ -167,7 +168,7 @@ class Tree:
     surface: Surface
     extinction: Float32
     surroundings: Surroundings
-    glow: Glow | None = None
+    glows: tuple[Glow, ...] = ()
     leaving: Leaving | None = None
     mirrors: bool = True
     clear: bool = True
@@ -216,7 +217,7 @@ class Tree:
     ) -> tuple[Float32, Float32, Float32]:
         """Return what rays see, numbered from `start`, but for the surface from outside, which is appended to `met`."""
         surface, faces = self.surface, self.surface.faces
-        inside = self.inside or Inside(unscattered=True, glow=self.glow, leaving=True)
+        inside = self.inside or Inside(unscattered=True, glows=self.glows, leaving=True)
         refracts = self.clear and not inside.is_dark
         first = _first(sight, faces, surface.scattering)
         mirrored, refracted, _ = part(surface, first, 1, self.events)
@@ -226,8 +227,8 @@ class Tree:
             if not go_on():
                 raise PathsSuperseded
             self.surroundings.add(event.escaped, unscattered, int(number == 0))
-            for glow, chords in self._gathered(event.chords):
-                if glow is not None:
+            for glows, chords in self._gathered(event.chords):
+                for glow in glows:
                     glow.add(chords, self.extinction, faces.etas[: surface.scattering], scattered)
             if self.leaving is not None:
                 met.append(_leaving(event, surface.scattering, inside, start))
@@ -235,13 +236,13 @@ class Tree:
             unscattered[1::2] = 0.0
         return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
 
-    def _gathered(self, chords: Chords) -> list[tuple[Glow | None, Chords]]:
-        """Return which glow the chords of mirrored and of refracted rays gather, all together where it is the same."""
-        if self.inside is None or self.inside.glow is self.glow:
-            return [(self.glow, chords)]
+    def _gathered(self, chords: Chords) -> list[tuple[tuple[Glow, ...], Chords]]:
+        """Return which glows the chords of mirrored and of refracted rays gather, all together where they are alike."""
+        if self.inside is None or self.inside.glows is self.glows:
+            return [(self.glows, chords)]
         mirrored = chords.sources % 2 == 0
         of_mirrored, of_refracted = (Chords(*(of[chosen] for of in chords)) for chosen in (mirrored, ~mirrored))
-        return [(self.glow, of_mirrored), (self.inside.glow, of_refracted)]
+        return [(self.glows, of_mirrored), (self.inside.glows, of_refracted)]
 
 
 def _first(sight: Sight, faces: Faces, scattering: int) -> Meetings:

@@ -6,7 +6,7 @@ point adds what they are too coarse for. The methods are rows of `core.transport
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -84,6 +84,40 @@ class WholeObject:
         return self.mesh.area
 
 
+@dataclass(frozen=True)
+class Matter:
+    """What some bodies of an object are of.
+
+    Attributes
+    ----------
+    media : R, G and B
+    bodies : range
+        Numbers of the bodies.
+    name : str
+        Of the part with a material of its own; empty of the material.
+    chord : float
+        Mean chord of the bodies, mm.
+    scatters : bool
+        Whether so much light scatters in it that it is followed.
+    """
+
+    media: tuple[Medium, ...]
+    bodies: range
+    name: str = ""
+    chord: float = 0.0
+    scatters: bool = True
+
+    @property
+    def eta(self) -> float:
+        """Return the relative index of refraction."""
+        return self.media[0].eta
+
+    @property
+    def followed(self) -> tuple[Medium, ...]:
+        """Return the media of R, G and B; black where what scatters is left out."""
+        return self.media if self.scatters else tuple(medium.black for medium in self.media)
+
+
 @dataclass(frozen=True, eq=False)
 class EnteringFlux:
     """Light that enters a surface, ready to be scattered.
@@ -104,6 +138,10 @@ class EnteringFlux:
         Where light that leaves the object meets it again, and enters.
     beams : Beams, optional
         The lights' beams through the object.
+    matter : tuple of Matter
+        What its bodies are of, in their order, where that is more than one; `media` are then those of the first.
+    external : (samples, 3) float32, optional
+        Of the flux, what comes from other bodies, of which no beams tell.
     """
 
     solid: Solid
@@ -115,6 +153,18 @@ class EnteringFlux:
     media: tuple[Medium, ...]
     exchange: Exchange | None = None
     beams: "Beams | None" = None
+    matter: tuple[Matter, ...] = ()
+    external: Float32 | None = None
+
+    def kind_of(self, body: int) -> int:
+        """Return the number of what a body is of."""
+        return next((kind for kind, matter in enumerate(self.matter) if body in matter.bodies), 0)
+
+    def in_kinds(self) -> "tuple[EnteringFlux, ...]":
+        """Return the light as each kind of matter has it, with its media."""
+        if not self.matter:
+            return (self,)
+        return tuple(replace(self, media=matter.followed, matter=()) for matter in self.matter)
 
 
 # What comes of it

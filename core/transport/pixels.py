@@ -87,10 +87,19 @@ NO_EQUATION = PixelEquation(
 
 @dataclass(frozen=True, eq=False)
 class PixelTables:
-    """Tables of either kind: factors of 0 where pixels solve an equation, `NO_EQUATION` where they do not."""
+    """Tables of either kind: factors of 0 where pixels solve an equation, `NO_EQUATION` where they do not.
+
+    `others` are those of other kinds of matter, on other bodies.
+    """
 
     local: LocalTerm
     equation: PixelEquation = NO_EQUATION
+    others: "tuple[PixelTables, ...]" = ()
+
+    @property
+    def kinds(self) -> "tuple[PixelTables, ...]":
+        """Return those of each kind of matter."""
+        return self, *self.others
 
     @property
     def solves(self) -> bool:

@@ -23,6 +23,7 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.atlas import Atlas, fit_atlas
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.exchange import Exchange
+from milkglass.core.paths.resolution import scaled
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import computed_once
 from milkglass.core.transport.base import (
@@ -174,8 +175,8 @@ class ScatteredInBodies:
         for i, part in enumerate(self.parts):
             on_this = body == i
             if part is not None and on_this.any():
-                on_body = lights.on_body(bodies.of_face == i)
-                found[on_this] = part.exitance(points[on_this], normals[on_this], on_body, tables)
+                on_body, of_kind = lights.on_body(bodies.of_face == i), tables.kinds[self.lit.kind_of(i)]
+                found[on_this] = part.exitance(points[on_this], normals[on_this], on_body, of_kind)
         return found
 
     @computed_once
@@ -188,8 +189,13 @@ class ScatteredInBodies:
     def resolved(self) -> "Resolved | None":
         """Return what the matter of all bodies sends out along rays; None for none."""
         found = [None if part is None else part.resolved for part in self.parts]
-        lit = [part for part in found if part is not None]
-        return lit[0].together(found, self.atlas.first, self.grid) if lit else None
+        if all(part is None for part in found):
+            return None
+        from milkglass.core.paths.resolved import together
+
+        ranges = [matter.bodies for matter in self.lit.matter] or [range(len(found))]
+        first, *others = (together(found, bodies, self.atlas.first, self.grid) for bodies in ranges)
+        return replace(first, others=tuple(others))
 
     def on_layers(self) -> Float32:
         """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""
@@ -275,13 +281,15 @@ class OfBodies:
         beams = lit.beams
         crossing: list[Beams | None] = [None] * len(self._bodies)
         if beams is not None:
-            crossing = stages.run(Stage.BODY_BEAMS, (self, beams), lambda: self._crossing(beams))
+            kinds = (self, beams, *lit.matter) if lit.matter else (self, beams)
+            crossing = stages.run(Stage.BODY_BEAMS, kinds, lambda: self._crossing(beams, lit))
         key = self, atlas, places, fluxes, *shares, *self.material(lit), exchange, beams
+        in_matter = lit.in_kinds()
         if stages.has(Stage.BODIES, key):
             return stages.run(Stage.BODIES, key, lambda: self._dark(lit))
         entering = [
             replace(
-                lit,
+                in_matter[lit.kind_of(i)],
                 solid=body,
                 grid=crop,
                 coordinates=place,
@@ -290,15 +298,15 @@ class OfBodies:
                 exchange=of_body,
                 beams=across,
             )
-            for body, crop, place, flux, of_body, across, *lights in zip(
-                self._bodies, atlas.crops, places, fluxes, of_bodies, crossing, *shares, strict=True
+            for i, (body, crop, place, flux, of_body, across, *lights) in enumerate(
+                zip(self._bodies, atlas.crops, places, fluxes, of_bodies, crossing, *shares, strict=True)
             )
         ]
         for body in self._bodies:
             body.stages.begin()
         scattered = self._scatter(lit, entering, go_on)
         if exchange is not None and scattered.is_solved and scattered.atlas is atlas:
-            scattered = self._exchanged(scattered, entering, go_on)
+            scattered = self._exchanged(lit, scattered, entering, go_on)
         for body in self._bodies:
             for name, milliseconds in body.stages.timings.items():
                 stages.timings[name] = stages.timings.get(name, 0.0) + milliseconds
@@ -315,7 +323,8 @@ class OfBodies:
 
     def _scatter(self, lit: EnteringFlux, entering: Sequence[EnteringFlux], go_on: GoOn | None) -> ScatteredInBodies:
         """Scatter body by body, all of them on coarse nodes first where somebody looks."""
-        shining = [i for i, part in enumerate(entering) if part.flux.any() or part.beams]
+        clear = _clear(lit)
+        shining = [i for i, part in enumerate(entering) if i not in clear and (part.flux.any() or part.beams)]
         parts: dict[int, Scattered] = {}
         newest = replace(self._dark(lit), waiting=bool(shining))
 
@@ -344,10 +353,10 @@ class OfBodies:
         return newest
 
     def _exchanged(
-        self, scattered: ScatteredInBodies, entering: Sequence[EnteringFlux], go_on: GoOn | None
+        self, lit: EnteringFlux, scattered: ScatteredInBodies, entering: Sequence[EnteringFlux], go_on: GoOn | None
     ) -> ScatteredInBodies:
         """Return the light scattered with what bodies let out onto others, which goes on until the rest is small."""
-        arriving = [np.zeros_like(part.flux) for part in entering]
+        arriving, clear = [np.zeros_like(part.flux) for part in entering], _clear(lit)
         for _ in range(self.whole.sweeps):
             total = scattered.reentering
             if total is None:
@@ -363,11 +372,12 @@ class OfBodies:
             if change <= NEGLIGIBLE_CHANGE * entered:
                 break
             for i, (light, flux) in enumerate(zip(entering, arriving, strict=True)):
-                if not flux.any():
+                if i in clear or not flux.any():
                     continue
                 if go_on is not None and not go_on(replace(scattered, waiting=True)):
                     return replace(scattered, waiting=True)
-                lit_again = replace(light, flux=light.flux + flux, lights=(*light.lights, EnteringLight(flux)))
+                lights = *light.lights, EnteringLight(flux)
+                lit_again = replace(light, flux=light.flux + flux, lights=lights, external=flux)
                 parts[i] = self._bodies[i].transport.scatter(lit_again, self._bodies[i].stages)
             scattered = replace(scattered, parts=tuple(parts))
         return scattered
@@ -414,12 +424,23 @@ class OfBodies:
         fluxes = (light.flux[body.chosen] for body in self._bodies)
         return [replace(light, flux=flux) if flux.any() else None for flux in fluxes]
 
-    def _crossing(self, beams: "Beams") -> "list[Beams | None]":
-        """Return the beams through each body; None where none is."""
-        return [beams.of_body(i) or None for i in range(len(self._bodies))]
+    def _crossing(self, beams: "Beams", lit: EnteringFlux) -> "list[Beams | None]":
+        """Return the beams through each body, as far as other matter leaves them; None where none is."""
+        of_bodies = [beams.of_body(i) for i in range(len(self._bodies))]
+        if not lit.matter:
+            return [of_body or None for of_body in of_bodies]
+        grid = lit.grid
+        lengths = [[scaled(medium, grid).sigma_t for medium in kind.media] for kind in lit.in_kinds()]
+        extinctions = np.array(lengths, np.float32)
+        return [of_body.in_matter(lit.kind_of(i), extinctions) or None for i, of_body in enumerate(of_bodies)]
 
     def _crop(self, i: int) -> Callable[[LayerGrid], LayerGrid]:
         return lambda grid: self.atlas(grid).crops[i]
+
+
+def _clear(lit: EnteringFlux) -> set[int]:
+    """Return the bodies in which no light that scatters is followed."""
+    return {i for matter in lit.matter if not matter.scatters for i in matter.bodies}
 
 
 def _grouped(body: npt.NDArray[np.integer], count: int) -> list[Ints]:

@@ -35,6 +35,7 @@ void main() {
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
+    if (!is_drawn(normal_and_body.a)) discard;
     vec3 normal = normal_and_body.xyz;
     mirroring_eta = normal_and_body.a < u_clear_from ? u_eta : u_clear_eta;
     vec4 shading = shading_normal(pixel, normal);

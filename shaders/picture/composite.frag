@@ -176,8 +176,8 @@ vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float e
     float followed = u_fresnel ? smoothstep(LEAST_MIRRORED, 2.0 * LEAST_MIRRORED, mirrored) : 0.0;
     if (followed > 0.0 && u_surround_strength > 0.0) {
         ivec2 there = met(position, normal, to_eye, ray);
-        if (there.x >= 0) {
-            vec4 facing = texelFetch(t_normal, there, 0);
+        vec4 facing = there.x < 0 ? vec4(-1.0) : texelFetch(t_normal, there, 0);
+        if (is_drawn(facing.a)) {
             vec3 leaving = exitance_at(there, texelFetch(t_position, there, 0).xyz, facing);
             leaving *= fresnel_transmittance(u_eta, max(-dot(facing.xyz, ray), 0.0)) / u_exit_normalisation;
             radiance = mix(radiance, leaving, followed);
@@ -196,6 +196,7 @@ void main() {
     vec4 position = texelFetch(t_position, pixel, 0);
     if (position.a == 0.0) discard;
     vec4 normal_and_body = texelFetch(t_normal, pixel, 0);
+    if (!is_drawn(normal_and_body.a)) discard;
     vec3 normal = normal_and_body.xyz;
     vec4 irradiance = texelFetch(t_irradiance, pixel, 0), specular = texelFetch(t_specular, pixel, 0);
     vec3 exitance = exitance_at(pixel, position.xyz, normal_and_body);

@@ -1,8 +1,11 @@
 // Where a volume of the nodes is read; where it is an atlas of bodies (core/grid/atlas.py), each body has its own part.
+uniform vec2 u_bodies;  // the first body of the matter that is drawn, and the first one after it
 uniform mat4 u_world_to_texture;
 uniform bool u_separate;
 uniform sampler2D t_windows;  // three texels a body, row by row: what it adds to texture coordinates, its first node,
                               // its last
+
+bool is_drawn(float body) { return body >= u_bodies.x && body < u_bodies.y; }
 
 vec3 of_body(int body, int which) {
     int bodies = textureSize(t_windows, 0).x / 3;

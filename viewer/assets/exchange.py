@@ -8,6 +8,7 @@ import numpy as np
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.light.crossing import Crossings, Needed, cast_crossings
 from milkglass.core.light.exchange import NEGLIGIBLE, Hits, cast_hits, self_visible_share
+from milkglass.core.light.indices import Eta, Indices
 from milkglass.core.light.vertex_rays import RAYS
 from milkglass.viewer.assets.ray_cache import RayCache
 
@@ -44,7 +45,7 @@ def find_hits(
 
 def find_crossings(
     fine: Refined,
-    eta: float,
+    eta: Eta,
     needed: Needed,
     progress: Callable[[float], object] = lambda _: None,
     cancelled: threading.Event | None = None,
@@ -57,6 +58,8 @@ def find_crossings(
         If `cancelled` was set.
     """
     mesh, rays, reach = fine.mesh, needed.rays, needed.reach
+    if isinstance(eta, Indices):
+        return cast_crossings(mesh, eta, reach, rays, progress=progress, cancelled=cancelled)
     cache = RayCache("crossings", f"{CROSSINGS_VERSION} {eta} {rays} {reach}")
     kept = cache.read(mesh, CROSSING_DTYPES)
     if kept is not None and len(kept["first"]) == len(mesh.vertices) + 1:

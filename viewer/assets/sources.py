@@ -13,23 +13,24 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 import numpy as np
 
 from milkglass.core.arrays import Array
-from milkglass.core.geometry.bodies import Bodies, find_bodies
+from milkglass.core.geometry.bodies import Bodies, bodies_of_kinds, find_bodies
 from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
 from milkglass.core.geometry.vessels import VESSELS
-from milkglass.core.light.crossing import LEAST_ALBEDO, Crossings, Needed, few_crossings
+from milkglass.core.light.crossing import LEAST_ALBEDO, USUAL_ETA, Crossings, Needed, few_crossings
 from milkglass.core.light.exchange import Hits
 from milkglass.core.light.ground import GroundPlane, GroundRays
 from milkglass.core.light.highlights import LobeFilter
+from milkglass.core.light.indices import Indices
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
 from milkglass.core.light.sources import ProbeSource, extract_sources
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness, roughness
-from milkglass.core.transport.diffusion.boundary import row_sums
+from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.core.transport.quality import Quality, choose_quality, survey_spacing
 from milkglass.viewer.assets.exchange import find_crossings, find_hits
 from milkglass.viewer.assets.ground import find_ground_rays
@@ -115,10 +116,11 @@ class ModelInMemory:
 
 @dataclass(frozen=True)
 class PartedModel:
-    """A model without some of its parts, which have materials of their own; see `viewer.files.model.FileModel`."""
+    """A model some of whose parts have materials of their own; see `viewer.files.model.FileModel.parted`."""
 
     model: ModelSource
-    parts: tuple[str, ...]
+    clear: tuple[str, ...]
+    scattering: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -127,7 +129,12 @@ class PartedModel:
 
     def load(self, assets: "Assets") -> FileModel:
         """Take the parts out of the model."""
-        return assets.get(self.model).parted(self.parts, self.name)
+        model = assets.get(self.model).parted(self.clear, self.scattering, self.name)
+        if model.mesh.kinds is None:
+            return model
+        # Bodies of different matter are closed each by itself, though they may overlap.
+        bodies, _ = bodies_of_kinds(model.mesh, joined=False)
+        return replace(model, mesh=replace(model.mesh, closed=is_closed(row_sums(model.mesh, body=bodies.of_face))))
 
 
 @dataclass(frozen=True)
@@ -251,7 +258,7 @@ class BodiesOf:
 
     def load(self, assets: "Assets") -> Bodies:
         """Find the bodies."""
-        return find_bodies(self.mesh)
+        return find_bodies(self.mesh) if self.mesh.kinds is None else bodies_of_kinds(self.mesh, joined=False)[0]
 
 
 @dataclass(frozen=True)
@@ -345,6 +352,18 @@ class HitsOf:
 
 
 @dataclass(frozen=True)
+class IndicesOf:
+    """Indices of refraction of a mesh around several kinds of matter, refined to where light between parts is known."""
+
+    mesh: Mesh
+    etas: tuple[float, ...]
+
+    def load(self, assets: "Assets") -> Indices:
+        """Put them at vertices and faces."""
+        return Indices.of(self.etas, self.mesh, assets.get(RefinedOf(self.mesh)))
+
+
+@dataclass(frozen=True)
 class FewCrossingsOf:
     """A few paths of light through the matter of a mesh, see `core.light.crossing.few_crossings`."""
 
@@ -356,7 +375,11 @@ class FewCrossingsOf:
 
     def load(self, assets: "Assets") -> Crossings | None:
         """Follow the paths; None where the mesh does not see itself."""
-        return few_crossings(assets.get(RefinedOf(self.mesh)).mesh) if assets.get(HitsOf(self.mesh)) else None
+        if assets.get(HitsOf(self.mesh)) is None:
+            return None
+        fine, kinds = assets.get(RefinedOf(self.mesh)), self.mesh.kinds
+        eta = USUAL_ETA if kinds is None else Indices.of((USUAL_ETA,) * int(kinds.max() + 1), self.mesh, fine)
+        return few_crossings(fine.mesh, eta)
 
 
 @dataclass(frozen=True)
@@ -366,21 +389,26 @@ class CrossingsOf:
     CASTING: ClassVar[str] = "light through thin parts"
 
     mesh: Mesh
-    eta: float
+    etas: tuple[float, ...]
     needed: Needed
     progress: Callable[[float], object] = field(default=lambda _: None, compare=False)
     cancelled: threading.Event | None = field(default=None, compare=False)
 
     @classmethod
-    def of(cls, mesh: Mesh, media: Sequence[Medium], few: Crossings | None) -> "CrossingsOf | None":
-        """Return the source for media of R, G and B; None where a `few` paths tell that none are needed."""
-        extinctions = [medium.sigma_t_prime for medium in media if medium.albedo > LEAST_ALBEDO]
+    def of(cls, mesh: Mesh, media: Sequence[Sequence[Medium]], few: Crossings | None) -> "CrossingsOf | None":
+        """Return the source for media of R, G and B of each kind; None where a `few` paths tell that it needs none."""
+        extinctions = [
+            [medium.sigma_t_prime for medium in channel]
+            for channel in zip(*media, strict=True)
+            if any(medium.albedo > LEAST_ALBEDO for medium in channel)
+        ]
         needed = None if few is None else Needed.of(few, extinctions)
-        return None if needed is None else cls(mesh, media[0].eta, needed)
+        return None if needed is None else cls(mesh, tuple(of_kind[0].eta for of_kind in media), needed)
 
     def load(self, assets: "Assets") -> Crossings:
         """Follow the paths."""
-        return find_crossings(assets.get(RefinedOf(self.mesh)), self.eta, self.needed, self.progress, self.cancelled)
+        eta = self.etas[0] if self.mesh.kinds is None else assets.get(IndicesOf(self.mesh, self.etas))
+        return find_crossings(assets.get(RefinedOf(self.mesh)), eta, self.needed, self.progress, self.cancelled)
 
 
 @dataclass(frozen=True)
@@ -401,9 +429,9 @@ class GroundRaysOf:
 
 
 def model_source(settings: ModelSettings) -> ModelSource:
-    """Return the source of a scene's model, without the parts that have materials of their own."""
+    """Return the source of a scene's model, without its clear parts."""
     whole = whole_source(settings)
-    return whole if settings.parts is None else PartedModel(whole, settings.parts)
+    return whole if settings.parts is None else PartedModel(whole, *settings.parts)
 
 
 def whole_source(settings: ModelSettings) -> ModelSource:

@@ -153,9 +153,9 @@ def rays_rows(scene: Scene) -> Iterator[RaysRow]:
     yield row("between parts", lambda: cast_hits(fine))
     yield row("a few through its matter", lambda: few_crossings(fine))
     for name in MATERIALS:
-        source = CrossingsOf.of(mesh, media(MaterialSettings(name=name).resolve()), few)
+        source = CrossingsOf.of(mesh, [media(MaterialSettings(name=name).resolve())], few)
         if source is not None:
-            eta, needed = source.eta, source.needed
+            eta, needed = source.etas[0], source.needed
             yield row(
                 f"through its matter, {name}",
                 lambda eta=eta, needed=needed: cast_crossings(fine, eta, needed.reach, needed.rays),  # type: ignore[misc]

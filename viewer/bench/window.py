@@ -139,9 +139,11 @@ class UnscatteredPicture:
         assert finished is not None
         lit, (gbuffer, light) = finished.lit, self._targets
         self._gbuffer.render(lit.model.buffers, lit.camera.world_to_clip, gbuffer)
-        textures = finished.gather.tables
+        kind = finished.gather.kinds[0]
+        textures = kind.tables
         local = replace(textures.tables.local, reach=0.0)
-        surface = replace(finished.gather, tables=replace(textures, tables=replace(textures.tables, local=local)))
+        flat = replace(kind, tables=replace(textures, tables=replace(textures.tables, local=local)))
+        surface = replace(finished.gather, kinds=(flat,))
         highlights = Highlights(scene.gloss, self._black)
         exhausted(self._light.steps(gbuffer, lit.sources, surface, highlights, lit.camera, light))
         average = self._tonemap.log_average(light.irradiance) or 1.0

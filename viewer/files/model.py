@@ -10,7 +10,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,12 +81,14 @@ class FileModel:
         """Return how far the mesh is above the lowest point of the whole, mm."""
         return float(self.mesh.bounds[0, 1] - self.whole.bounds[0, 1])
 
-    def parted(self, chosen: Sequence[str], name: str) -> "FileModel":
-        """Return the model with some of its parts taken out, which are meshes of their own.
+    def parted(self, clear: Sequence[str], scattering: Sequence[str], name: str) -> "FileModel":
+        """Return the model with its clear parts taken out, which are meshes of their own.
+
+        Those that scatter light are kinds of matter of the mesh, after what is named nowhere, which is 0.
 
         Parameters
         ----------
-        chosen : names of parts
+        clear, scattering : names of parts
         name : str
             What sentences call the model.
 
@@ -95,8 +97,9 @@ class FileModel:
         InputError
             No part has a name, or none is left.
         """
-        left, clear = np.ones(len(self.mesh.faces), bool), []
-        for wanted in chosen:
+        left, kinds = np.ones(len(self.mesh.faces), bool), np.zeros(len(self.mesh.faces), np.int64)
+        parts = []
+        for wanted in (*clear, *scattering):
             faces = [of_part for names, of_part in self.parts if wanted in names]
             if not faces and len(self.parts) < 2:
                 raise InputError(
@@ -109,12 +112,19 @@ class FileModel:
             of_part = left & np.any(faces, axis=0)
             if not of_part.any():
                 raise InputError(f"materials.{wanted} names faces of {name} that another table has named; keep one")
-            clear.append(submesh(self.mesh, of_part))
             left &= ~of_part
+            parts.append(of_part)
         if not left.any():
             raise InputError(f"materials names all parts of {name}; leave one to [material], which scatters light")
+        for kind, of_part in enumerate(parts[len(clear) :], start=1):
+            kinds[of_part] = kind
+            left |= of_part
         look = None if self.look is None else self.look.of_faces(left)
-        return FileModel(submesh(self.mesh, left), self.warnings, look, clear=tuple(clear))
+        meshes = tuple(submesh(self.mesh, of_part) for of_part in parts[: len(clear)])
+        mesh = submesh(self.mesh, left)
+        if scattering:
+            mesh = replace(mesh, kinds=kinds[left])
+        return FileModel(mesh, self.warnings, look, clear=meshes)
 
 
 def joined(*meshes: Mesh) -> Mesh:

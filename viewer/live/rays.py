@@ -20,7 +20,7 @@ from milkglass.viewer.assets.sources import (
 )
 from milkglass.viewer.assets.visibility import needs_visibility
 from milkglass.viewer.live.worker import Worker
-from milkglass.viewer.render.paths import is_clear
+from milkglass.viewer.render.matter import is_clear
 from milkglass.viewer.scene.scene import Scene
 
 RaySource = HitsOf | FewCrossingsOf | CrossingsOf | VisibilityOf | GroundRaysOf
@@ -104,8 +104,11 @@ class RaysJob:
         mesh = model.mesh
         settings = self._assets.possible(scene.transport, mesh, separate=scene.separate)
         matter, between = media(scene.material.resolve()), list[RaySource]()
-        if settings.exchanges and not is_clear(settings.facts, matter, mesh):
-            between = [HitsOf(mesh), *(self._through(mesh, matter) if settings.facts.solves else ())]
+        kinds = [matter]
+        if mesh.kinds is not None and settings.facts.follows_sight:
+            kinds += [media(material.resolve()) for _, material in scene.scattering_parts]
+        if settings.exchanges and not all(is_clear(settings.facts, of_kind, mesh) for of_kind in kinds):
+            between = [HitsOf(mesh), *(self._through(mesh, kinds) if settings.facts.solves else ())]
         has_ground = scene.ground.on and scene.environment.occluded  # which is around too
         around: tuple[RaySource, ...] = ()
         if has_ground or needs_visibility(scene.environment):
@@ -115,7 +118,7 @@ class RaysJob:
         )
         return (*between, *around, *below)
 
-    def _through(self, mesh: Mesh, matter: Sequence[Medium]) -> list[RaySource]:
+    def _through(self, mesh: Mesh, matter: Sequence[Sequence[Medium]]) -> list[RaySource]:
         """Return a few rays through matter and, once they are there, the many that they ask for."""
         test = FewCrossingsOf(mesh)
         through = CrossingsOf.of(mesh, matter, self._assets.get(test)) if self._assets.has(test) else None

@@ -38,13 +38,13 @@ class Traced:
         What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way.
     weight : float
         Of this sample's, against the composite's.
-    left : of R, G and B
-        Share of exitance that such rays do not find, in this sample of a pixel or another one.
+    left : tuple of R, G and B, optional
+        Share of exitance that such rays do not find, in this sample of a pixel or another one, of each kind of matter.
     """
 
     texture: moderngl.TextureArray
     weight: float
-    left: tuple[float, ...] = (1.0, 1.0, 1.0)
+    left: tuple[tuple[float, ...], ...] | None = None
 
 
 class CompositePass:
@@ -55,7 +55,7 @@ class CompositePass:
         self._plain = self._variant(detail=False)
         self._not_traced = Traced(self.traced_texture((1, 1)), 0.0)
 
-    def not_traced(self, left: tuple[float, ...]) -> Traced:
+    def not_traced(self, left: tuple[tuple[float, ...], ...]) -> Traced:
         """Return what stands for rays of a sample of which none are followed; `left` as of `Traced`."""
         return replace(self._not_traced, left=left)
 
@@ -98,25 +98,26 @@ class CompositePass:
         target.framebuffer.use()
         program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlights.uniforms()
-        program.set(
-            {
-                "t_position": gbuffer.position,
-                "t_normal": gbuffer.normal,
-                "t_irradiance": light.irradiance,
-                "t_specular": light.specular,
-                **gather.exitance_uniforms(),
-                **leaving_uniforms(gbuffer.detail),
-                "t_local": light.local,
-                "t_lobe": gbuffer.lobe or gbuffer.normal,
-                "u_occluded_lobe": gbuffer.lobe is not None,
-                **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
-                "t_traced": traced.texture,
-                "u_traced": traced.weight,
-                "u_left_to_surface": traced.left,
-                "u_mirror_strength": highlights.mirror_strength,
-                "u_world_to_clip": camera.world_to_clip,
-                "u_eye": tuple(camera.eye),
-                "u_weight": weight,
-            }
-        )
-        draw_over_object(self._context, triangle, has_depth=target.framebuffer.depth_attachment is not None)
+        for i, kind in enumerate(gather.kinds):
+            program.set(
+                {
+                    "t_position": gbuffer.position,
+                    "t_normal": gbuffer.normal,
+                    "t_irradiance": light.irradiance,
+                    "t_specular": light.specular,
+                    **gather.exitance_uniforms(kind),
+                    **leaving_uniforms(gbuffer.detail),
+                    "t_local": light.local,
+                    "t_lobe": gbuffer.lobe or gbuffer.normal,
+                    "u_occluded_lobe": gbuffer.lobe is not None,
+                    **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
+                    "t_traced": traced.texture,
+                    "u_traced": traced.weight,
+                    "u_left_to_surface": (1.0,) * 3 if traced.left is None else traced.left[i],
+                    "u_mirror_strength": highlights.mirror_strength,
+                    "u_world_to_clip": camera.world_to_clip,
+                    "u_eye": tuple(camera.eye),
+                    "u_weight": weight,
+                }
+            )
+            draw_over_object(self._context, triangle, has_depth=target.framebuffer.depth_attachment is not None)

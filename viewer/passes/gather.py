@@ -1,6 +1,7 @@
 """What transport leaves for the pixels to gather, on the GPU."""
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import moderngl
@@ -43,6 +44,30 @@ class TableTextures:
 
 
 @dataclass(frozen=True, eq=False)
+class GatherKind:
+    """Exitance of bodies of one kind of matter.
+
+    Attributes
+    ----------
+    tables : TableTextures
+    eta : float
+        On the way out.
+    exit_normalisation : float
+        `core.transport.quality.Quality.exit_normalisation`.
+    bodies : 2 floats
+        Number of the first body that pixels show, and of the first one that they do not any longer.
+    left_to_surface : of R, G and B
+        Share of exitance that pixels show where rays are followed.
+    """
+
+    tables: TableTextures
+    eta: float
+    exit_normalisation: float
+    bodies: tuple[float, float] = (0.0, np.inf)
+    left_to_surface: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Gather:
     """Where exitance is read: from a volume, and by tables from a pixel's own irradiance.
 
@@ -51,15 +76,12 @@ class Gather:
     volume : 3-D texture
     fluence : 3-D texture
         `core.transport.base.Scattered.mean_fluence` where pixels solve an equation; else any.
-    tables : TableTextures
+    kinds : tuple of GatherKind
+        By the matter of bodies.
     world_to_texture : (4, 4) float64
         World space to the volume's texture coordinates, row vectors.
     smooth : bool
         Whether to gather with quadratic B-splines rather than tents.
-    eta : float
-        On the way out.
-    exit_normalisation : float
-        `core.transport.quality.Quality.exit_normalisation`.
     windows : texture, optional
         Where the volume is an atlas of bodies: `core.grid.atlas.Atlas.windows`, three texels a body.
     reentry : Reentry, optional
@@ -74,11 +96,9 @@ class Gather:
 
     volume: moderngl.Texture3D
     fluence: moderngl.Texture3D
-    tables: TableTextures
+    kinds: tuple[GatherKind, ...]
     world_to_texture: npt.NDArray[np.float64]
     smooth: bool
-    eta: float
-    exit_normalisation: float
     windows: moderngl.Texture | None = None
     reentry: Reentry | None = None
     resolved: "Resolved | None" = None
@@ -86,18 +106,28 @@ class Gather:
     clear_eta: float = 1.0
 
     @property
-    def left_to_surface(self) -> tuple[float, ...]:
-        """Return the share of each channel's exitance that pixels show where rays are followed."""
-        return (1.0,) * 3 if self.resolved is None else tuple(1.0 - share for share in self.resolved.shares)
+    def key(self) -> tuple[object, ...]:
+        """Return all that the exitance of pixels depends on, as a key of stages."""
+        of_kinds = ((kind.tables, kind.eta, kind.exit_normalisation) for kind in self.kinds)
+        return self.volume, self.fluence, *itertools.chain(*of_kinds), self.reentry
+
+    @property
+    def is_thin(self) -> bool:
+        """Whether pixels of some parts ask for an environment's light on their other side."""
+        return any(kind.tables.tables.equation.reach > 0.0 for kind in self.kinds)
+
+    def bare(self) -> "Gather":
+        """Return the gather without an interface and over 1 sr: radiance is then exitance."""
+        return replace(self, kinds=tuple(replace(kind, eta=1.0, exit_normalisation=1.0) for kind in self.kinds))
 
     @property
     def clear_from(self) -> float:
         """Return the number of the first body that scatters no light; that of none where all do."""
         return np.inf if self.scattering is None else float(self.scattering)
 
-    def light_uniforms(self) -> dict[str, object]:
+    def light_uniforms(self, kind: GatherKind) -> dict[str, object]:
         """Return values for sheet.glsl, entry.glsl and bodies.glsl."""
-        textures, tables = self.tables, self.tables.tables
+        textures, tables = kind.tables, kind.tables.tables
         return {
             "t_sheet": textures.local,
             "u_sheet_reach": tables.local.reach,
@@ -110,19 +140,19 @@ class Gather:
             "u_thin_reach": tables.equation.reach,
             "u_clear_from": self.clear_from,
             "u_clear_eta": self.clear_eta,
-            **self._placed,
+            **self._placed(kind),
         }
 
-    def exitance_uniforms(self) -> dict[str, object]:
+    def exitance_uniforms(self, kind: GatherKind) -> dict[str, object]:
         """Return values for composite.frag and bodies.glsl."""
-        textures, tables = self.tables, self.tables.tables
+        textures, tables = kind.tables, kind.tables.tables
         return {
             "t_exitance": self.volume,
-            "u_eta": self.eta,
+            "u_eta": kind.eta,
             "u_clear_from": self.clear_from,
-            "u_exit_normalisation": self.exit_normalisation,
+            "u_exit_normalisation": kind.exit_normalisation,
             "u_smooth": self.smooth,
-            **self._placed,
+            **self._placed(kind),
             "u_diffusion": tables.solves,
             "u_diagonal": tuple(tables.equation.diagonal),
             "u_doubled": tuple(tables.equation.doubled),
@@ -134,16 +164,11 @@ class Gather:
             "t_bending": textures.bending,
         }
 
-    @property
-    def is_thin(self) -> bool:
-        """Whether pixels of some parts ask for an environment's light on their other side."""
-        return self.tables.tables.equation.reach > 0.0
-
-    @property
-    def _placed(self) -> dict[str, object]:
+    def _placed(self, kind: GatherKind) -> dict[str, object]:
         """Return values for bodies.glsl."""
         return {
+            "u_bodies": kind.bodies,
             "u_world_to_texture": self.world_to_texture,
             "u_separate": self.windows is not None,
-            "t_windows": self.windows or self.tables.local,
+            "t_windows": self.windows or kind.tables.local,
         }

@@ -1,5 +1,6 @@
 """Irradiance, (2): of the surface samples by transform feedback, of the pixels light by light over the G-buffer."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,12 +93,12 @@ class PixelIrradiancePass:
         framebuffer, drawn = target.framebuffer, 0
         framebuffer.use()
         framebuffer.clear()
-        for source in sources:
+        for source, kind in itertools.product(sources, gather.kinds):
             program, triangle = self._drawn_with(soft=source.is_soft, detail=gbuffer.detail is not None)
             values = {
-                **source.uniforms(gather.eta, sample, samples),
+                **source.uniforms(kind.eta, sample, samples),
                 **source.shadow.depth_uniforms(),
-                **gather.light_uniforms(),
+                **gather.light_uniforms(kind),
                 **entering_uniforms(gbuffer.detail),
                 "t_position": gbuffer.position,
                 "t_normal": gbuffer.normal,

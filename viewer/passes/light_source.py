@@ -1,6 +1,7 @@
 """A light as the irradiance passes take it: its kind, its sub-lights and its shadow."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -34,6 +35,8 @@ class LightSource:
         World to probe, row vectors.
     occlusion : Occlusion, optional
         Of an environment.
+    tables : dict, optional
+        Of an environment, instead of `table`, for further indices of refraction.
     """
 
     kind: int
@@ -43,6 +46,7 @@ class LightSource:
     table: moderngl.Texture
     rotation: npt.NDArray[np.float64]
     occlusion: Occlusion | None = None
+    tables: Mapping[float, moderngl.Texture] = field(default_factory=dict)
 
     def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
         """Return the values for irradiance.glsl, at one of a pixel's samples; eta is the object's relative index."""
@@ -57,7 +61,7 @@ class LightSource:
             "u_light_kind": self.kind,
             "u_light_vector": self.vector,
             "u_light_colour": self.colour,
-            "t_environment": self.table,
+            "t_environment": self.tables.get(eta, self.table),
             "u_environment_rotation": self.rotation,
             "u_eta": eta,
             **shadow,
@@ -93,10 +97,11 @@ def surround(
     intensity: float,
     no_shadow: ShadowMap,
     occlusion: Occlusion | None = None,
+    tables: Mapping[float, moderngl.Texture] | None = None,
 ) -> LightSource:
-    """Make an environment's source from its irradiance table, and what is in its way."""
+    """Make an environment's source from its irradiance tables, and what is in its way."""
     to_probe, factor = world_to_probe(rotation_deg), (intensity,) * 3
-    return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), factor, no_shadow, table, to_probe, occlusion)
+    return LightSource(ENVIRONMENT, (0.0, 0.0, 0.0), factor, no_shadow, table, to_probe, occlusion, tables or {})
 
 
 def reentering(table: moderngl.Texture, no_shadow: ShadowMap) -> LightSource:

@@ -11,12 +11,12 @@ from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.ground import SIDE
 from milkglass.core.light.probe import Probe
-from milkglass.core.material.medium import Medium
 from milkglass.core.paths.resolution import needs_beams, scaled, scatters
 from milkglass.core.stages import Stage, Stages
+from milkglass.core.transport.base import Matter
 from milkglass.viewer.render.ground import Standing
 from milkglass.viewer.render.lit_scene import Model
-from milkglass.viewer.render.paths import surface_of
+from milkglass.viewer.render.paths import surface_for_rays
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.camera import world_to_probe
 from milkglass.viewer.scene.lights import Light
@@ -29,8 +29,9 @@ if TYPE_CHECKING:  # compiled loops take half a second to import, and most pictu
     from milkglass.core.paths.landing import Landings
     from milkglass.core.paths.surface import ClearPart, Surface
 
-# Of all lights together. Under Uffizi 30,000 leave mottles where free paths are a few cells, 120,000 next to none.
-BEAMS, DRAFT_BEAMS = 120_000, 30_000
+# Of all lights together, onto the object's box. Under Uffizi 20,000 leave mottles where free paths are a few cells,
+# 80,000 next to none.
+BEAMS, DRAFT_BEAMS = 80_000, 20_000
 SUB_LIGHTS = 16  # of a lamp with a size
 
 
@@ -42,18 +43,18 @@ class BeamStages:
 
     def of(
         self, lamps: Sequence[Light], environment: EnvironmentSettings, model: Model, clear: "tuple[ClearPart, ...]",
-        bodies: Bodies | None, media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
+        bodies: Bodies | None, matter: Sequence[Matter], grid: LayerGrid, *, draft: bool,
     ) -> "Beams | None":  # fmt: skip
         """Return the beams of lamps and an environment, None where no channel needs them; fewer as a `draft`.
 
         `bodies` are those that scatter alone, `clear` parts of the model that do not.
         """
-        if not any(needs_beams(medium, grid) for medium in media):
+        if not any(needs_beams(medium, grid) for of_kind in matter for medium in of_kind.followed):
             return None
         from milkglass.core.paths.beams import joined
 
         run = self._run
-        surface, around = self._placed(model, clear, bodies, media[0].eta)
+        surface, around = self._placed(model, clear, bodies, matter)
         share, count = _shares(lamps, environment, DRAFT_BEAMS if draft else BEAMS)
         parts = [
             run(
@@ -76,7 +77,7 @@ class BeamStages:
 
     def onto_ground(
         self, standing: Standing | None, model: Model, clear: "tuple[ClearPart, ...]", bodies: Bodies | None,
-        media: Sequence[Medium], grid: LayerGrid, *, draft: bool,
+        matter: Sequence[Matter], grid: LayerGrid, *, draft: bool,
     ) -> Float32 | None:  # fmt: skip
         """Return the irradiance at the places of a plane's map of light that has crossed an object, (n, 3).
 
@@ -84,16 +85,19 @@ class BeamStages:
         """
         if standing is None:
             return None
-        within = any(needs_beams(medium, grid) for medium in media)
-        if not within and scatters(media, model.mesh.mean_chord):
+        within = any(needs_beams(medium, grid) for of_kind in matter for medium in of_kind.followed)
+        if not within and all(scatters(of_kind.media, of_kind.chord) for of_kind in matter):
             return None
         from milkglass.core.paths.landing import landed
 
         run, plane, environment = self._run, standing.plane, standing.environment
-        surface, around = self._placed(model, clear, bodies, media[0].eta)
+        surface, around = self._placed(model, clear, bodies, matter)
         lamps = *standing.lamps, *standing.strong
         share, count = _shares(lamps, environment, DRAFT_BEAMS if draft else BEAMS)
-        extinctions = tuple(scaled(medium, grid).sigma_t if within else medium.sigma_t_prime for medium in media)
+        extinctions = tuple(
+            tuple(scaled(medium, grid).sigma_t if within else medium.sigma_t_prime for medium in of_kind.followed)
+            for of_kind in matter
+        )
 
         def of_lamp(light: Light) -> "list[Landings]":
             return [landed(surface, part, plane, of_lamp=True) for part in emitted_by(light, around, count)]
@@ -119,19 +123,19 @@ class BeamStages:
             Stage.LANDED,
             [plane, *extinctions, *parts],
             lambda: sum(
-                (ends.irradiance(plane, extinctions) for part in parts for ends in part),
+                (ends.irradiance(plane, np.array(extinctions, np.float32)) for part in parts for ends in part),
                 np.zeros((SIDE**2, 3), np.float32),
             ),
         )
 
     def _placed(
-        self, model: Model, clear: "tuple[ClearPart, ...]", bodies: Bodies | None, eta: float
+        self, model: Model, clear: "tuple[ClearPart, ...]", bodies: Bodies | None, matter: Sequence[Matter]
     ) -> "tuple[Surface, Ball]":
         """Return the surface of a model for rays, and the ball around it that light comes from."""
         from milkglass.core.paths.emission import Ball
 
-        mesh, whole, run = model.mesh, model.whole, self._run
-        surface = run(Stage.PATH_SURFACE, [mesh, bodies, eta, clear], lambda: surface_of(mesh, bodies, eta, clear))
+        surface = surface_for_rays(self._run, model.mesh, bodies, matter, clear)
+        whole, run = model.whole, self._run
         return surface, run(Stage.BALL, [whole], lambda: Ball.around(whole))
 
 
@@ -166,14 +170,14 @@ def emitted_by(light: Light, around: "Ball", count: int) -> "list[Emitted]":
 def probe_beams(
     probe: Probe, rotation_deg: float, intensity: float, surface: "Surface", around: "Ball", count: int
 ) -> "Beams":
-    """Return `count` beams of an environment."""
+    """Return about `count` beams of an environment."""
     from milkglass.core.paths.beams import traced
 
     return traced(surface, emitted_around(probe, rotation_deg, intensity, around, count))
 
 
 def emitted_around(probe: Probe, rotation_deg: float, intensity: float, around: "Ball", count: int) -> "Emitted":
-    """Return `count` rays of an environment."""
+    """Return about `count` rays of an environment."""
     from milkglass.core.paths.emission import surrounding
 
     return surrounding(intensity * probe.latlong, world_to_probe(rotation_deg), around, count)

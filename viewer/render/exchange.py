@@ -1,22 +1,25 @@
 """Light between parts of the object: rays found once a mesh, then transport, mirrors and what crosses thin parts."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Hits
 from milkglass.core.light.ground import GroundExchange
+from milkglass.core.light.indices import Indices
 from milkglass.core.light.mirror import ROUNDS, Mirror
 from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
+from milkglass.core.transport.base import Matter
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import CrossingsOf, FewCrossingsOf, HitsOf, RefinedOf
 from milkglass.viewer.gl.buffers import MeshBuffers
@@ -46,14 +49,15 @@ class ExchangeStages:
         mesh: Mesh,
         surface: SampledSurface,
         leaving: Float32 | None,
-        media: Sequence[Medium],
+        matter: Sequence[Matter],
+        indices: Indices | None,
         ground: GroundExchange | None,
         say: Callable[[str], None],
     ) -> Exchange | None:
         """Return the exchange of a mesh, None where it is not wanted, not baked, or there is next to none.
 
-        `leaving` are factors of colours on exitance, (samples, 3); `media` those of R, G and B; `ground` is the plane
-        below, where there is one.
+        `leaving` are factors of colours on exitance, (samples, 3); `indices` are of refraction, where these are not all
+        alike; `ground` is the plane below, where there is one.
         """
         if not settings.exchanges or not (self._assets.bakes or self._assets.has(HitsOf(mesh))):
             return None
@@ -65,29 +69,39 @@ class ExchangeStages:
         if hits is None:
             if ground is None:
                 return None
-            exchange = self.without_hits(mesh, surface, leaving)
+            exchange = self.without_hits(mesh, surface, leaving, indices)
         else:
             fine = self._assets.get(RefinedOf(mesh))
             exchange = self._run(
                 Stage.EXCHANGE,
-                [hits, fine, surface.weights, leaving],
-                lambda: Exchange(fine, hits, surface.weights, leaving),
+                [hits, fine, surface.weights, leaving, indices],
+                lambda: Exchange(fine, hits, surface.weights, leaving, indices=indices),
             )
+        media = [of_kind.media for of_kind in matter]
         crossings = self._crossings(mesh, media, say) if settings.facts.solves else None
         if crossings is None and ground is None:
             return exchange
-        key = exchange, crossings, ground
-        return self._run(Stage.EXCHANGE_THROUGH, key, lambda: replace(exchange, crossings=crossings, ground=ground))
+        key = exchange, crossings, ground, *media
+        lengths = of_channels(matter) if len(matter) > 1 else None
+        return self._run(
+            Stage.EXCHANGE_THROUGH,
+            key,
+            lambda: replace(exchange, crossings=crossings, ground=ground, extinctions=lengths),
+        )
 
-    def without_hits(self, mesh: Mesh, surface: SampledSurface, leaving: Float32 | None) -> Exchange:
+    def without_hits(
+        self, mesh: Mesh, surface: SampledSurface, leaving: Float32 | None, indices: Indices | None = None
+    ) -> Exchange:
         """Return an exchange of a mesh that does not see itself: what light of other sources has for its vertices."""
         fine = self._assets.get(RefinedOf(mesh))
         none = Hits.none(len(fine.mesh.vertices))
         return self._run(
-            Stage.NO_EXCHANGE, [fine, surface.weights, leaving], lambda: Exchange(fine, none, surface.weights, leaving)
+            Stage.NO_EXCHANGE,
+            [fine, surface.weights, leaving, indices],
+            lambda: Exchange(fine, none, surface.weights, leaving, indices=indices),
         )
 
-    def _crossings(self, mesh: Mesh, media: Sequence[Medium], say: Callable[[str], None]) -> Crossings | None:
+    def _crossings(self, mesh: Mesh, media: Sequence[Sequence[Medium]], say: Callable[[str], None]) -> Crossings | None:
         """Return paths through matter, None where too little light has any, or they are not there yet."""
         test, bakes = FewCrossingsOf(mesh), self._assets.bakes
         if not (bakes or self._assets.has(test)):
@@ -112,7 +126,8 @@ class ExchangeStages:
         lamps: Sequence[tuple[Light, Float32]],
         samples: SurfaceSamples,
         around: tuple[Probe, EnvironmentSettings] | None,
-        media: Sequence[Medium],
+        matter: Sequence[Matter],
+        of_sample: Ints | None,
         from_ground: Float32 | None = None,
     ) -> Float32 | None:
         """Return the irradiance at the vertices of light that has met the surface but not scattered, (n, 3), or None.
@@ -126,27 +141,33 @@ class ExchangeStages:
         samples : SurfaceSamples
         around : probe and its environment, optional
             Light from all around, without what shines as lamps.
-        media : of R, G and B
+        matter : of kinds of bodies
+        of_sample : (m,) int, optional
+            Kind of matter below each sample, where there are several.
         from_ground : (n, 3), optional
             What the ground returns.
         """
         if not lamps and around is None:
             return from_ground
         parts, from_lamps = list[Float32]() if from_ground is None else [from_ground], list[Float32]()
-        eta, crossings = media[0].eta, exchange.crossings
-        extinctions = tuple(medium.sigma_t_prime for medium in media)
+        crossings, of_surface = exchange.crossings, exchange.indices or matter[0].eta
+        extinctions = of_channels(matter)
         mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
-        for i, (light, entering) in enumerate(lamps, start=1):
+        for i, ((light, entering), (kind, eta)) in enumerate(
+            itertools.product(lamps, enumerate(of_kind.eta for of_kind in matter)), start=1
+        ):
             rays = self._run(
                 Stage.LAMP_RAYS.of(i),
-                [mirror, samples, light, entering, eta],
-                lambda light=light, entering=entering: lamp_rays(light, entering, samples, eta),  # type: ignore[misc]
+                [mirror, samples, light, entering, eta, of_sample, kind],
+                lambda light=light, eta=eta, of_these=_of_kind(entering, of_sample, kind): lamp_rays(  # type: ignore[misc]
+                    light, of_these, samples, eta
+                ),
             )
             from_lamps.append(
                 self._run(
                     Stage.MIRRORED_LAMP.of(i),
-                    [mirror, *rays],
-                    lambda rays=rays: mirror.irradiance(mirror.mirrored(*rays, eta=eta)),  # type: ignore[misc]
+                    [mirror, *rays, eta],
+                    lambda rays=rays, eta=eta: mirror.irradiance(mirror.mirrored(*rays, eta=eta)),  # type: ignore[misc]
                 )
             )
             if crossings is None:
@@ -154,7 +175,7 @@ class ExchangeStages:
             received = self._run(
                 Stage.CROSSING_LAMP.of(i),
                 [mirror, *rays, crossings.reach],
-                lambda rays=rays: mirror.crossing(*rays, eta=eta, reach=crossings.reach),  # type: ignore[misc]
+                lambda rays=rays, eta=eta: mirror.crossing(*rays, eta=eta, reach=crossings.reach, through=of_surface),  # type: ignore[misc]
             )
             from_lamps.append(
                 self._run(
@@ -179,8 +200,10 @@ class ExchangeStages:
                 return environment.intensity * np.asarray(lookup(texels, directions @ to_probe), np.float64)
 
             light_around = [probe, environment.rotation_deg, environment.intensity]
-            key = [mirror, exchange.hits, *light_around, eta]
-            parts.append(self._run(Stage.MIRRORED, key, lambda: mirror.averaged(exchange.hits.mirrored(eta, radiance))))
+            key = [mirror, exchange.hits, *light_around, of_surface]
+            parts.append(
+                self._run(Stage.MIRRORED, key, lambda: mirror.averaged(exchange.hits.mirrored(of_surface, radiance)))
+            )
             if crossings is not None:
                 key = [mirror, crossings, *light_around, *extinctions]
                 parts.append(
@@ -201,6 +224,17 @@ class ExchangeStages:
             return np.asarray(entering * samples.areas[:, None], np.float32)
 
         return self._run(Stage.UNSCATTERED_FLUX, [*exchange.surface, samples, unscattered], interpolated)
+
+
+def of_channels(matter: Sequence[Matter]) -> tuple[tuple[float, ...], ...]:
+    """Return sigma_t' of R, G and B, each of all kinds of matter, 1/mm."""
+    media = [of_kind.media for of_kind in matter]
+    return tuple(tuple(medium.sigma_t_prime for medium in channel) for channel in zip(*media, strict=True))
+
+
+def _of_kind(entering: Float32, of_sample: Ints | None, kind: int) -> Float32:
+    """Return light that enters samples, (m, 3), where these are of one kind of matter, and 0 elsewhere."""
+    return entering if of_sample is None else np.where((of_sample == kind)[:, None], entering, np.float32(0.0))
 
 
 def lamp_rays(

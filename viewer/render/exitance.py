@@ -1,7 +1,6 @@
 """Exitance at points of the surface, by the shaders of every picture."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -88,10 +87,9 @@ class SurfaceExitance:
         no_highlights = Highlights(Gloss(0.0, 1.0, "none", normalized=False), self._no_probe)
         exhausted(self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, PARTS))
         # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
-        bare = replace(gather, eta=1.0, exit_normalisation=1.0)
         composite = self._composite.targets(size, parts=False, depth=depth)
         composite.framebuffer.clear()
-        self._composite.render(gbuffer, targets, bare, no_highlights, lit.camera, 1.0, composite)
+        self._composite.render(gbuffer, targets, gather.bare(), no_highlights, lit.camera, 1.0, composite)
         exitance = read_rgba(composite.textures["radiance"])[::-1].reshape(-1, 4)[:n, :3]
         if lit.detail is not None and lit.detail.after > 0.0:
             detail = lit.detail.detail

@@ -23,6 +23,7 @@ from milkglass.core.light.ground import (
     Horizon,
     upward_directions,
 )
+from milkglass.core.light.indices import Eta
 from milkglass.core.light.probe import Probe, irradiance_direct, lookup
 from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets.keeper import Assets
@@ -186,7 +187,7 @@ class GroundStages:
         standing: Standing | None,
         exchange: GroundExchange | None,
         sources: Sequence[LightSource],
-        eta: float,
+        eta: Eta,
         landed: Float32 | None,
         *,
         draft: bool,
@@ -291,7 +292,7 @@ def _returned(
     standing: Standing,
     sky: Float32,
     maps: tuple[LampMaps, ...],
-    eta: float,
+    eta: Eta,
 ) -> tuple[Float32, Float32]:
     """Return the irradiance from all around at the places with what the object mirrors, and what the vertices get.
 
@@ -367,10 +368,9 @@ class GroundLighting:
 
     def _around(self, ground: Ground, lit: LitScene, gather: Gather) -> Float32:
         """Return the irradiance from all around, and of what leaves the object, at the places of the map: (n, 3)."""
-        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
         return self._run(
             Stage.GROUND_GLOW,
-            [ground, lit.model, lit.detail, *lit.sources, *volume],
+            [ground, lit.model, lit.detail, *lit.sources, *gather.key],
             lambda: self._at_places(ground, lit, gather),
         )
 
@@ -378,7 +378,8 @@ class GroundLighting:
         if ground.exchange is None or ground.emitters is None:
             return ground.around
         rays, emitters = ground.exchange.rays, ground.emitters
-        matrix = rays.glow(gather.eta, gather.exit_normalisation, emitters.of_face, len(emitters.samples))
+        eta, of_first = lit.indices or lit.eta, gather.kinds[0].exit_normalisation
+        matrix = rays.glow(eta, emitters.of_face, len(emitters.samples), of_first)
         glow = matrix @ self._exitance.at(emitters.samples, lit, gather)
         return np.asarray(ground.around + (glow if ground.mirror is None else ground.mirror.lit(glow)), np.float32)
 

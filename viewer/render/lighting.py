@@ -7,21 +7,24 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Float32, Ints
+from milkglass.core.geometry.bodies import Bodies, bodies_of_kinds
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.light.indices import Indices
 from milkglass.core.light.probe import Probe
-from milkglass.core.material.medium import media
 from milkglass.core.stages import Stage, Stages, Steps
-from milkglass.core.transport.base import EnteringLight, Scattered, SeparableTransport, Transport
+from milkglass.core.transport.base import EnteringLight, Matter, Scattered, SeparableTransport, Transport
 from milkglass.core.transport.clear import ClearTransport
+from milkglass.core.transport.methods import Method
 from milkglass.core.transport.quality import Quality, make_transport, sample_spacing
 from milkglass.viewer.assets.keeper import Assets, shape_of
-from milkglass.viewer.assets.sources import PartedProbe
+from milkglass.viewer.assets.sources import IndicesOf, PartedProbe
 from milkglass.viewer.files.model import joined
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import volume_texture
 from milkglass.viewer.passes.detail_uniforms import SampledSurface
-from milkglass.viewer.passes.gather import Gather, TableTextures
+from milkglass.viewer.passes.gather import Gather, GatherKind, TableTextures
 from milkglass.viewer.passes.ground import GroundPass
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass
 from milkglass.viewer.passes.layers import LayersPass
@@ -31,15 +34,16 @@ from milkglass.viewer.render.beams import BeamStages
 from milkglass.viewer.render.bodies import Separation, convolvers, separate_by_default
 from milkglass.viewer.render.detail import DetailStages
 from milkglass.viewer.render.exchange import ExchangeStages
-from milkglass.viewer.render.ground import Ground, GroundStages
-from milkglass.viewer.render.lit_scene import LitScene, Model
+from milkglass.viewer.render.ground import Ground, GroundStages, Standing
+from milkglass.viewer.render.lit_scene import LitScene, Model, kinds_of
+from milkglass.viewer.render.matter import ONE_MATERIAL, of_kinds, of_one_kind, touching
 from milkglass.viewer.render.occlusion import OcclusionStages
-from milkglass.viewer.render.paths import Paths, PathStages, is_clear
+from milkglass.viewer.render.paths import Paths, PathStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
+from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings, TransportSettings
 
 if TYPE_CHECKING:
     from milkglass.core.paths.surface import ClearPart
@@ -82,8 +86,7 @@ class Lighting:
         As a `draft`, lights with a size get by with less, and sources in an environment with its soft shadows.
         Raises `core.stages.Unfinished` where the stages have an allowance and that is not enough.
         """
-        run, material = self._run, scene.material.resolve()
-        matter = media(material)
+        run = self._run
 
         say("loading the model")
         model = run(Stage.MODEL, [shape_of(scene.model)], lambda: self._load(scene.model))
@@ -93,6 +96,7 @@ class Lighting:
         settings = self._assets.possible(scene.transport, model.mesh, separate=separate)
         if scene.model.bodies is None and bodies is not None:
             bodies = separate_by_default(bodies, settings.facts)
+        bodies, matter, unlike = self._matter(scene, model, bodies, settings.facts)
         count = 1 if bodies is None else bodies.count
         camera = model_camera(scene.camera, model.whole, scene.display.image_size)
         profiles = scene.material.profiles(self._assets.profile_table)
@@ -113,7 +117,7 @@ class Lighting:
         samples = run(Stage.SAMPLES, [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface, detail, troubles = self._details.surface(scene, samples)
         parts, left_out = self._clear_parts(scene, model, quality)
-        troubles += left_out
+        troubles += *left_out, *unlike
 
         scatters: Transport = transport
         body_marks = marks = None
@@ -134,7 +138,7 @@ class Lighting:
         if (standing := self._grounds.standing(scene, model, environment)) is not None:
             lamps, strong, environment = standing.lamps, standing.strong, standing.environment
         occlusion = self._occlusions.of(environment, self._surround.rest, *on_model, say)
-        even, lobes = self._surround.even(environment, material.eta, occlusion)
+        even, lobes = self._surround.even(environment, [of_kind.eta for of_kind in matter], occlusion)
         of_scene = [(light, Stage.LIGHT.of(i)) for i, light in enumerate(lamps, start=1)]
         of_probe = [(light, Stage.PROBE_SOURCE.of(i)) for i, light in enumerate(strong, start=1)]
         shining = self._lamps.sources(of_scene + of_probe, *on_model, marks, draft)
@@ -144,13 +148,16 @@ class Lighting:
         seen_through = standing if sight else None
         landed = self._beams.onto_ground(seen_through, model, parts, alone, matter, grid, draft=draft)
         reflecting = self._grounds.exchange(standing, model.mesh, say)
-        ground, from_ground = self._grounds.lit(standing, reflecting, sources, material.eta, landed, draft=draft)
+        indices = self._indices(model.mesh, matter, settings, standing)
+        ground, from_ground = self._grounds.lit(
+            standing, reflecting, sources, indices or matter[0].eta, landed, draft=draft
+        )
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
-        exchange, clear = None, is_clear(settings.facts, matter, model.mesh)
+        exchange, clear = None, not any(of_kind.scatters for of_kind in matter)
         if clear:
             scatters = run(Stage.CLEAR_TRANSPORT, [scatters], lambda: ClearTransport(scatters))
         else:
-            exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, reflecting, say)
+            exchange = self._exchanges.of(settings, model.mesh, surface, leaving, matter, indices, reflecting, say)
         carrier = exchange
         if carrier is None and from_ground is not None and not clear:
             carrier = self._exchanges.without_hits(model.mesh, surface, leaving)
@@ -159,7 +166,8 @@ class Lighting:
             refined = self._exchanges.uploaded(carrier, model.buffers)
 
         say("lighting the surface")
-        irradiances = self._irradiances(surface, sources, material.eta)
+        of_sample = self._of_samples(samples, bodies, matter)
+        irradiances = self._irradiances(surface, sources, matter, of_sample)
         flux = run(
             Stage.FLUX,
             [surface, *irradiances],
@@ -173,7 +181,7 @@ class Lighting:
                 for lamp, entering in zip((*lamps, *strong), irradiances, strict=False)
             ]
             around = (self._surround.rest(environment), environment) if shines(environment) else None
-            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter, from_ground)
+            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter, of_sample, from_ground)
         if carrier is not None and unscattered is not None:
             again = self._exchanges.flux(carrier, unscattered, surface)
             flux = run(Stage.TOTAL_FLUX, [flux, again], lambda: flux + again)
@@ -186,9 +194,45 @@ class Lighting:
         placed = scatters, grid, profiles, coordinates, flux, lights, matter, samples
         looks = lobes, bodies, body_marks, detail, troubles
         return LitScene(
-            model, camera, sources, material.eta, quality, *placed, *looks, exchange, unscattered, refined, beams,
-            parts, ground,
+            model, camera, sources, quality, *placed, *looks, exchange, unscattered, refined, beams, parts, ground,
+            indices,
         )  # fmt: skip
+
+    def _matter(
+        self, scene: Scene, model: Model, bodies: Bodies | None, method: Method
+    ) -> tuple[Bodies | None, tuple[Matter, ...], tuple[str, ...]]:
+        """Return the bodies that scatter light alone, what they are of, and sentences on what cannot be shown of it."""
+        run, mesh = self._run, model.mesh
+        if mesh.kinds is None or not method.follows_sight:
+            alone = of_one_kind(scene, mesh, 1 if bodies is None else bodies.count, method)
+            named = ", ".join(name for name, _ in scene.scattering_parts)
+            return bodies, (alone,), (f"{named}: {ONE_MATERIAL}",) if named else ()
+        joined = scene.model.bodies == "joined" or bodies is None
+        bodies, ranges = run(Stage.BODIES_OF_KINDS, [model, joined], lambda: bodies_of_kinds(mesh, joined=joined))
+        key = [model, scene.material, scene.scattering_parts, bodies, method]
+        matter = run(Stage.MATTER, key, lambda: of_kinds(scene, mesh, ranges, method))
+        touch = run(Stage.TOUCHING, [model, *matter], lambda: touching(mesh, matter))
+        return bodies, matter, touch
+
+    def _of_samples(self, samples: SurfaceSamples, bodies: Bodies | None, matter: tuple[Matter, ...]) -> Ints | None:
+        """Return the kind of matter below each sample, (n,), where there are several."""
+        if bodies is None or len(matter) == 1:
+            return None
+        of_face, key = bodies.of_face, [samples, bodies, *matter]
+        return self._run(Stage.OF_KIND, key, lambda: kinds_of(of_face[samples.faces], matter))
+
+    def _indices(
+        self,
+        mesh: Mesh,
+        matter: tuple[Matter, ...],
+        settings: TransportSettings,
+        standing: Standing | None,
+    ) -> Indices | None:
+        """Return the indices of refraction of the surface that light is exchanged by, of several kinds of matter."""
+        if len(matter) == 1 or not (settings.exchanges or standing is not None):
+            return None
+        etas = tuple(of_kind.eta for of_kind in matter)
+        return self._run(Stage.INDICES, [mesh, *etas], lambda: self._assets.get(IndicesOf(mesh, etas)))
 
     def _clear_parts(
         self, scene: Scene, model: Model, quality: Quality
@@ -197,8 +241,8 @@ class Lighting:
         if not model.clear:
             return (), ()
         if not quality.facts.follows_sight:
-            return (), (f"{', '.join(scene.model.parts or ())}: {NO_RAYS}",)
-        parts = self._run(Stage.CLEAR_PARTS, [model, scene.materials], lambda: clear_parts(scene, model))
+            return (), (f"{', '.join(name for name, _ in scene.clear_parts)}: {NO_RAYS}",)
+        parts = self._run(Stage.CLEAR_PARTS, [model, scene.clear_parts], lambda: clear_parts(scene, model))
         dark = [part.name for part in parts if _left_of(part) < LEAST_LEFT]
         return parts, (f"{', '.join(dark)}: {NO_SHADOW}",) if dark else ()
 
@@ -208,14 +252,25 @@ class Lighting:
         volume = run(Stage.LAYER_VOLUME, [nodes], lambda: self._layers.volume(nodes))
         key = lit.transport, scattered.grid, *lit.transport.material(lit.entering), scattered.boundaries
         tables = run(Stage.PIXEL_TERMS, key, scattered.pixel_tables)
-        textures = run(Stage.PIXEL_TABLES, [tables], lambda: TableTextures.upload(context, tables))
+        of_kinds = run(
+            Stage.PIXEL_TABLES, [tables], lambda: [TableTextures.upload(context, of_kind) for of_kind in tables.kinds]
+        )
         fluence = volume
         if tables.solves:
             fluence = run(Stage.MEAN_FLUENCE, [nodes], lambda: volume_texture(context, scattered.mean_fluence()))
-        placed = scattered.world_to_texture, lit.transport.smooth, lit.eta, lit.quality.exit_normalisation(lit.eta)
+        kinds, matter, resolved = [], lit.matter, scattered.resolved
+        for i, of_kind in enumerate(matter):
+            on_way_out = of_kind.eta, lit.quality.exit_normalisation(of_kind.eta)
+            ends = float(of_kind.bodies.start), float(of_kind.bodies.stop) if i + 1 < len(matter) else np.inf
+            kind = GatherKind(of_kinds[min(i, len(of_kinds) - 1)], *on_way_out, ends)
+            if resolved is not None:
+                left = tuple(1.0 - share for share in resolved.kinds[i].shares)
+                kind = replace(kind, left_to_surface=left)
+            kinds.append(kind)
+        placed = tuple(kinds), scattered.world_to_texture, lit.transport.smooth
         windows, reentry = self._windows(scattered.windows), self._reentry(lit, scattered)
         clear = (lit.scattering, max(part.eta for part in lit.clear)) if lit.clear else ()
-        return Gather(volume, fluence, textures, *placed, windows, reentry, scattered.resolved, *clear)
+        return Gather(volume, fluence, *placed, windows, reentry, resolved, *clear)
 
     def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
         """Return the light that enters again, of an exchange that knows of any."""
@@ -275,19 +330,33 @@ class Lighting:
         buffers = MeshBuffers(self._context, joined(*file.clear))
         return replace(model, clear=file.clear, clear_buffers=buffers, with_clear=file.whole, lift=file.lift)
 
-    def _irradiances(self, surface: SampledSurface, sources: tuple[LightSource, ...], eta: float) -> list[Float32]:
-        """Return E of each light at every sample, (n, 3) float32."""
+    def _irradiances(
+        self,
+        surface: SampledSurface,
+        sources: tuple[LightSource, ...],
+        matter: tuple[Matter, ...],
+        of_sample: Ints | None,
+    ) -> list[Float32]:
+        """Return E of each light at every sample, (n, 3) float32; `of_sample` is the kind of matter below each."""
+        etas = tuple(of_kind.eta for of_kind in matter)
         return [
             self._spread(
                 Stage.IRRADIANCE.of(i),
-                [surface, source, eta],
-                lambda source=source: self._irradiance_of(surface, source, eta),  # type: ignore[misc]
+                [surface, source, etas, of_sample],
+                lambda source=source: self._irradiance_of(surface, source, etas, of_sample),  # type: ignore[misc]
             )
             for i, source in enumerate(sources, start=1)
         ]
 
-    def _irradiance_of(self, surface: SampledSurface, source: LightSource, eta: float) -> Steps[Float32]:
-        entering = surface.weighted((yield from self._irradiance.steps(surface.buffers, source, eta)))
+    def _irradiance_of(
+        self, surface: SampledSurface, source: LightSource, etas: tuple[float, ...], of_sample: Ints | None
+    ) -> Steps[Float32]:
+        irradiance = yield from self._irradiance.steps(surface.buffers, source, etas[0])
+        for eta in set(etas[1:]) - {etas[0]}:
+            assert of_sample is not None
+            on_these = np.array(etas)[of_sample] == eta
+            irradiance[on_these] = (yield from self._irradiance.steps(surface.buffers, source, eta))[on_these]
+        entering = surface.weighted(irradiance)
         return self._occlusions.occluded(entering, source.occlusion, surface.samples)
 
     def _entering(
@@ -316,7 +385,7 @@ def clear_parts(scene: Scene, model: Model) -> "tuple[ClearPart, ...]":
     """Return the parts of a model that do not scatter light, with their materials."""
     from milkglass.core.paths.surface import ClearPart
 
-    materials = ((name, settings.resolve()) for name, settings in scene.materials)
+    materials = ((name, settings.resolve()) for name, settings in scene.clear_parts)
     return tuple(
         ClearPart(mesh, material.eta, material.sigma_a, name)
         for mesh, (name, material) in zip(model.clear, materials, strict=True)

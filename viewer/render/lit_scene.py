@@ -5,17 +5,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.exchange import Exchange
 from milkglass.core.light.highlights import LobeFilter
+from milkglass.core.light.indices import Indices
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import alike
-from milkglass.core.transport.base import EnteringFlux, EnteringLight, Scattered, Transport, WholeObject
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, Matter, Scattered, Transport, WholeObject
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
@@ -64,6 +65,12 @@ class Model:
         return self.with_clear or self.mesh
 
 
+def kinds_of(bodies: Int32, matter: tuple[Matter, ...]) -> Ints:
+    """Return the number of the matter of bodies, (n,)."""
+    starts = [of_kind.bodies.start for of_kind in matter]
+    return np.asarray(np.searchsorted(starts, bodies, side="right") - 1)
+
+
 @dataclass(frozen=True, eq=False)
 class LitScene:
     """A scene ready for transport, which needs no OpenGL, and for shading.
@@ -72,7 +79,6 @@ class LitScene:
     ----------
     model, camera
     sources : lights with their shadow maps
-    eta : float
     quality : Quality
         What the transport was made for, with the error to expect.
     transport : Transport
@@ -84,7 +90,8 @@ class LitScene:
         E dA of the samples, all lights.
     lights : tuple of EnteringLight
         Light by light, where the method takes each light.
-    media : of the material
+    matter : tuple of Matter
+        What its bodies are of, in their order.
     samples : SurfaceSamples
     lobes : LobeFilter, optional
         Of the environment less the sources that shine as lamps: what highlights mirror.
@@ -108,12 +115,13 @@ class LitScene:
         Parts that only rays know, where the method follows any.
     ground : Ground, optional
         That the object stands on.
+    indices : Indices, optional
+        Of refraction, of the surface refined for exchange, where they are not all alike.
     """
 
     model: Model
     camera: Camera = field(compare=False)
     sources: tuple[LightSource, ...]
-    eta: float = field(compare=False)
     quality: Quality = field(compare=False)
     transport: Transport
     grid: LayerGrid
@@ -121,7 +129,7 @@ class LitScene:
     coordinates: Float32
     flux: Float32
     lights: tuple[EnteringLight, ...]
-    media: tuple[Medium, ...]
+    matter: tuple[Matter, ...]
     samples: SurfaceSamples = field(compare=False)
     lobes: LobeFilter | None = field(default=None, compare=False)
     bodies: Bodies | None = None
@@ -134,6 +142,24 @@ class LitScene:
     beams: "Beams | None" = None
     clear: "tuple[ClearPart, ...]" = ()
     ground: "Ground | None" = field(default=None, compare=False)
+    indices: Indices | None = field(default=None, compare=False)
+
+    @property
+    def media(self) -> tuple[Medium, ...]:
+        """Return the media of R, G and B, of the first of its bodies."""
+        return self.matter[0].media
+
+    @property
+    def eta(self) -> float:
+        """Return the relative index of refraction of the first of its bodies."""
+        return self.matter[0].eta
+
+    @property
+    def kind_of_vertex(self) -> Ints:
+        """Return the number of the matter behind each vertex of the mesh, (n,)."""
+        if self.body_marks is None:
+            return np.zeros(len(self.model.mesh.vertices), np.int64)
+        return kinds_of(self.body_marks.of_vertex, self.matter)
 
     @property
     def scattering(self) -> int:
@@ -150,7 +176,8 @@ class LitScene:
         """Return the light that enters the object, as transport takes it."""
         solid = WholeObject(self.model.mesh, self.samples)
         placed = solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media
-        return EnteringFlux(*placed, self.exchange, self.beams)
+        several = self.matter if len(self.matter) > 1 else ()
+        return EnteringFlux(*placed, self.exchange, self.beams, several)
 
     def entering_again(self, scattered: Scattered) -> Float32 | None:
         """Return the irradiance that meets the surface again, (n, 3) at the exchange's vertices; None for none."""

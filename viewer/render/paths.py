@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from milkglass.core.arrays import Bools
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
-from milkglass.core.material.medium import Medium
-from milkglass.core.paths.resolution import RESOLVED, resolved_share, scaled, scattered_share, scatters
-from milkglass.core.stages import Stage, Stages
-from milkglass.core.transport.methods import Method
+from milkglass.core.paths.resolution import RESOLVED, resolved_share, scaled, scattered_share
+from milkglass.core.stages import Stage, Stages, numbered
+from milkglass.core.transport.base import Matter
 from milkglass.core.transport.quality import percent
-from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.lit_scene import LitScene, kinds_of
 from milkglass.viewer.render.sources import Surround, shines
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
@@ -72,12 +72,16 @@ class PathParts:
     why: tuple[str, ...]
 
     @classmethod
-    def of(cls, scene: Scene, lit: LitScene, thin: float) -> "PathParts":
-        """Return the parts that a scene needs, whose object is so thick in its thin parts, mm."""
+    def of(cls, scene: Scene, lit: LitScene, thin: Sequence[float]) -> "PathParts":
+        """Return the parts that a scene needs, whose bodies of each kind are so thick in their thin parts, mm."""
         gloss, around = scene.gloss, shines(scene.environment)
-        left = [float(np.exp(-extinction * thin)) for extinction in extinctions(lit)]
+        of_kinds = extinctions(lit)
+        left = [
+            [float(np.exp(-extinction * mm)) for extinction in of_kind]
+            for of_kind, mm in zip(of_kinds, thin, strict=True)
+        ]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
-        clear = max(left) >= least or lit.beams is not None or bool(lit.clear)
+        clear = np.max(left) >= least or lit.beams is not None or bool(lit.clear)
         mirrors = gloss.is_smooth and (around or (clear and lit.ground is not None))
         smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
         if not scene.transport.shown_paths.mirror:
@@ -88,12 +92,16 @@ class PathParts:
             mirror = "mirror: highlights of lamps alone, without an environment"
         else:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
-        through = "rays" if max(left) >= least else "none"
-        unscattered = (
-            f"unscattered: {through} ({_channels(left)} is left behind thin parts of {thin:.3g} mm; "
-            f"followed from {100.0 * least:g} % on)"
-        )
-        return cls(mirrors, clear, (mirror, unscattered, *_scattering(lit), *_clear(lit)))
+        told = list[str]()
+        for matter, of_kind, mm in zip(lit.matter, left, thin, strict=True):
+            through = "rays" if max(of_kind) >= least else "none"
+            unscattered = (
+                f"unscattered: {through} ({_channels(of_kind)} is left behind thin parts of {mm:.3g} mm; "
+                f"followed from {100.0 * least:g} % on)"
+            )
+            named = f"{matter.name or 'the material'}, " if len(lit.matter) > 1 else ""
+            told += [f"{named}{sentence}" for sentence in (unscattered, *_scattering(lit, matter))]
+        return cls(mirrors, bool(clear), (mirror, *told, *_clear(lit)))
 
 
 class PathStages:
@@ -107,27 +115,35 @@ class PathStages:
         if not lit.quality.facts.follows_sight:
             return None
         mesh, samples = lit.model.mesh, lit.samples
-        parts = PathParts.of(scene, lit, self._run(Stage.THICKNESS, [mesh], lambda: thin_part(mesh, samples)))
+        kinds = samples.faces if lit.bodies is None else kinds_of(lit.bodies.of_face[samples.faces], lit.matter)
+        chosen = [slice(None) if len(lit.matter) == 1 else kinds == i for i in range(len(lit.matter))]
+        thin = [
+            self._run(
+                numbered(Stage.THICKNESS, i),
+                [mesh, *lit.matter[1:]],
+                lambda of_kind=of_kind: thin_part(mesh, samples, of_kind),  # type: ignore[misc]
+            )
+            for i, of_kind in enumerate(chosen)
+        ]
+        parts = PathParts.of(scene, lit, thin)
         if not (parts.mirrors or parts.clear):
             return Paths(None, meets_itself=False, why=parts.why)
         say("preparing rays through the object")
         from milkglass.core.paths import Tree, most_events
 
         bodies = None if lit.body_marks is None else lit.bodies
-        surface = self._run(
-            Stage.PATH_SURFACE,
-            [mesh, bodies, lit.eta, lit.clear],
-            lambda: surface_of(mesh, bodies, lit.eta, lit.clear),
-        )
+        surface = surface_for_rays(self._run, mesh, bodies, lit.matter, lit.clear)
         around, mirrors, clear = self._surroundings(scene, lit), parts.mirrors, parts.clear
+        of_kinds = extinctions(lit)
 
         def make() -> Tree:
             of_bodies = np.array(surface.absorption)
-            of_bodies[: surface.scattering] = extinctions(lit)
+            of_bodies[: surface.scattering] = np.array(of_kinds)[surface.matter]
             return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear, events=most_events(surface))
 
-        tree = self._run(Stage.PATHS, [surface, around, *extinctions(lit), mirrors, clear], make)
-        return Paths(tree, meets_itself=lit.exchange is not None or bool(lit.clear), why=parts.why)
+        tree = self._run(Stage.PATHS, [surface, around, *of_kinds, mirrors, clear], make)
+        meets_itself = lit.exchange is not None or bool(lit.clear) or len(lit.matter) > 1
+        return Paths(tree, meets_itself=meets_itself, why=parts.why)
 
     def _surroundings(self, scene: Scene, lit: LitScene) -> "Surroundings":
         environment, lamps = scene.environment, scene.effective_lights()
@@ -144,22 +160,17 @@ class PathStages:
         )
 
 
-def extinctions(lit: LitScene) -> list[float]:
-    """Return the extinction of light along rays of sight, of R, G and B, 1/mm: that of beams, where there are any."""
+def extinctions(lit: LitScene) -> list[tuple[float, ...]]:
+    """Return the extinction of light along rays of sight, of R, G and B in each kind of matter, 1/mm: that of beams."""
     if lit.beams is None:
-        return [medium.sigma_t_prime for medium in lit.media]
-    return [scaled(medium, lit.grid).sigma_t for medium in lit.media]
+        return [tuple(medium.sigma_t_prime for medium in of_kind.media) for of_kind in lit.matter]
+    return [tuple(scaled(medium, lit.grid).sigma_t for medium in of_kind.followed) for of_kind in lit.matter]
 
 
-def is_clear(method: Method, media: Sequence[Medium], mesh: Mesh) -> bool:
-    """Return whether so little light scatters in an object that rays of sight find all there is to see."""
-    return method.follows_sight and not scatters(media, mesh.mean_chord)
-
-
-def _scattering(lit: LitScene) -> tuple[str, str, str]:
+def _scattering(lit: LitScene, matter: Matter) -> tuple[str, str, str]:
     """Return sentences on light that scatters once, and more often, and on that which leaves by the surface."""
-    media, chord = lit.media, lit.model.mesh.mean_chord
-    if is_clear(lit.quality.facts, media, lit.model.mesh):
+    media, chord = matter.media, matter.chord
+    if not matter.scatters:
         scattered = _channels(scattered_share(medium, chord) for medium in media)
         from_on = f"followed from {100.0 * RESOLVED.least_scattered:g} % on"
         return f"once: none ({scattered} scatters on {chord:.3g} mm; {from_on})", "often: none", "surface: none"
@@ -199,9 +210,13 @@ def _clear(lit: LitScene) -> tuple[str, ...]:
     return (f"clear parts: {'; '.join(named)}; seen by rays, and beams come through them",)
 
 
-def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
-    """Return how thick a mesh is in its thin parts: a quantile of what rays along the normal tell, by area, mm."""
-    areas = samples.areas.astype(np.float64)
+def thin_part(mesh: Mesh, samples: SurfaceSamples, of_kind: Bools | slice = slice(None)) -> float:
+    """Return how thick a mesh is in its thin parts: a quantile of what rays along the normal tell, by area, mm.
+
+    `of_kind` chooses some of the samples.
+    """
+    areas = np.zeros(len(samples))
+    areas[of_kind] = samples.areas[of_kind]
     chosen = np.random.default_rng(0).choice(len(samples), THICKNESS_RAYS, p=areas / areas.sum())
     inwards = -samples.normals[chosen]
     starts = samples.points[chosen] + START * mesh.radius * inwards
@@ -210,13 +225,25 @@ def thin_part(mesh: Mesh, samples: SurfaceSamples) -> float:
     return float(np.quantile(distance[met], THIN_QUANTILE)) if met.any() else 2.0 * mesh.radius
 
 
-def surface_of(mesh: Mesh, bodies: Bodies | None, eta: float, clear: "tuple[ClearPart, ...]" = ()) -> "Surface":
+def surface_for_rays(
+    run: Callable[..., "Surface"],
+    mesh: Mesh,
+    bodies: Bodies | None,
+    matter: Sequence[Matter],
+    clear: "tuple[ClearPart, ...]",
+) -> "Surface":
     """Return the surface for rays of a mesh, one body or several that scatter light each alone, and of clear parts."""
-    from milkglass.core.paths import Surface
 
-    if bodies is None:
-        return Surface.of(mesh, eta, clear=clear)
-    return Surface.of(mesh, np.full(bodies.count, eta), bodies.of_face, clear)
+    def make() -> "Surface":
+        from milkglass.core.paths import Surface
+
+        if bodies is None:
+            return Surface.of(mesh, matter[0].eta, clear=clear)
+        kinds = kinds_of(np.arange(bodies.count, dtype=np.int32), tuple(matter))
+        return Surface.of(mesh, np.array([of_kind.eta for of_kind in matter])[kinds], bodies.of_face, clear, kinds)
+
+    etas, ends = tuple(of_kind.eta for of_kind in matter), tuple(of_kind.bodies for of_kind in matter)
+    return run(Stage.PATH_SURFACE, [mesh, bodies, etas, ends, clear], make)
 
 
 def _surroundings(

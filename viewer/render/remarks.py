@@ -13,7 +13,6 @@ from milkglass.core.transport.methods import METHODS, Method
 from milkglass.core.transport.quality import percent
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
-from milkglass.viewer.render.paths import is_clear
 from milkglass.viewer.scene.light_paths import ALL
 from milkglass.viewer.scene.scene import Scene
 
@@ -62,7 +61,7 @@ def lacks_glow(lit: LitScene) -> str | None:
     if lit.detail is None or not lit.quality.facts.follows_sight:
         return None
     named = _listed([needs_beams(medium, lit.grid) for medium in lit.media])
-    if not named or is_clear(lit.quality.facts, lit.media, lit.model.mesh):
+    if not named or not lit.matter[0].scatters:
         return None
     return (
         f"the surface has colours or relief, and so light that scatters inside is drawn as if it had often, where it "

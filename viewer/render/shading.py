@@ -239,9 +239,8 @@ class Shading:
         targets = self._run(
             Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts=parts, depth=depth)
         )
-        volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
         light = lit.model, lit.detail, *lit.sources
-        return targets, (targets, request.offsets, scene.gloss, scene.camera, size, *light, *volume)
+        return targets, (targets, request.offsets, scene.gloss, scene.camera, size, *light, *gather.key)
 
     def _sample(
         self,
@@ -290,8 +289,8 @@ class Shading:
         yield from self._irradiance.steps(
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
         )
-        left = gather.left_to_surface if followed is not None else (1.0,) * 3
-        traced = self._composite.not_traced(left if sample.exits else (0.0,) * 3)
+        left = tuple(kind.left_to_surface if followed is not None else (1.0,) * 3 for kind in gather.kinds)
+        traced = self._composite.not_traced(left if sample.exits else ((0.0,) * 3,) * len(left))
         if followed is not None:
             found = yield from self._tracing.steps(followed, gbuffer, camera.eye, sample.number)
             traced = traced if found is None else replace(found, left=traced.left)

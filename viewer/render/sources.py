@@ -9,7 +9,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.probe import Probe, irradiance_table
 from milkglass.core.light.sources import ProbeSource
-from milkglass.core.stages import NumberedStage, Stage, Stages, Steps
+from milkglass.core.stages import NumberedStage, Stage, Stages, Steps, numbered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf, PartedProbe, probe_source
 from milkglass.viewer.gl.buffers import MeshBuffers
@@ -118,21 +118,29 @@ class Surround:
         return () if parts is None else probe_lamps(environment, parts[0])
 
     def even(
-        self, environment: EnvironmentSettings, eta: float, occlusion: Occlusion | None
+        self, environment: EnvironmentSettings, etas: Sequence[float], occlusion: Occlusion | None
     ) -> tuple[tuple[LightSource, ...], LobeFilter | None]:
-        """Return the source, if any, of an environment's light but for its lamps, and its probe for highlights."""
+        """Return the source, if any, of an environment's light but for its lamps, and its probe for highlights.
+
+        `etas` are the indices of refraction of what it falls on.
+        """
         if not shines(environment):
             return (), None
         run, rest = self._run, self.rest(environment)
-        table = run(
-            Stage.ENVIRONMENT_TABLE,
-            [rest, eta],
-            lambda: latlong_texture(self._context, irradiance_table(rest.sh, eta)),
-        )
+        tables = [
+            run(
+                numbered(Stage.ENVIRONMENT_TABLE, i),
+                [rest, eta],
+                lambda eta=eta: latlong_texture(self._context, irradiance_table(rest.sh, eta)),  # type: ignore[misc]
+            )
+            for i, eta in enumerate(dict.fromkeys(etas))
+        ]
+        turned = environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion
+        of_etas = dict(zip(dict.fromkeys(etas), tables, strict=True))
         ambient = run(
             Stage.ENVIRONMENT_LIGHT,
-            [table, environment, occlusion],
-            lambda: surround(table, environment.rotation_deg, environment.intensity, self._lamps.no_shadow, occlusion),
+            [*tables, environment, occlusion],
+            lambda: surround(tables[0], *turned, of_etas),
         )
         return (ambient,), run(Stage.HIGHLIGHT_LOBES, [rest], lambda: self._assets.get(LobesOf(rest)))
 

@@ -24,7 +24,7 @@ from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.scene.light_paths import LightPaths
 
 if TYPE_CHECKING:
-    from milkglass.core.paths import ClearPart, Sight, Tree
+    from milkglass.core.paths import ClearPart, Glow, Sight, Tree
     from milkglass.core.paths.resolved import Resolved
     from milkglass.core.paths.tree import Found
 
@@ -46,6 +46,9 @@ class Leaving:
         beside = [np.arange(n), *(cKDTree(lit.model.mesh.vertices).query(part.mesh.vertices)[1] for part in lit.clear)]
         self._nearest = np.concatenate(beside)
         self._dimming = dimming(lit.model.mesh, lit.clear)
+        of_vertex = lit.kind_of_vertex
+        self._left = np.array([kind.left_to_surface for kind in gather.kinds])[of_vertex]
+        self._normalisation = np.array([[kind.exit_normalisation] for kind in gather.kinds])[of_vertex]
 
     def __call__(self, vertices: Ints) -> Float32:
         """Return the values of vertices, (m, 3), for their numbers, (m,)."""
@@ -55,7 +58,7 @@ class Leaving:
             with current(self._context):
                 exitance = self._exitance.at_vertices(missing, self._lit, gather)
             exitance = exitance * self._dimming[missing]
-            self._values[missing] = exitance * gather.left_to_surface / gather.exit_normalisation
+            self._values[missing] = exitance * self._left[missing] / self._normalisation[missing]
             self._known[missing] = True
         return self._values[vertices]
 
@@ -104,13 +107,12 @@ class Tracing:
         clear, resolved = paths.tree, gather.resolved
         tree = clear
         if paths.meets_itself or resolved is not None:
-            volume = gather.volume, gather.fluence, gather.tables, gather.eta, gather.exit_normalisation, gather.reentry
-            key = clear, lit.model, lit.detail, *lit.sources, *volume, resolved, paths.meets_itself
+            key = clear, lit.model, lit.detail, *lit.sources, *gather.key, resolved, paths.meets_itself
 
             def lit_tree() -> "Tree":
-                glow = None if resolved is None else resolved.glow
+                glows = () if resolved is None else tuple(kind.glow for kind in resolved.kinds)
                 leaving = Leaving(self._context, self._exitance, lit, gather) if paths.meets_itself else None
-                return replace(clear, glow=glow, leaving=leaving)
+                return replace(clear, glows=glows, leaving=leaving)
 
             tree = self._run(Stage.LIT_PATHS, key, lit_tree)
         if all(shown.inside):
@@ -203,12 +205,12 @@ def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "
     """Return a tree whose refracted rays show some parts of light alone."""
     from milkglass.core.paths import Inside
 
-    glow = None
+    glows: tuple[Glow, ...] = ()
     if resolved is not None and shown.once != shown.often:
-        glow = resolved.once if shown.once else resolved.often
+        glows = tuple(kind.once if shown.once else kind.often for kind in resolved.kinds)
     elif shown.once:
-        glow = tree.glow
-    return replace(tree, inside=Inside(shown.unscattered, glow, shown.often))
+        glows = tree.glows
+    return replace(tree, inside=Inside(shown.unscattered, glows, shown.often))
 
 
 def in_squares(pixels: Ints, width: int, step: int) -> tuple[Ints, Ints]:

@@ -49,7 +49,7 @@ __all__ = [
 # A vessel is of glass, where nothing is said of its parts.
 BUILTIN_MATERIALS = {vessel: {"glass": MaterialSettings.clear(1.52)} for vessel in ("tumbler", "bottle")}
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
-MOST_CLEAR = 30  # as of `core.paths.surface`, which needs numerics that reading a scene does without
+MOST_PARTS = 30  # one less than `core.paths.surface.MOST_MEDIA`, which needs numerics that reading a scene does without
 CLEAR = {"sigma_s_prime": [0, 0, 0], "sigma_a": [0, 0, 0]}  # of a part, where its table does not say more
 PartMaterials = tuple[tuple[str, MaterialSettings], ...]
 _RIVALS = {
@@ -64,8 +64,8 @@ class Scene:
     """Frozen and hashable; every table checks its own values.
 
     ``lights`` None means not given: a default pair then lights the object unless an environment does. ``materials``
-    are pairs of a part's name and its material, or a mapping: parts that do not scatter light, as glass around a
-    liquid; ``material`` is what all others are of.
+    are pairs of a part's name and its material, or a mapping: parts of other matter, as glass around a liquid;
+    ``material`` is what all others are of.
     """
 
     model: ModelSettings = field(default_factory=ModelSettings)
@@ -94,12 +94,24 @@ class Scene:
             object.__setattr__(self, "lights", tuple(lights))
         materials = self.materials or BUILTIN_MATERIALS.get(self.model.builtin_name or "", ())
         object.__setattr__(self, "materials", _checked_materials(materials))
-        parts = tuple(name for name, _ in self.materials) or None
+        parts = None
+        if self.materials:
+            parts = tuple(name for name, _ in self.clear_parts), tuple(name for name, _ in self.scattering_parts)
         if self.model.parts != parts:
             object.__setattr__(self, "model", replace(self.model, parts=parts))
         if self.display.background == "environment" and not self.environment.given:
             fix = "set environment.path or environment.builtin too"
             raise InputError(f'display.background is "environment" but there is none; {fix}')
+
+    @property
+    def clear_parts(self) -> PartMaterials:
+        """Parts with a material of their own that does not scatter light."""
+        return tuple(part for part in self.materials if not any(part[1].resolve().sigma_s_prime))
+
+    @property
+    def scattering_parts(self) -> PartMaterials:
+        """Parts with a material of their own that scatters light."""
+        return tuple(part for part in self.materials if any(part[1].resolve().sigma_s_prime))
 
     def effective_lights(self) -> tuple[Light, ...]:
         """Return the lights that shine, as they are in the world: on, and not black."""
@@ -176,18 +188,13 @@ class Scene:
 
 
 def _checked_materials(given: PartMaterials | Mapping[str, MaterialSettings]) -> PartMaterials:
-    """Return the materials of parts as pairs; raise `InputError` where one is none, or scatters light."""
+    """Return the materials of parts as pairs; raise `InputError` where one is none."""
     pairs = tuple(given.items()) if isinstance(given, Mapping) else tuple(given)
-    if len(pairs) > MOST_CLEAR:
-        raise InputError(f"materials has {len(pairs)} parts; at most {MOST_CLEAR} may have a material of their own")
+    if len(pairs) > MOST_PARTS:
+        raise InputError(f"materials has {len(pairs)} parts; at most {MOST_PARTS} may have a material of their own")
     for name, settings in pairs:
         if not isinstance(settings, MaterialSettings):
             raise InputError(f"materials.{name} must be MaterialSettings, not a {type(settings).__name__}")
-        if any(settings.resolve().sigma_s_prime):
-            raise InputError(
-                f"materials.{name} scatters light; a part with a material of its own may only absorb and refract it:"
-                f" give materials.{name}.sigma_s_prime = [0, 0, 0], and what scatters as [material]"
-            )
     return pairs
 
 
@@ -370,7 +377,7 @@ def _to_toml(scene: Scene, base: Path) -> str:
                 part: {
                     key: value
                     for key, value in _content(material, base).items()
-                    if key in {*CLEAR, "eta"} or value != usual[key]
+                    if key in {*CLEAR, "eta"} or value != usual.get(key)
                 }
                 for part, material in content
             }

@@ -252,7 +252,8 @@ class ModelSettings:
         why="normals (.png, .jpg) over the model's texture coordinates, in place of the file's own; green points up"
     )
     mesh: "Mesh | None" = in_memory(moves=Part.SHAPE)  # in world space, instead of path and builtin
-    parts: tuple[str, ...] | None = in_memory(moves=Part.SHAPE)  # with a material of their own; a scene knows these
+    # Clear parts and those that scatter, which have a material of their own; a scene knows these.
+    parts: tuple[tuple[str, ...], tuple[str, ...]] | None = in_memory(moves=Part.SHAPE)
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)

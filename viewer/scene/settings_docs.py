@@ -11,7 +11,7 @@ from milkglass.viewer.scene.settings import TABLES
 
 PARTS_WHY = (
     "material of the part of the model with that name, keys as of `material`, without which it is clear glass of eta "
-    "1.5; it does not scatter light (`sigma_s_prime = [0, 0, 0]`), and other parts are of `material`"
+    "1.5; other parts are of `material`"
 )
 
 

@@ -47,6 +47,7 @@ class ExchangeGeometry:
 
     def __init__(self, exchange: Exchange, boundary: Boundary, samples: SurfaceSamples) -> None:
         patches = boundary.patches
+        self.indices = exchange.indices
         self.boundary, self.samples = boundary, samples
         self.emitters = exchange.emitters(patches.on_surface, patches.face_normals, boundary.grid.texel)
         self.pattern = Pattern(exchange.hits, self.emitters, len(patches))
@@ -81,15 +82,16 @@ class SurfaceExchange:
         self.boundary, samples = geometry.boundary, geometry.samples
         self._emitters: Ints = geometry.emitters
         self._crossings: Crossings | None = None
+        self._extinctions: Sequence[Sequence[float]] | None = None
         self._ground: GroundReturn | None = None
-        self._eta = eta
-        self._to_vertices = geometry.pattern.matrix(eta)
+        self._eta = geometry.indices or eta
+        self._to_vertices = geometry.pattern.matrix(self._eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
         self.entry = enter(everywhere, self.boundary, depths, eta)
         self._lock = threading.Lock()
         self._sources: dict[tuple[float, float], Scattering] = {}
-        self._across: dict[float, csr_array | None] = {}
+        self._across: dict[tuple[float, ...], csr_array | None] = {}
         self.share = self._share(self._to_vertices @ np.ones(len(self.boundary.patches), np.float32))
 
     def _share(self, irradiance: Float32) -> float:
@@ -104,10 +106,13 @@ class SurfaceExchange:
         other.share += self._share(other._ground.irradiance(brightest, np.ones(n, np.float32)))
         return other
 
-    def through(self, crossings: Crossings) -> "SurfaceExchange":
-        """Return the exchange with light that crosses matter on these paths; they share all else."""
+    def through(self, crossings: Crossings, extinctions: Sequence[Sequence[float]] | None = None) -> "SurfaceExchange":
+        """Return the exchange with light that crosses matter on these paths; they share all else.
+
+        `extinctions` are those of R, G and B, each of all kinds of matter, where there are several.
+        """
         other = copy.copy(self)
-        other._crossings, other._across = crossings, {}
+        other._crossings, other._across, other._extinctions = crossings, {}, extinctions
         return other
 
     def irradiance(self, exitance: Array, media: Sequence[Medium]) -> Float32:
@@ -124,14 +129,14 @@ class SurfaceExchange:
         leaving = exitance.astype(np.float32)
         if self._leaving is not None:
             leaving *= self._leaving[:, channel]
-        entering, across = self._to_vertices @ leaving, self._matrix_across(medium)
+        entering, across = self._to_vertices @ leaving, self._matrix_across(channel, medium)
         if across is not None:
             entering = entering + across @ leaving
         return np.asarray(entering if self._ground is None else entering + self._ground.irradiance(channel, leaving))
 
-    def _matrix_across(self, medium: Medium) -> csr_array | None:
+    def _matrix_across(self, channel: int, medium: Medium) -> csr_array | None:
         """Return the matrix from exitance to what enters at the vertices across matter, None where that is little."""
-        extinction = medium.sigma_t_prime
+        extinction = (medium.sigma_t_prime,) if self._extinctions is None else tuple(self._extinctions[channel])
         if self._crossings is None:
             return None
         with self._lock:

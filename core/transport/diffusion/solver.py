@@ -81,6 +81,8 @@ class Problem:
         The lights' beams through the object, where light within is to be followed too.
     media_within : R, G and B
         Of light within.
+    external : (samples, 3) float32, optional
+        As of `core.transport.base.EnteringFlux`.
     """
 
     mesh: Mesh
@@ -91,11 +93,13 @@ class Problem:
     exchange: Exchange | None = None
     beams: "Beams | None" = None
     media_within: Sequence[Medium] = ()
+    external: Float32 | None = None
 
     @property
     def key(self) -> tuple[object, ...]:
         """Return all that the solution depends on but the grid, as a key of stages."""
-        return self.mesh, self.samples, *self.lights, *self.media, self.exchange, self.beams, *self.media_within
+        within = self.beams, *self.media_within, self.external
+        return self.mesh, self.samples, *self.lights, *self.media, self.exchange, *within
 
 
 @dataclass(eq=False)
@@ -168,22 +172,31 @@ class DiffusionTransport:
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
-        solid, light = lit.solid, (lit.grid, lit.lights, _solved(lit), lit.exchange, lit.beams, lit.media)
+        solid, light = lit.solid, (lit.grid, lit.lights, _solved(lit), lit.exchange, lit.beams, lit.media, lit.external)
         return self.solve(Problem(solid.mesh, solid.samples, *light), stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
-        """Return the media of R, G and B, on which this transport depends."""
-        return lit.media
+        """Return the media of R, G and B, on which this transport depends, and those of each body."""
+        return *lit.media, *lit.matter
 
     def tables_of(self, lit: EnteringFlux, atlas: Atlas, parts: Sequence[Scattered | None]) -> PixelTables:
         """Return the tables of pixels where the volume is an atlas of several bodies; None for a dark one."""
         boundaries = [part.boundary if isinstance(part, Solution) else None for part in parts]
 
-        def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
-            return atlas.assembled([None if boundary is None else of(boundary) for boundary in boundaries], channels)
+        def of_kind(light: EnteringFlux, bodies: range) -> PixelTables:
+            def on_nodes(of: Callable[[Boundary], Float32], channels: int) -> Float32:
+                of_all = [
+                    None if boundary is None or i not in bodies else of(boundary)
+                    for i, boundary in enumerate(boundaries)
+                ]
+                return atlas.assembled(of_all, channels)
 
-        present = [boundary for boundary in boundaries if boundary is not None]
-        return pixel_tables(present, _solved(lit), self.window_width(atlas.grid), on_nodes)
+            present = [boundary for boundary in boundaries[bodies.start : bodies.stop] if boundary is not None]
+            return pixel_tables(present, _solved(light), self.window_width(atlas.grid), on_nodes)
+
+        ranges = [matter.bodies for matter in lit.matter] or [range(len(parts))]
+        first, *others = (of_kind(*kind) for kind in zip(lit.in_kinds(), ranges, strict=True))
+        return replace(first, others=tuple(others))
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
         """Return the transport in one body of an object, which shares all kernels."""
@@ -244,7 +257,7 @@ class DiffusionTransport:
         self._within = self._within or Within(self.kernels, self.shape, tolerance, WITHIN_PRODUCTS)
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in problem.media]
         green = self.kernels.spectra(kernels, self._maker(boundary.grid))
-        body = Body(problem.mesh, problem.samples, boundary, solution.exchange)
+        body = Body(problem.mesh, problem.samples, boundary, solution.exchange, problem.external)
         width = self.window_width(boundary.grid)
         resolved = self._within.resolved(beams, media, body, width, green, stages, is_wanted)
         return replace(solution, resolved=resolved, lacks_light_within=resolved is None)
@@ -257,7 +270,7 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None, media_within=())
+        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None, media_within=(), external=None)
         return stages.run(
             Stage.COARSE_SOLUTION,
             (coarse, *on_coarse.key),
@@ -283,7 +296,9 @@ class DiffusionTransport:
             )
             if (crossings := exchange.crossings) is not None:
                 alone = between
-                between = stages.run(Stage.SURFACE_CROSSING, (alone, crossings), lambda: alone.through(crossings))
+                lengths = exchange.extinctions
+                key = alone, crossings, lengths
+                between = stages.run(Stage.SURFACE_CROSSING, key, lambda: alone.through(crossings, lengths))
             if (ground := exchange.ground) is not None:
                 floating = between
                 between = stages.run(Stage.SURFACE_GROUND, (floating, ground), lambda: floating.above(ground))

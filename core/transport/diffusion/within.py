@@ -47,12 +47,15 @@ class Body:
     boundary : Boundary
     exchange : SurfaceExchange, optional
         By which light that leaves enters again.
+    external : (samples, 3) float32, optional
+        Flux that enters from other bodies.
     """
 
     mesh: Mesh
     samples: SurfaceSamples
     boundary: Boundary
     exchange: SurfaceExchange | None
+    external: Float32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,7 @@ class Often:
     end : Reached
         What its diffusion has come to.
     entered : (n_layers, height, width) float32
-        Power at the nodes that scatters for the first time since it left the object and entered again.
+        Power at the nodes that scatters for the first time since it left the object, or another one, and entered.
     """
 
     end: Reached
@@ -185,7 +188,7 @@ class Within:
             return None
         fluence = stages.run(
             Stage.FLUENCE,
-            (second, body.boundary, body.exchange),
+            (second, body.boundary, body.exchange, body.external),
             lambda: self._fluence(_diffusing(source, second, media, flights), media, index, body, window, green),
         )
 
@@ -310,18 +313,23 @@ class Within:
                 return None
             medium = replace(media[i], eta=eta, anisotropy=BOUNDARY_CONDITION.anisotropy_within)
             convolver = self._kernels.convolver(self._shape(grid, media[i]), i)
-            reentry, entered = None, np.zeros(power.size, np.float32)
+            reentry, entered, local = None, np.zeros(power.size, np.float32), none
+            if body.exchange is not None and body.external is not None:
+                entering = body.exchange.sources(medium, window)
+                flux = boundary.patches.sums @ body.external[:, i].astype(np.float64)
+                entered, local = entering.at_nodes(flux), entering.at_patches(flux)
             if body.exchange is not None and not body.exchange.is_negligible(medium):
                 reentry = Reentry(body.exchange, i, medium, window)
             convolve = functools.partial(convolver.convolve, spectra=spectrum)
-            at = channels[i] = Channel(boundary, medium, window, convolve, power.ravel(), none, reentry=reentry)
+            deposited = power.ravel() + entered
+            at = channels[i] = Channel(boundary, medium, window, convolve, deposited, local, reentry=reentry)
             start = begin(at, i, self._last, None, body.samples)
             iteration = Iteration(at, start, self._tolerance, self._most_products)
             while iteration.advance():
                 pass
             end = iteration.reached
             if reentry is not None:
-                entered = reentry.at_nodes(end.two_A_M)
+                entered = entered + reentry.at_nodes(end.two_A_M)
             return Often(end, entered.reshape(grid.shape))
 
         found = pool_map(solved, range(len(media)))

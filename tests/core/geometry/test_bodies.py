@@ -1,9 +1,10 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from milkglass.core.geometry.bodies import bodies_at, find_bodies
+from milkglass.core.geometry.bodies import bodies_at, bodies_of_kinds, find_bodies, touching_kinds
 from milkglass.core.geometry.boxes import group_bounds, overlapping_boxes
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.rays import RayMesh
@@ -72,6 +73,31 @@ def test_vertices_and_parts_of_a_body():
     parts = [bodies.submesh(mesh, body) for body in range(2)]
     assert sum(part.area for part in parts) == pytest.approx(mesh.area)
     np.testing.assert_array_equal(parts[0].bounds, mesh.bounds)
+
+
+@pytest.mark.parametrize(("gap", "touch"), [(0.1, []), (0.0, [(0, 1)]), (-0.2, [(0, 1)])])
+def test_bodies_of_several_kinds_of_matter_are_numbered_kind_by_kind_and_touch(gap, touch):
+    """Three blocks, of which the middle one is of a second kind: beside the first, far from the third."""
+    sides = (1.0, 1.0, 1.0)
+    mesh = mesh_of(block(sides), block(sides, (1.0 + gap, 0.0, 0.0)), block(sides, (5.0, 0.0, 0.0)))
+    mesh = replace(mesh, kinds=np.repeat([0, 1, 0], 12))
+    bodies, ranges = bodies_of_kinds(mesh, joined=False)
+    assert (bodies.count, ranges) == (3, (range(2), range(2, 3)))
+    np.testing.assert_array_equal(bodies.of_face, np.repeat([0, 2, 1], 12))
+    assert bodies_of_kinds(mesh, joined=True)[1] == (range(1), range(1, 2))
+    assert touching_kinds(mesh) == touch
+
+
+def test_a_body_in_the_cavity_of_another_kind_does_not_touch_it():
+    shell, inner = mesh_of(ball(), ball(radius=0.8, inverted=True)), mesh_of(ball(radius=0.5))
+    mesh = Mesh.of(
+        np.concatenate([shell.vertices, inner.vertices]),
+        np.concatenate([shell.normals, inner.normals]),
+        np.concatenate([shell.faces, inner.faces + len(shell.vertices)]),
+    )
+    mesh = replace(mesh, kinds=np.repeat([0, 1], [len(shell.faces), len(inner.faces)]))
+    assert touching_kinds(mesh) == []
+    assert bodies_of_kinds(mesh, joined=False)[1] == (range(1), range(1, 2))
 
 
 def test_points_of_the_surface_find_their_body_across_a_narrow_gap():

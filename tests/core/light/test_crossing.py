@@ -77,7 +77,7 @@ def test_a_lamp_through_a_plate_has_its_flux(roofed):
     points = np.column_stack([np.random.default_rng(0).uniform(-0.8, 0.8, (n, 2)), np.full(n, 0.6)])
     up = np.broadcast_to([0.0, 0.0, 1.0], (n, 3))
     mirror = Mirror(roofed)
-    received = mirror.crossing(points, up, up, np.ones((n, 3)), ETA, np.inf)
+    received = mirror.crossing(points, up, up, np.ones((n, 3)), ETA, np.inf, ETA)
     mirrored, left = float(reflectance(ETA, 1.0)), np.exp(-0.1 * extinction)
     plate = (1.0 - mirrored) ** 2 * left / (1.0 - (mirrored * left) ** 2)
     back = mirrored + (1.0 - mirrored) ** 2 * mirrored * left**2 / (1.0 - (mirrored * left) ** 2)

@@ -8,6 +8,7 @@ import pytest
 from milkglass.core.geometry.refine import refined
 from milkglass.core.light.casting import BakeCancelled
 from milkglass.core.light.exchange import LEFT, NEGLIGIBLE, Exchange, cast_hits, nearest_emitters, self_visible_share
+from milkglass.core.light.indices import Indices
 from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from tests.support.shapes import cube
@@ -28,6 +29,22 @@ def test_light_in_a_closed_cavity_stays(cavity, eta):
     rows = hits.matrix(eta, np.arange(len(mesh.faces)), len(mesh.faces)).sum(axis=1)
     assert rows.mean() == pytest.approx(1.0, abs=2e-3)
     assert rows.std() < 0.01
+
+
+def test_even_light_stays_even_where_half_of_the_cavity_has_another_index(cavity):
+    """Of radiance 1 all around each place has E = M = pi T, T of its own index."""
+    mesh, hits = cavity
+    etas = 1.3, 1.8
+    right_faces = (mesh.vertices[mesh.faces].mean(axis=1)[:, 0] > 0.0).astype(int)
+    indices = Indices(etas, (mesh.vertices[:, 0] > 0.0).astype(int), right_faces)
+    transmitting = np.array([hemispherical_transmittance(eta) for eta in etas])
+    found = hits.matrix(indices, np.arange(len(mesh.faces)), len(mesh.faces)) @ transmitting[right_faces]
+    over = found / transmitting[indices.of_vertex]
+    for half in (0, 1):
+        assert over[indices.of_vertex == half].mean() == pytest.approx(1.0, abs=2e-3)
+    alike = Indices((1.5, 1.5), indices.of_vertex, right_faces)
+    for of_two, of_one in zip(hits.factors(alike), hits.factors(1.5), strict=True):
+        np.testing.assert_array_equal(of_two, of_one)
 
 
 def test_a_part_of_the_cavity_lights_all_of_it_alike(cavity):

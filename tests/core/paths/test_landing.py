@@ -23,14 +23,14 @@ def disc(irradiance: np.ndarray, radius: float) -> np.ndarray:
 
 
 def test_light_through_what_does_not_bend_it_falls_as_without():
-    found = landed(Surface.of(MESH, 1.0), LIGHT, PLANE, of_lamp=True).irradiance(PLANE, (0.0, 0.0, 0.0))
+    found = landed(Surface.of(MESH, 1.0), LIGHT, PLANE, of_lamp=True).irradiance(PLANE, np.zeros((1, 3)))
     np.testing.assert_allclose(disc(found, 8.0), [1.0, 2.0, 4.0], rtol=0.02)
     assert not disc(found, 14.0).max() > 4.0 * (RADIUS / 14.0) ** 2 * 1.1
 
 
 def test_matter_takes_away_by_the_way_through_it():
     extinctions = np.array([0.0, 0.05, 0.2])
-    found = landed(Surface.of(MESH, 1.0), LIGHT, PLANE, of_lamp=True).irradiance(PLANE, extinctions)
+    found = landed(Surface.of(MESH, 1.0), LIGHT, PLANE, of_lamp=True).irradiance(PLANE, extinctions[None])
     r = np.linspace(0.0, 5.0, 200)
     through = np.exp(-2.0 * extinctions * np.sqrt(RADIUS**2 - r[:, None] ** 2))
     expected = np.trapezoid(2.0 * r[:, None] * through, r, axis=0) / 25.0
@@ -40,7 +40,7 @@ def test_matter_takes_away_by_the_way_through_it():
 @pytest.mark.parametrize("of_lamp", [True, False])
 def test_a_ball_of_glass_gathers_light_and_loses_none(of_lamp):
     found = landed(Surface.of(MESH, 1.5), LIGHT, PLANE, of_lamp=of_lamp)
-    irradiance = found.irradiance(PLANE, (0.0, 0.0, 0.0))
+    irradiance = found.irradiance(PLANE, np.zeros((1, 3)))
     assert disc(irradiance, 2.0)[0] > 5.0
     flux = found.power.sum(axis=0, dtype=np.float64) / (np.pi * RADIUS**2)
     # What is mirrored first goes down where the ball is met beyond 45 degrees; the rest leaves upwards or far away.

@@ -150,8 +150,35 @@ def test_beams_reach_a_liquid_through_its_glass():
     rays = beam(500, 0.2)
     found = traced(surface, Emitted(rays.origins, rays.directions, np.ones((500, 3), np.float32)))
     assert (found.bodies == 0).all()
-    first = (found.before == 0.0) & (found.power[:, 0] > 0.5)
+    first = (found.before[:, 0] == 0.0) & (found.power[:, 0] > 0.5)
     expected = (1.0 - reflectance(GLASS, 1.0)) * (1.0 - reflectance(GLASS / LIQUID, 1.0)) * np.exp(-2.0 * tint)
     assert first.sum() == 500
     np.testing.assert_allclose(found.power[first], np.broadcast_to(expected, (500, 3)), rtol=0.01)
     np.testing.assert_allclose(found.lengths[first], 16.0, rtol=0.01)
+
+
+def test_ways_are_known_in_each_kind_of_matter_and_bodies_keep_their_own():
+    """Two balls of two kinds in a row, of the index of air, and a beam along both: one is lit through the other."""
+    pair = solids.mesh_of(ball(4.0).apply_translation([0, 0, 6.0]), ball(5.0).apply_translation([0, 0, -6.0]))
+    bodies = (pair.vertices[pair.faces].mean(axis=1)[:, 2] < 0.0).astype(np.int32)
+    surface = Surface.of(pair, [1.0, 1.0], bodies, matter=[0, 1])
+    rays = beam(50, 0.1)
+    found = traced(surface, Emitted(rays.origins, rays.directions, np.ones((50, 3), np.float32)))
+    first, second = found.of_body(0), found.of_body(1)
+    np.testing.assert_allclose(first.before, 0.0)
+    np.testing.assert_allclose(second.before, np.broadcast_to([8.0, 0.0], (50, 2)), rtol=0.01)
+    extinctions = np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]], np.float32)
+    dimmed = second.in_matter(1, extinctions)
+    np.testing.assert_allclose(dimmed.power, np.exp(-8.0 * extinctions[0]) * second.power, rtol=0.01)
+    assert dimmed.before.shape == (50, 1)
+    assert not dimmed.before.any()
+
+
+def test_where_two_kinds_overlap_the_smaller_one_is_there():
+    pair = solids.mesh_of(ball(6.0), ball(4.0).apply_translation([0, 0, -6.0]))
+    bodies = np.repeat(np.array([0, 1], np.int32), len(ball(6.0).faces))
+    surface = Surface.of(pair, [LIQUID, GLASS], bodies, matter=[0, 1])
+    chords = [heavy(event.chords) for event in follow(surface, beam(50, 0.1), np.zeros((2, 3), np.float32))]
+    crossed = [(set(part.bodies.tolist()), float(part.lengths.sum() / 50.0)) for part in chords if part.lengths.size]
+    assert [bodies for bodies, _ in crossed] == [{0}, {1}]
+    np.testing.assert_allclose([length for _, length in crossed], [8.0, 8.0], rtol=0.01)

@@ -83,7 +83,7 @@ def test_uniform_glow_in_a_sphere_is_what_a_chord_gathers():
     surface, extinction = sphere(2.0), np.array([[0.0, 0.03, 1.0]], np.float32)
     box = np.ones((3, 22, 22, 22)) * np.array([0.5, 1.0, 2.0])[:, None, None, None]
     glow = Glow.of(box, (-10.5, -10.5, -10.5), 1.0)
-    seen = Tree(surface, extinction, WHITE, glow).trace(sight(surface, 200, 0.1))
+    seen = Tree(surface, extinction, WHITE, (glow,)).trace(sight(surface, 200, 0.1))
     length = 2.0 * RADIUS
     gathered = np.array([length, *(1.0 - np.exp(-length * extinction[0, 1:])) / extinction[0, 1:]])
     r = float(reflectance(2.0, 1.0))
@@ -98,7 +98,7 @@ def test_glow_is_read_between_its_nodes_and_nowhere_else():
     z, y, x = np.meshgrid(*[np.arange(12.0)] * 3, indexing="ij")
     glow = Glow.of(np.stack([x + 2.0 * y, z, np.ones_like(z)]), (-11.0, -12.0, -13.0), 2.0)
     rays = sight(surface, 300, 4.0)
-    seen = Tree(surface, CLEAR, WHITE, glow).trace(rays)
+    seen = Tree(surface, CLEAR, WHITE, (glow,)).trace(rays)
     chord = 2.0 * rays.points[:, 2]
     at = (rays.points[:, 0] + 11.0) / 2.0 + (rays.points[:, 1] + 12.0)
     np.testing.assert_allclose(seen.scattered[:, 0], chord * at, rtol=2e-3)

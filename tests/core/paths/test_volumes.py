@@ -13,6 +13,7 @@ from milkglass.core.paths.emission import Ball, diverging, parallel, surrounding
 from milkglass.core.paths.filled import filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
 from milkglass.core.paths.surface import Surface
+from tests.support import solids
 from tests.support.solids import ball, block, mesh_of
 
 ETA, RADIUS, BEAMS = 1.33, 10.0, 8000
@@ -123,3 +124,26 @@ def test_unscattered_light_of_a_sphere(sphere):
     entered = collided(beams, THICK, grid).sum(axis=(1, 2, 3))
     left = collided(beams, (0.3 / RADIUS, 1.0 / RADIUS, 3.0 / RADIUS), grid).sum(axis=(1, 2, 3))
     np.testing.assert_allclose(1.0 - left / entered, [0.5876, 0.1768, 0.0066], atol=3e-3)
+
+
+@pytest.mark.parametrize("kind", ["parallel", "diverging", "surrounding"])
+def test_most_rays_meet_a_slender_object_and_bring_what_falls_on_it(kind):
+    """A rod of 2 x 20 x 2 mm, which fills a tenth of its ball's disc; flux is counted on its faces."""
+    rod, towards = solids.mesh_of(solids.block((2.0, 20.0, 2.0))), np.array([0.6, 0.0, 0.8])
+    around, place = Ball.around(rod), 50.0 * towards
+    if kind == "parallel":
+        light, expected = parallel(towards, (1.0, 2.0, 3.0), around, 10_000), 40.0 * (0.6 + 0.8)
+    elif kind == "surrounding":
+        light, expected = surrounding(np.ones((16, 32, 3)), np.eye(3), around, 10_000), np.pi * rod.area
+    else:
+        light = diverging(place, lambda at: 1.0 / np.square(at - place).sum(axis=1), (1.0, 2.0, 3.0), around, 10_000)
+        u = (np.arange(60) + 0.5) / 60.0
+        x, y = np.meshgrid(2.0 * u - 1.0, 20.0 * u - 10.0)
+        expected = 0.0
+        for at, facing in (((x, y, np.ones_like(x)), 2), ((np.ones_like(x), y, x), 0)):
+            off = place[:, None, None] - np.array(at)
+            expected += 40.0 * np.mean(off[facing] / (off**2).sum(axis=0) ** 1.5)
+    met = rod.rays.first(light.origins, light.directions)[0] >= 0
+    assert met.mean() > 0.95
+    assert 9_000 < met.sum() < 11_000
+    assert light.power[met, 0].sum() == pytest.approx(expected, rel=0.02)

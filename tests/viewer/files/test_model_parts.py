@@ -27,7 +27,7 @@ def write_cup(path) -> None:
 
 def taken(model: FileModel, name: str) -> FileModel:
     """Take a part out of a model; what is left and the part are the ball and the cube."""
-    parted = model.parted([name], "the cup")
+    parted = model.parted([name], [], "the cup")
     assert (len(parted.mesh.faces), [len(mesh.faces) for mesh in parted.clear]) == (80, [12])
     np.testing.assert_allclose(parted.whole.bounds, model.mesh.bounds)
     return parted
@@ -59,6 +59,14 @@ def test_parts_of_a_gltf_file_have_names_of_materials_nodes_and_meshes(tmp_path)
         taken(model, name)
 
 
+def test_a_part_that_scatters_stays_in_the_mesh_and_is_told_apart(tmp_path):
+    write_cup(tmp_path / "cup.obj")
+    parted = read_model(tmp_path / "cup.obj", 100.0).parted([], ["glass"], "the cup")
+    assert (len(parted.mesh.faces), parted.clear) == (92, ())
+    assert (parted.mesh.kinds == 1).sum() == 12
+    assert np.ptp(parted.mesh.vertices[parted.mesh.faces[parted.mesh.kinds == 0]], axis=(0, 1)).max() < 60.0
+
+
 def test_parts_without_a_name_have_numbers(tmp_path):
     box, ball = trimesh.creation.box((2, 2, 2)), trimesh.creation.icosphere(1, 0.5)
     trimesh.util.concatenate([box, ball]).export(tmp_path / "cup.ply")
@@ -69,14 +77,14 @@ def test_a_name_that_no_part_has_is_told_with_those_that_there_are(tmp_path, cap
     write_cup(tmp_path / "cup.obj")
     model = read_model(tmp_path / "cup.obj", 100.0)
     with pytest.raises(InputError, match=r"materials.glas names no part of the cup, whose parts are juice, glass$"):
-        model.parted(["glas"], "the cup")
+        model.parted(["glas"], [], "the cup")
     with pytest.raises(InputError, match="names all parts of the cup; leave one"):
-        model.parted(["glass", "juice"], "the cup")
+        model.parted(["glass"], ["juice"], "the cup")
     with pytest.raises(InputError, match="faces of the cup that another table has named"):
-        model.parted(["glass", "glass"], "the cup")
-    ball = FileModel(model.parted(["glass"], "the cup").mesh)
+        model.parted(["glass"], ["glass"], "the cup")
+    ball = FileModel(model.parted(["glass"], [], "the cup").mesh)
     with pytest.raises(InputError, match="names no part of the ball, which is of one part alone; leave it out"):
-        ball.parted(["glass"], "the ball")
+        ball.parted(["glass"], [], "the ball")
     arguments = "render", str(tmp_path / "cup.obj"), "--set", "materials.glas.eta=1.5", "--output", "x.png"
     assert main(arguments) == 2
     assert "materials.glas names no part of" in capsys.readouterr().err
@@ -85,7 +93,7 @@ def test_a_name_that_no_part_has_is_told_with_those_that_there_are(tmp_path, cap
 @pytest.mark.parametrize("vessel", ["tumbler", "bottle"])
 def test_a_vessel_is_closed_glass_around_a_liquid_that_reaches_into_it(vessel):
     model = builtin_vessel(vessel, 100.0)
-    parted = model.parted(["glass"], vessel)
+    parted = model.parted(["glass"], [], vessel)
     glass, liquid = parted.clear[0], parted.mesh
     assert np.ptp(parted.whole.bounds, axis=0).max() == pytest.approx(100.0, rel=1e-6)
     assert 0.0 < glass.volume < liquid.volume

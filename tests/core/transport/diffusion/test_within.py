@@ -97,7 +97,7 @@ class Object:
         normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
         points = origins + distance[:, None] * directions
         sight = Sight(points[met], normals[met], directions[met], np.zeros(met.sum(), np.int32))
-        return Tree(self.surface, extinction.astype(np.float32)[None], surroundings, glow).trace(sight)
+        return Tree(self.surface, extinction.astype(np.float32)[None], surroundings, (glow,)).trace(sight)
 
     def leaving(self, extinction: Array, glow: Glow, parts: int) -> Array:
         """Scattered flux that leaves a sphere, by height in parts of one area: (parts, 3)."""
