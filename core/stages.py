@@ -173,6 +173,8 @@ class Stage(StrEnum):
     ENTRY = "entry of light", Part.TRANSPORT
     EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
+    PATCH_FLUX = "flux into patches", Part.TRANSPORT
+    RETURNED = "light that has returned", Part.TRANSPORT
     SURFACE_CROSSING = "exchange through thin parts of patches", Part.TRANSPORT
     SURFACE_GROUND = "exchange with the ground", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT

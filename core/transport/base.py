@@ -48,11 +48,14 @@ class EnteringLight:
         Unit, the way that light travels.
     position : 3-tuple, optional
         Where it comes from, mm.
+    returned : bool
+        Whether it has met the object before, and comes from all around: let out or mirrored by it, or come through it.
     """
 
     flux: Float32
     direction: Vector | None = None
     position: Vector | None = None
+    returned: bool = False
 
 
 class Solid(Protocol):

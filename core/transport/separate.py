@@ -376,7 +376,7 @@ class OfBodies:
                     continue
                 if go_on is not None and not go_on(replace(scattered, waiting=True)):
                     return replace(scattered, waiting=True)
-                lights = *light.lights, EnteringLight(flux)
+                lights = *light.lights, EnteringLight(flux, returned=True)
                 lit_again = replace(light, flux=light.flux + flux, lights=lights, external=flux)
                 parts[i] = self._bodies[i].transport.scatter(lit_again, self._bodies[i].stages)
             scattered = replace(scattered, parts=tuple(parts))

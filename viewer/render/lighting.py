@@ -186,7 +186,7 @@ class Lighting:
             again = self._exchanges.flux(carrier, unscattered, surface)
             flux = run(Stage.TOTAL_FLUX, [flux, again], lambda: flux + again)
             if quality.facts.takes_each_light:
-                lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again))
+                lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again, returned=True))
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         beams = None
         if sight and not clear:

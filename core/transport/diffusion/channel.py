@@ -11,8 +11,8 @@ from milkglass.core.threads import computed_once
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.edges.crossing import Crossing, crossing
 from milkglass.core.transport.diffusion.edges.last_flight import LastFlight, last_flight
-from milkglass.core.transport.diffusion.entry import Entry, sources
-from milkglass.core.transport.diffusion.green import local_green, local_slope
+from milkglass.core.transport.diffusion.entry import Entry, shallow_sources, sources
+from milkglass.core.transport.diffusion.green import LocalParts
 from milkglass.core.transport.diffusion.reentry import Reentry, SurfaceExchange
 
 DIAGONAL_SHIFT = 0.25  # added to the diagonal, which all but vanishes on sharp ridges
@@ -61,16 +61,16 @@ class Channel:
         bending = boundary.bending(medium)
         self._deposit = boundary.layer_assignment(medium.extrapolation_factor, medium.diffusion, bending)
         self._gather = boundary.weights.T
-        local_single_layer = float(local_green(medium, s, 0.0)) / (2.0 * medium.extrapolation_factor)
-        sheet = boundary.sheet
+        parts, sheet = LocalParts.of(medium, s), boundary.sheet
+        local_single_layer = float(parts.values[0]) / (2.0 * medium.extrapolation_factor)
         # Local parts of both layers between the sides of a slab. k0 has that of K, without absorption, on the diagonal:
         # it is taken off there.
         self._across = sheet.share * (
-            local_green(medium, s, sheet.thickness) / (2.0 * medium.extrapolation_factor)
-            + bending[sheet.opposite] * local_slope(medium, s, sheet.thickness)
+            parts.green(sheet.thickness) / (2.0 * medium.extrapolation_factor)
+            + bending[sheet.opposite] * parts.slope(sheet.thickness)
         )
         self._diagonal = 0.5 + boundary.double_layer_diagonal
-        self._diagonal[sheet.patches] -= sheet.share * local_slope(NO_ABSORPTION, s, sheet.thickness)
+        self._diagonal[sheet.patches] -= sheet.share * LocalParts.of(NO_ABSORPTION, s).slope(sheet.thickness)
         self._diagonal = bending * self._diagonal + local_single_layer
         self._deposited, self._local = deposited.reshape(boundary.grid.shape), local
         self._corrections, self._reentry = corrections or EdgeCorrections(), reentry
@@ -183,12 +183,37 @@ class Sources:
         All lights inside the object.
     exchange : SurfaceExchange, optional
         By which light that leaves enters again.
+    shallow : (n, 3) float64, optional
+        Flux into the patches of further light, from all around, whose first scattering is taken to be shallow.
+    again : (n, 3) float64, optional
+        Of what is let out and enters again, likewise, where no exchange is part of the equation.
     """
 
     boundary: Boundary
     depths: Depths
     entries: Sequence[Entry]
     exchange: SurfaceExchange | None = None
+    shallow: Array | None = None
+    again: Array | None = None
+
+    def is_dark(self, i: int) -> bool:
+        """Whether there is no light of the i-th colour."""
+        return not any(flux[:, i].any() for flux in self._fluxes)
+
+    def are_alike(self, i: int, k: int) -> bool:
+        """Whether there is the same light of two colours."""
+        return all(np.array_equal(flux[:, i], flux[:, k]) for flux in self._fluxes)
+
+    @property
+    def entering(self) -> Array:
+        """Return the flux of R, G and B that enters for the first time, (3,)."""
+        fluxes = self._fluxes if self.again is None else self._fluxes[:-1]
+        return np.asarray(sum((flux.sum(axis=0) for flux in fluxes), np.zeros(3)))
+
+    @property
+    def _fluxes(self) -> list[Array]:
+        further = [flux for flux in (self.shallow, self.again) if flux is not None]
+        return [entry.flux for entry in self.entries] + further
 
 
 def lit(light: Sources, medium: Medium, s: float, convolve: Callable[[Float32], Float32], i: int) -> Channel:
@@ -205,6 +230,11 @@ def lit(light: Sources, medium: Medium, s: float, convolve: Callable[[Float32], 
     for entry in entries:
         of_light = reentry.sources if reentry is not None and entry.diffuse else None
         at_nodes, at_patches = sources(entry, boundary, medium, i, s, retained, of_light)
+        deposited += at_nodes
+        local += at_patches
+    further = [flux[:, i] for flux in (light.shallow, light.again) if flux is not None]
+    if further:
+        at_nodes, at_patches = shallow_sources(np.sum(further, axis=0), boundary, medium, s)
         deposited += at_nodes
         local += at_patches
     flight = last_flight(boundary, light.depths, medium, s, entries, i, retained)

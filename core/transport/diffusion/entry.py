@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csc_array, csr_array, hstack
+from scipy.sparse import csc_array, csr_array
 
 from milkglass.core.arrays import Array, Float32
 from milkglass.core.grid.layers import tsc_matrix
@@ -17,7 +17,7 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import first_scattering, mean_cosine, refract
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
-from milkglass.core.transport.diffusion.green import local_green
+from milkglass.core.transport.diffusion.green import SMALLEST_ATTENUATION, LocalParts
 from milkglass.core.transport.diffusion.half_space import gain
 
 LEAST_REFLECTED = 0.05  # F_r above which reflection inside is followed; it is less near normal incidence
@@ -149,34 +149,54 @@ class Scattering:
         return np.asarray(self.local @ flux)
 
 
+class _FirstScattering:
+    """Where the light of an entry scatters first in a medium, once reflected inside too, for a window of width s, mm.
+
+    Attributes
+    ----------
+    points : (k, 3) float64
+        mm.
+    shares : (k,) float64
+        Of the light of a patch that scatters at each and is not absorbed.
+    owners : (k,) int
+        That patch.
+    rows, sides : (j,) int
+        Patches with a local part, and those by whose light; what was reflected inside has one too small to count.
+    local : (j,) float64
+        That part for a unit of flux.
+    """
+
+    def __init__(self, entry: Entry, boundary: Boundary, medium: Medium, s: float) -> None:
+        n, patches, sheet = len(boundary.patches), entry.patches, boundary.sheet
+        depths, shares = first_scattering(entry.chords_in(medium))
+        depths, shares = medium.mean_free_path * depths, medium.albedo * shares
+        second, (rays, second_depths, second_shares) = entry.second, second_scattering(entry, medium)
+        lengths = entry.stretch * np.concatenate([depths.T.ravel(), medium.mean_free_path * second_depths.T.ravel()])
+        twice, again = np.tile(np.arange(len(patches)), 2), np.tile(rays, 2)
+        starts = np.concatenate([boundary.patches.points[patches[twice]], second.starts[again]])
+        self.points = starts + lengths[:, None] * np.concatenate([entry.rays[twice], second.directions[again]])
+        self.shares = np.concatenate([shares.T.ravel(), medium.albedo * second_shares.T.ravel()])
+        self.owners = patches[np.concatenate([twice, second.rays[again]])]
+        index = np.full(n, -1)  # of each patch in the entry
+        index[patches] = np.arange(len(patches))
+        lit = np.flatnonzero(index[sheet.opposite] >= 0)  # thin slabs that light enters on the other side
+        across, parts = index[sheet.opposite[lit]], LocalParts.of(medium, s)
+        density = shares / np.maximum(boundary.patches.areas[patches], np.finfo(np.float64).tiny)[:, None]
+        below = depths * entry.cosines[:, None]
+        left = np.abs(sheet.thickness[lit, None] - below[across])
+        here = np.sum(density * parts.green(below), axis=1)
+        coupling = sheet.share[lit] * np.sum(density[across] * parts.green(left), axis=1)
+        self.rows = np.concatenate([patches, sheet.patches[lit]])
+        self.sides = np.concatenate([patches, sheet.opposite[lit]])
+        self.local = np.concatenate([here, coupling])
+
+
 def scattering(entry: Entry, boundary: Boundary, medium: Medium, s: float) -> Scattering:
-    """Return the first scattering of a light, once reflected inside too, whose local part is too small to count."""
-    n, patches, sheet = len(boundary.patches), entry.patches, boundary.sheet
-    depths, shares = first_scattering(entry.chords_in(medium))
-    depths, shares = medium.mean_free_path * depths, medium.albedo * shares
-    start = boundary.patches.points[patches]
-    density = shares / np.maximum(boundary.patches.areas[patches], np.finfo(np.float64).tiny)[:, None]
-    second, (rays, second_depths, second_shares) = entry.second, second_scattering(entry, medium)
-    lengths = entry.stretch * medium.mean_free_path * second_depths
-    index = np.full(n, -1)  # of each patch in the entry
-    index[patches] = np.arange(len(patches))
-    lit = np.flatnonzero(index[sheet.opposite] >= 0)  # thin slabs that light enters on the other side
-    across = index[sheet.opposite[lit]]
-    columns, diagonal, coupling = [], np.zeros(len(patches)), np.zeros(len(lit))
-    for node in range(2):
-        points = start + entry.stretch * depths[:, node, None] * entry.rays
-        reflected = second.starts[rays] + lengths[:, node, None] * second.directions[rays]
-        columns.append(_assigned(boundary, points, shares[:, node]))
-        columns.append(_assigned(boundary, reflected, medium.albedo * second_shares[:, node]))
-        below = depths[:, node] * entry.cosines
-        diagonal += density[:, node] * local_green(medium, s, below)
-        left = np.abs(sheet.thickness[lit] - below[across])
-        coupling += sheet.share[lit] * density[across, node] * local_green(medium, s, left)
-    rows = np.concatenate([patches, sheet.patches[lit]])
-    sides = np.concatenate([patches, sheet.opposite[lit]])
-    local = csr_array((np.concatenate([diagonal, coupling]), (rows, sides)), shape=(n, n))
-    owners = np.tile(np.append(patches, patches[second.rays[rays]]), 2)
-    return Scattering(csc_array(hstack(columns, format="csc")), owners, local)
+    """Return the first scattering of a light, for a window of width s, mm."""
+    first, n = _FirstScattering(entry, boundary, medium, s), len(boundary.patches)
+    deposited = _weights(boundary, first.points)
+    deposited.data *= np.repeat(first.shares.astype(np.float32), np.diff(deposited.indptr))
+    return Scattering(deposited, first.owners, csr_array((first.local, (first.rows, first.sides)), shape=(n, n)))
 
 
 def sources(
@@ -194,10 +214,46 @@ def sources(
     in the medium, where it is known: of light from all around, that of any such light. Light counts times what
     diffusion lacks of it (`core.transport.diffusion.half_space`).
     """
-    flux, of_light = np.zeros(len(boundary.patches)), of_light or scattering(entry, boundary, medium, s)
-    counted = retained[entry.patches] * entry.gain(medium)
-    flux[entry.patches] = counted * entry.flux[:, channel]
-    return of_light.at_nodes(flux), of_light.at_patches(flux)
+    flux = np.zeros(len(boundary.patches))
+    flux[entry.patches] = retained[entry.patches] * entry.gain(medium) * entry.flux[:, channel]
+    if of_light is not None:
+        return of_light.at_nodes(flux), of_light.at_patches(flux)
+    first = _FirstScattering(entry, boundary, medium, s)
+    at_nodes = _weights(boundary, first.points) @ (first.shares * flux[first.owners]).astype(np.float32)
+    at_patches = np.bincount(first.rows, first.local * flux[first.sides], len(flux))
+    return np.asarray(at_nodes), np.asarray(at_patches, np.float64)
+
+
+def shallow_sources(flux: Array, boundary: Boundary, medium: Medium, s: float) -> tuple[Float32, Array]:
+    """Return the first scattering of light from all around as `sources` does, to first order in its depth.
+
+    It is W f - n . grad W <z> f at the nodes, in a third of the time. Next to a flat surface that is exact, as its
+    local part makes up for the rest; what is farther away gets a tenth too little where free paths are of four cells.
+
+    Parameters
+    ----------
+    flux : (n,) float64
+        E dA of one channel that enters the patches.
+    boundary, medium, s
+        As of `sources`.
+    """
+    patches, sheet, parts = boundary.patches, boundary.sheet, LocalParts.of(medium, s)
+    deep = mean_cosine(medium.eta) * medium.mean_free_path  # depth of a mean free path
+    chords = boundary.thickness / deep
+    left = np.exp(-chords)
+    counted = medium.albedo * gain(medium, np.full(len(flux), mean_cosine(medium.eta)), chords) * flux
+    sigma = max(medium.attenuation, SMALLEST_ATTENUATION / s)
+    scattered, depth = counted * (1.0 - left), deep * counted * (1.0 - (1.0 + chords) * left)
+    reaching = counted * -np.expm1(-chords * (1.0 + sigma * deep)) / (1.0 + sigma * deep)  # the mean of exp(-sigma z)
+    slopes = csc_array((boundary.slopes, boundary.weights.indices, boundary.weights.indptr), boundary.weights.shape)
+    at_nodes = boundary.weights @ scattered.astype(np.float32) - slopes @ depth.astype(np.float32)
+    per_area = 1.0 / np.maximum(patches.areas, np.finfo(np.float64).tiny)
+    local = parts.values[0] * scattered - (scattered - reaching) / (2.0 * medium.diffusion * sigma)
+    across = parts.green(sheet.thickness) * (per_area * scattered)[sheet.opposite]
+    across -= parts.slope(sheet.thickness) / medium.diffusion * (per_area * depth)[sheet.opposite]
+    local *= per_area
+    local[sheet.patches] += sheet.share * across
+    return np.asarray(at_nodes), local
 
 
 def first_sources(entry: Entry, medium: Medium, channel: int, retained: Array) -> tuple[Array, Array]:
@@ -226,8 +282,6 @@ def second_scattering(entry: Entry, medium: Medium) -> tuple[npt.NDArray[np.intp
     return worth, depths, left[worth, None] * shares
 
 
-def _assigned(boundary: Boundary, points: Array, strength: Array) -> csc_array:
-    """Return the particle-mesh assignment of points (k, 3), mm, times their strength (k,): (nodes, k)."""
-    weights = tsc_matrix(boundary.grid, boundary.grid.coordinates(points))
-    data = weights.data * np.repeat(strength.astype(np.float32), np.diff(weights.indptr))
-    return csc_array((data, weights.indices, weights.indptr), shape=weights.shape)
+def _weights(boundary: Boundary, points: Array) -> csc_array:
+    """Return the particle-mesh assignment of points (k, 3), mm: (nodes, k)."""
+    return tsc_matrix(boundary.grid, boundary.grid.coordinates(points))

@@ -200,6 +200,11 @@ def fitted(channel: Channel, guesses: Sequence[Array]) -> Start:
 
 def _prolonged(coarse: End, i: int, boundary: Boundary, samples: SurfaceSamples) -> Array:
     """Return 2 A M of one channel prolonged to finer patches of the same samples, (n,): means over the samples."""
-    at_samples = coarse.boundary.patches.sums.T @ coarse.two_A_M[i]
-    total = boundary.patches.sums @ (samples.areas * at_samples)
-    return np.asarray(total / np.maximum(boundary.patches.areas, np.finfo(np.float64).tiny))
+    return prolonged(coarse.two_A_M[i][:, None], coarse.boundary, boundary, samples)[:, 0]
+
+
+def prolonged(values: Array, coarse: Boundary, boundary: Boundary, samples: SurfaceSamples) -> Array:
+    """Return values of patches, (m, k), at other patches of the same samples, (n, k): means over the samples."""
+    at_samples = coarse.patches.sums.T @ values
+    total = boundary.patches.sums @ (samples.areas[:, None] * at_samples)
+    return np.asarray(total / np.maximum(boundary.patches.areas, np.finfo(np.float64).tiny)[:, None])

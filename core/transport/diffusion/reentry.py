@@ -11,12 +11,14 @@ the layers' before it.
 
 import copy
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from milkglass.core.arrays import Array, Float32, Ints
+from milkglass.core.geometry.refine import Refined
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
@@ -31,6 +33,7 @@ KEPT_MEDIA = 3  # those of a material
 # What leaves and meets the surface again, as a share of what has entered, below which a channel does without: it
 # changes a picture by at most 0.3 %.
 NEGLIGIBLE_SHARE = 0.005
+MOST_RETURNED = 0.95  # of all that enters, by the estimate of what enters again in another medium
 
 
 class ExchangeGeometry:
@@ -55,9 +58,7 @@ class ExchangeGeometry:
         if exchange.leaving is not None:
             sums = patches.sums @ (samples.areas[:, None] * exchange.leaving)
             self.leaving = (sums / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]).astype(np.float32)
-        tints = [None] if exchange.entering is None else list(exchange.entering.T)
-        at_samples = exchange.at_samples(samples)
-        self.to_patches = [_flux_matrix(patches, samples.areas, at_samples, tint) for tint in tints]
+        self.to_patches = flux_matrices(exchange, patches, samples)
 
 
 class SurfaceExchange:
@@ -164,6 +165,13 @@ class SurfaceExchange:
         return self.share * diffuse_reflectance(medium) < NEGLIGIBLE_SHARE
 
 
+def flux_matrices(exchange: Exchange, patches: Patches, samples: SurfaceSamples) -> list[csr_array]:
+    """Return the matrices from irradiance at the vertices to the flux into patches, of R, G and B or one for all."""
+    tints = [None] if exchange.entering is None else list(exchange.entering.T)
+    at_samples = exchange.at_samples(samples)
+    return [_flux_matrix(patches, samples.areas, at_samples, tint) for tint in tints]
+
+
 def _flux_matrix(patches: Patches, areas: Float32, at_samples: csr_array, tint: Float32 | None) -> csr_array:
     """Return the matrix from irradiance at the vertices to the flux into patches, coloured by a tint of the samples."""
     factors = areas if tint is None else areas * tint
@@ -176,6 +184,48 @@ def diffuse_reflectance(medium: Medium) -> float:
     return float(
         0.5 * medium.albedo * (1.0 + np.exp(-4.0 / 3.0 * medium.extrapolation_factor * absorbed)) * np.exp(-absorbed)
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Returned:
+    """Light that a solution has enter again: that of the next one is next to it.
+
+    Attributes
+    ----------
+    refined : Refined
+        The surface, of m vertices.
+    irradiance : callable
+        Returns that at the vertices, (m, 3).
+    entering : (3,) float64
+        Flux of R, G and B that entered besides.
+    media : R, G and B
+    """
+
+    refined: Refined
+    irradiance: Callable[[], Float32 | None]
+    entering: Array
+    media: Sequence[Medium]
+
+    def growth(self, flux: Array, entering: Array, media: Sequence[Medium]) -> Array:
+        """Return the factors on it for other light and media, (3,).
+
+        Where `flux` enters again of all that does, and matter returns R of that, it is a geometric series in their
+        product X R; X is the surface's.
+
+        Parameters
+        ----------
+        flux : (3,) float64
+            That enters again in the solution.
+        entering : (3,) float64
+            As of the attributes, of the other light.
+        media : R, G and B
+        """
+        tiny = np.finfo(np.float64).tiny
+        before, now = (np.array([diffuse_reflectance(medium) for medium in of]) for of in (self.media, media))
+        share = flux / np.maximum(flux + self.entering, tiny)
+        ratio = np.minimum(now / np.maximum(before, tiny), MOST_RETURNED / np.maximum(share, tiny))
+        brighter = entering / np.maximum(self.entering, tiny)
+        return np.asarray(ratio * (1.0 - share) / (1.0 - ratio * share) * brighter)
 
 
 class Reentry:

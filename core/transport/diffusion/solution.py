@@ -13,7 +13,6 @@ from milkglass.core.threads import computed_once
 from milkglass.core.transport.base import SurfaceLights
 from milkglass.core.transport.diffusion.boundary import Boundary
 from milkglass.core.transport.diffusion.channel import Channel
-from milkglass.core.transport.diffusion.entry import Entry
 from milkglass.core.transport.diffusion.iteration import Iteration, Reached
 from milkglass.core.transport.diffusion.pixels import (
     bending_at_nodes,
@@ -46,6 +45,8 @@ class Solution:
         Relative residual at which a channel is solved.
     exchange : SurfaceExchange, optional
         By which light that leaves enters again.
+    returned : (m, 3) float32, optional
+        Without it, irradiance at the exchange's vertices that counted as entering again.
     resolved : Resolved, optional
         What matter sends out along rays.
     lacks_light_within : bool
@@ -58,6 +59,7 @@ class Solution:
     window: float
     tolerance: float
     exchange: SurfaceExchange | None = None
+    returned: Float32 | None = None
     resolved: "Resolved | None" = None
     lacks_light_within: bool = False
 
@@ -136,7 +138,9 @@ class Solution:
     @computed_once
     def reentering(self) -> Float32 | None:
         """Return the irradiance that enters again at the vertices of the exchange, (m, 3); None without one."""
-        return None if self.exchange is None else self.exchange.irradiance(self.exitance_of_patches, self.media)
+        if self.exchange is None:
+            return self.returned
+        return self.exchange.irradiance(self.exitance_of_patches, self.media)
 
     def on_layers(self) -> Float32:
         """Return M dA on the nodes, (3, *grid.shape): the volume is no light yet."""
@@ -153,13 +157,9 @@ def reached(
     window: float,
     tolerance: float,
     exchange: SurfaceExchange | None = None,
+    returned: Float32 | None = None,
 ) -> Solution:
     """Return the solution that the channels' iterations have come to; alike channels share one."""
     ends = {channel: iteration.reached for channel, iteration in iterations.items()}
     of_channels = tuple(None if channel is None else ends[channel] for channel in channels)
-    return Solution(boundary, tuple(media), of_channels, window, tolerance, exchange)
-
-
-def same_flux(entries: Sequence[Entry], i: int, k: int) -> bool:
-    """Whether two channels are lit alike."""
-    return all(np.array_equal(entry.flux[:, i], entry.flux[:, k]) for entry in entries)
+    return Solution(boundary, tuple(media), of_channels, window, tolerance, exchange, returned)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_array
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.assignment import SHEET_REACH
@@ -38,11 +38,16 @@ from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on
 from milkglass.core.transport.diffusion.channel import Channel, Sources, lit
 from milkglass.core.transport.diffusion.entry import enter
 from milkglass.core.transport.diffusion.green import green_spectrum
-from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
+from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin, prolonged
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
 from milkglass.core.transport.diffusion.pixels import pixel_tables
-from milkglass.core.transport.diffusion.reentry import ExchangeGeometry, SurfaceExchange
-from milkglass.core.transport.diffusion.solution import Solution as Solution, reached, same_flux
+from milkglass.core.transport.diffusion.reentry import (
+    ExchangeGeometry,
+    Returned,
+    SurfaceExchange,
+    flux_matrices,
+)
+from milkglass.core.transport.diffusion.solution import Solution as Solution, reached
 from milkglass.core.transport.pixels import PixelTables
 
 if TYPE_CHECKING:  # compiled loops take half a second to import, and dense matter does without
@@ -83,6 +88,10 @@ class Problem:
         Of light within.
     external : (samples, 3) float32, optional
         As of `core.transport.base.EnteringFlux`.
+    couples : bool
+        Whether the exchange is part of the equation. Else what enters again is next to what is known.
+    returned : Returned, optional
+        What is known of it then.
     """
 
     mesh: Mesh
@@ -94,10 +103,12 @@ class Problem:
     beams: "Beams | None" = None
     media_within: Sequence[Medium] = ()
     external: Float32 | None = None
+    couples: bool = True
+    returned: Returned | None = None
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Return all that the solution depends on but the grid, as a key of stages."""
+        """Return all that the solution depends on but the grid, and what is known before, as a key of stages."""
         within = self.beams, *self.media_within, self.external
         return self.mesh, self.samples, *self.lights, *self.media, self.exchange, *within
 
@@ -132,6 +143,7 @@ class DiffusionTransport:
     _coarse: "DiffusionTransport | None" = field(default=None, init=False, repr=False)
     _coarse_stages: Stages = field(default_factory=Stages, init=False, repr=False)
     _last: End | None = field(default=None, init=False, repr=False)
+    _last_lit: tuple[Problem, Sources] | None = field(default=None, init=False, repr=False)
     _placed: tuple[Mesh, SurfaceSamples, Boundary] | None = field(default=None, init=False, repr=False)
     _within: "Within | None" = field(default=None, init=False, repr=False)
     _rays: Callable[[Mesh], Depths] = field(default=Depths, init=False, repr=False)  # of half the nodes: those of all
@@ -221,18 +233,23 @@ class DiffusionTransport:
             if go_on is not None:
                 coarse = self._coarse_solution(problem, stages, go_on)
                 if coarse is not None and not go_on(coarse):
+                    self._keep_returned_of_coarse(coarse, problem, stages)
                     return coarse
-            boundary, channels, exchange = self._channels(problem, stages)
+            sources, channels, returned = self._channels(problem, stages)
+            boundary, exchange = sources.boundary, sources.exchange
             ended = None if self._coarse is None or coarse is None else self._coarse._last
             iterations = self._begun(channels, problem.samples, ended)
 
             def newest() -> Solution:
                 width = self.window_width(boundary.grid)
-                return reached(boundary, problem.media, channels, iterations, width, self.tolerance, exchange)
+                return reached(boundary, problem.media, channels, iterations, width, self.tolerance, exchange, returned)
 
             solution, is_over = _advanced(newest, iterations, go_on)
             iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
             self._last = End(boundary, tuple(channels), iterates, ended)
+            self._last_lit = problem, sources
+            if problem.exchange is not None and exchange is not None:
+                _keep_returned(solution, problem.exchange, sources.entering, lambda: solution.reentering, stages)
             if problem.beams is not None and is_over:
                 is_wanted = functools.partial(go_on, solution) if go_on is not None else lambda: True
                 return self._with_light_within(solution, problem, problem.beams, stages, is_wanted)
@@ -270,22 +287,45 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        on_coarse = replace(problem, grid=coarse.grid(mesh, np.eye(3)), beams=None, media_within=(), external=None)
+        known = problem.returned
+        if problem.couples and problem.exchange is not None:
+            kept = stages.kept(Stage.RETURNED)
+            known = kept[1] if kept is not None and kept[1].refined is problem.exchange.refined else None
+        grid = coarse.grid(mesh, np.eye(3))
+        on_coarse = replace(
+            problem, grid=grid, couples=False, returned=known, beams=None, media_within=(), external=None
+        )
         return stages.run(
             Stage.COARSE_SOLUTION,
             (coarse, *on_coarse.key),
             lambda: coarse.solve(on_coarse, self._coarse_stages, go_on),
         )
 
-    def _channels(
-        self, problem: Problem, stages: Stages
-    ) -> tuple[Boundary, list[Channel | None], SurfaceExchange | None]:
-        """Return the boundary, the equation of each channel, None for a dark one, and the exchange between patches."""
+    def _keep_returned_of_coarse(self, coarse: Solution, problem: Problem, stages: Stages) -> None:
+        """Begin to compute what the exitance of a coarse solution has enter again, where all for that is at hand."""
+        exchange, on_coarse = problem.exchange, self._coarse
+        if exchange is None or self._last_lit is None or on_coarse is None or on_coarse._last_lit is None:
+            return
+        (before, sources), (_, light) = self._last_lit, on_coarse._last_lit
+        between, boundary = sources.exchange, sources.boundary
+        if between is None or before.exchange is not exchange or before.media[0].eta != problem.media[0].eta:
+            return
+
+        def entering_again() -> Float32:
+            exitance = prolonged(coarse.exitance_of_patches, coarse.boundary, boundary, problem.samples)
+            return between.irradiance(exitance, problem.media)
+
+        _keep_returned(coarse, exchange, light.entering, thread_pool().submit(entering_again).result, stages)
+
+    def _channels(self, problem: Problem, stages: Stages) -> tuple[Sources, list[Channel | None], Float32 | None]:
+        """Return the light, the equation of each channel, None for a dark one, and what counts as entering again."""
         media, eta = problem.media, problem.media[0].eta
         boundary, depths = self._surface(problem, stages)
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
-        exchange, between = problem.exchange, None
-        if exchange is not None:
+        exchange, between, lights = problem.exchange, None, problem.lights
+        if not problem.couples:
+            lights = [light for light in lights if not light.returned]
+        elif exchange is not None:
             geometry = stages.run(
                 Stage.EXCHANGE_GEOMETRY,
                 (boundary, *exchange.surface),
@@ -309,21 +349,38 @@ class DiffusionTransport:
                 (boundary, light, eta, around),
                 lambda light=light: enter(light, boundary, depths, eta, around),  # type: ignore[misc]
             )
-            for i, light in enumerate(problem.lights, start=1)
+            for i, light in enumerate(lights, start=1)
         ]
+        sources, returned = Sources(boundary, depths, entries, between), None
+        if not problem.couples:
+            sources, returned = self._with_returned(sources, problem, stages)
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))
-        sources = Sources(boundary, depths, entries, between)
         makers: dict[int, Callable[[], Channel]] = {}
         twins: list[int | None] = []
         for i, (medium, spectrum) in enumerate(zip(media, spectra, strict=True)):
-            dark = spectrum is None or not any(entry.flux[:, i].any() for entry in entries)
-            twin = next((k for k in makers if media[k] == medium and same_flux(entries, i, k)), i)
+            dark = spectrum is None or sources.is_dark(i)
+            twin = next((k for k in makers if media[k] == medium and sources.are_alike(i, k)), i)
             twins.append(None if dark else twin)
             if spectrum is not None and twins[-1] == i:
                 makers[i] = self._channel(sources, medium, i, spectrum, stages)
         channels = {i: channel() for i, channel in makers.items()}
-        return boundary, [None if twin is None else channels[twin] for twin in twins], between
+        return sources, [None if twin is None else channels[twin] for twin in twins], returned
+
+    def _with_returned(self, sources: Sources, problem: Problem, stages: Stages) -> tuple[Sources, Float32 | None]:
+        """Return the light with what has met the object before, and of that what is let out again at the vertices."""
+        patches, exchange, known = sources.boundary.patches, problem.exchange, problem.returned
+        fluxes = [patches.sums @ light.flux for light in problem.lights if light.returned]
+        if fluxes:
+            sources = replace(sources, shallow=np.sum(fluxes, axis=0, dtype=np.float64))
+        irradiance = None if known is None else known.irradiance()
+        if exchange is None or known is None or irradiance is None:
+            return sources, None
+        key = sources.boundary, exchange.refined, exchange.entering, exchange.faces
+        matrices = stages.run(Stage.PATCH_FLUX, key, lambda: flux_matrices(exchange, patches, problem.samples))
+        again = np.stack([matrices[i % len(matrices)] @ irradiance[:, i] for i in range(3)], axis=1)
+        growth = known.growth(again.sum(axis=0, dtype=np.float64), sources.entering, problem.media)
+        return replace(sources, again=growth * again), irradiance * growth.astype(np.float32)
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
         """Return sizes padded by the reach of a channel's G; at most by the extent, which is exact."""
@@ -338,7 +395,7 @@ class DiffusionTransport:
     def release(self) -> None:
         """Release the kernels and the last surface and solution."""
         self.kernels.release()
-        self._coarse = self._placed = self._last = self._within = None
+        self._coarse = self._placed = self._last = self._last_lit = self._within = None
         self._coarse_stages.clear()
 
     def _surface(self, problem: Problem, stages: Stages) -> tuple[Boundary, Depths]:
@@ -367,7 +424,8 @@ class DiffusionTransport:
 
         convolve = functools.partial(convolver.convolve, spectra=spectrum)
         make = functools.partial(lit, sources, medium, s, convolve, i)
-        name, key = SOURCES[i], (sources.boundary, sources.exchange, medium, spectrum, *sources.entries)
+        light = sources.boundary, sources.exchange, sources.shallow, sources.again, *sources.entries
+        name, key = SOURCES[i], (medium, spectrum, *light)
         future = None if stages.has(name, key) else thread_pool().submit(make)
         return lambda: stages.run(name, key, make if future is None else future.result)
 
@@ -389,6 +447,18 @@ class DiffusionTransport:
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
         return lambda medium, shape: green_spectrum(medium, s, grid, shape)
+
+
+def _keep_returned(
+    solution: Solution,
+    exchange: Exchange,
+    entering: Array,
+    irradiance: Callable[[], Float32 | None],
+    stages: Stages,
+) -> None:
+    """Keep what a solution has enter again for the start of the next one."""
+    returned = Returned(exchange.refined, irradiance, entering, solution.media)
+    stages.run(Stage.RETURNED, (solution,), lambda: returned)
 
 
 def _solved(lit: EnteringFlux) -> tuple[Medium, ...]:

@@ -28,13 +28,12 @@ from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.ramps import rising
 from milkglass.core.transport.diffusion.entry import Entry, first_sources
-from milkglass.core.transport.diffusion.green import local_green, local_slope
+from milkglass.core.transport.diffusion.green import LocalParts
 
 Ints = npt.NDArray[np.intp]
 
 LIMITS = CONSTANTS.last_flight
 AZIMUTHS = 6  # of the directions that are followed back from a patch
-TABLE_WIDTHS, TABLE_SIZE = 8.0, 512  # of local parts of G: widths of the window that it reaches, and its entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +103,9 @@ def last_flight(
     if not len(chosen):
         return None
     points, weights, below = _scattering_points(boundary, depths, medium, chosen)
-    e = TABLE_WIDTHS * s * np.linspace(0.0, 1.0, TABLE_SIZE)
-    green, slope = local_green(medium, s, e), local_slope(medium, s, e)
-    coarse = np.interp(below, e, green, right=0.0) / (2.0 * medium.extrapolation_factor)
-    coarse += boundary.bending(medium)[chosen, None] * np.interp(below, e, slope, right=0.0)
+    parts = LocalParts.of(medium, s)
+    coarse = parts.green(below) / (2.0 * medium.extrapolation_factor)
+    coarse += boundary.bending(medium)[chosen, None] * parts.slope(below)
     areas, entering = boundary.patches.areas[chosen], np.zeros(len(chosen))
     for entry in entries:
         _, lit, of = np.intersect1d(chosen, entry.patches, assume_unique=True, return_indices=True)
@@ -115,7 +113,7 @@ def last_flight(
         strength /= areas[lit, None]
         for node in range(2):
             distance = np.abs(below[lit] - (depth[:, node] * entry.cosines[of])[:, None])
-            entering[lit] += strength[:, node] * np.sum(weights[lit] * np.interp(distance, e, green, right=0.0), axis=1)
+            entering[lit] += strength[:, node] * np.sum(weights[lit] * parts.green(distance), axis=1)
         entering[lit] += strength.sum(axis=1) * scattered_once(medium.eta, entry.cosines[of])
     return LastFlight(chosen, share[chosen], areas, points, weights, -np.sum(weights * coarse, axis=1), entering)
 

@@ -7,7 +7,7 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import mean_cosine
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Depths
-from milkglass.core.transport.diffusion.entry import enter, second_scattering, sources
+from milkglass.core.transport.diffusion.entry import enter, second_scattering, shallow_sources, sources
 from milkglass.core.transport.diffusion.green import local_green
 from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from tests.support.diffusing import DOWN, MARBLE, collimated, samples_of
@@ -184,3 +184,24 @@ def test_light_that_meets_a_side_under_total_reflection_goes_on(box):
     total, _ = box.moments(sources(entry, box.boundary, medium, 0, box.s, box.all)[0])
     scattered = entry.flux[:, 0] @ -np.expm1(-entry.chords * medium.sigma_t_prime)
     assert total == pytest.approx(scattered + entry.flux[second.rays, 0] @ shares.sum(axis=1), rel=1e-3)
+
+
+@pytest.mark.parametrize("medium", [MARBLE, Medium(1.5, 0.05, 1.3)])
+def test_shallow_light_is_that_from_all_around(box, medium):
+    """Below a flat side the potential is the same, of free paths of one cell and of one and a half."""
+    samples, patches = box.samples, box.boundary.patches
+    entry = box.enter(EnteringLight(np.repeat(samples.areas[:, None], 3, axis=1)), medium.eta)
+    flux = patches.sums @ samples.areas.astype(np.float64)
+    exact = sources(entry, box.boundary, medium, 0, box.s, box.all)
+    found = shallow_sources(flux, box.boundary, medium, box.s)
+    assert found[0].sum() == pytest.approx(exact[0].sum(), rel=0.02)
+    (spectrum,) = box.transport.kernels.spectra(
+        [box.transport._kernel(box.grid, medium)], box.transport._maker(box.grid)
+    )
+    convolver = box.transport.kernels.convolver(box.transport.shape(box.grid, medium))
+    values = [
+        box.boundary.weights.T @ convolver.convolve(nodes.reshape(box.grid.shape), spectrum).ravel() + local
+        for nodes, local in (exact, found)
+    ]
+    inner = (patches.normals[:, 2] > 0.9) & (np.abs(patches.points[:, :2]).max(axis=1) < 5.0)
+    np.testing.assert_allclose(values[1][inner], values[0][inner], rtol=0.03)

@@ -142,3 +142,38 @@ def test_bodies_light_each_other_as_one_object_does():
     assert received == pytest.approx(expected, rel=0.03)
     assert received > 0.05 * float(flux[:, 0].sum())
     np.testing.assert_allclose(separate.reentering[dark].mean(axis=0), joined.reentering[dark].mean(axis=0), rtol=0.02)
+
+
+@pytest.mark.slow
+def test_the_first_picture_knows_what_entered_again():
+    """On half the nodes light that enters again is the last solution's: next to all of what it will be, unlike none."""
+    mesh = shape(knot)
+    samples, transport, stages = samples_of(mesh, 44), DiffusionTransport(resolution=44), Stages()
+    light, grid = collimated(samples), transport.grid(mesh, np.eye(3))
+    exchange = exchange_of(mesh)
+
+    def pictures(factor, *, settles=True):
+        told = []
+        medium = Medium(factor * MARBLE.sigma_s_prime, MARBLE.sigma_a, MARBLE.eta)
+        problem = Problem(mesh, samples, grid, [light], (medium,) * 3, exchange)
+        last = transport.solve(problem, stages, lambda solution: told.append(solution) or (settles or not coarse(told)))
+        return next(solution for solution in told if coarse([solution])), last
+
+    def coarse(told):
+        return told[-1].is_solved and told[-1].grid != grid
+
+    def leaving(solution):
+        return float((solution.exitance_of_patches[:, 0] * solution.boundary.patches.areas).sum())
+
+    unknown, settled = pictures(1.0)
+    assert unknown.reentering is None
+    assert leaving(unknown) < 0.93 * leaving(settled)
+    first, settled = pictures(1.05)
+    assert leaving(first) == pytest.approx(leaving(settled), rel=0.01)
+    np.testing.assert_allclose(first.reentering.mean(), settled.reentering.mean(), rtol=0.02)
+    for factor in (1.2, 1.4, 1.6):  # of a drag, which ends each before it is settled
+        _, ended = pictures(factor, settles=False)
+        assert ended.grid != grid
+    first, settled = pictures(1.7)
+    np.testing.assert_allclose(first.reentering.mean(), settled.reentering.mean(), rtol=0.02)
+    assert leaving(first) == pytest.approx(leaving(settled), rel=0.01)
