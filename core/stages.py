@@ -210,6 +210,11 @@ class Stage(StrEnum):
     LIT_PATHS = "rays of sight, lit", Part.LOOK
     PATH_PARTS = "parts of light along rays", Part.LOOK
     PATH_TARGETS = "ray targets", Part.LOOK
+    BACK_TARGETS = "targets of the back", Part.LOOK
+    BACK_FACES = "back of the surface", Part.LOOK
+    SIGHT_AROUND = "surroundings of drafted rays", Part.LOOK
+    SIGHT_GLOW = "glow along drafted rays", Part.LOOK
+    SIGHT_TARGETS = "targets of drafted rays", Part.LOOK
     REENTRY_TARGETS = "targets of reentry", Part.LOOK
     REENTRY_BUFFERS = "buffers of reentry", Part.LOOK
     REENTRY_PIXELS = "reentry at pixels", Part.LOOK
@@ -397,9 +402,10 @@ class Stages:
         self._kept.clear()
         self.abandon()
 
-    def abandon(self) -> None:
-        """Drop what is half done."""
-        self._begun.clear()
+    def abandon(self, *names: AnyStage) -> None:
+        """Drop what is half done, of some stages or of all."""
+        for name in names or tuple(self._begun):
+            self._begun.pop(name, None)
 
     def run(self, name: AnyStage, depends_on: Iterable[object], compute: Callable[[], T]) -> T:
         """Return the stage's result, computing it only if `depends_on` differs from the last time."""

@@ -30,8 +30,10 @@ uniform sampler2D t_lobe;       // visible share of the highlight of an environm
 uniform bool u_occluded_lobe;   // whether it is there
 uniform float u_surround_strength;  // see highlights.glsl
 uniform bool u_fresnel;
-uniform sampler2DArray t_traced;  // what rays of sight found, see viewer/passes/composite.py
-uniform float u_traced;           // factor on it; 0: none were followed
+uniform sampler2D t_seen_mirrored;  // what rays of sight found, see viewer/passes/composite.py
+uniform sampler2D t_seen_through;
+uniform sampler2D t_seen_scattered;
+uniform bool u_traced;            // whether any were followed
 uniform vec3 u_left_to_surface;   // share of exitance that they do not find
 uniform float u_mirror_strength;
 uniform mat4 u_world_to_clip;
@@ -187,10 +189,6 @@ vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float e
     return u_surround_strength * mirrored * blocked * radiance;
 }
 
-vec3 traced(ivec2 pixel, int layer) {
-    return u_traced > 0.0 ? u_traced * texelFetch(t_traced, ivec3(pixel, layer), 0).rgb : vec3(0.0);
-}
-
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 position = texelFetch(t_position, pixel, 0);
@@ -205,9 +203,12 @@ void main() {
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
     vec3 subsurface = u_left_to_surface * entering * exitance / u_exit_normalisation;
     vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
-    highlight += u_mirror_strength * traced(pixel, 0);
-    vec3 unscattered = traced(pixel, 1);
-    subsurface += traced(pixel, 2);
+    vec3 unscattered = vec3(0.0);
+    if (u_traced) {
+        highlight += u_mirror_strength * texelFetch(t_seen_mirrored, pixel, 0).rgb;
+        unscattered = texelFetch(t_seen_through, pixel, 0).rgb;
+        subsurface += texelFetch(t_seen_scattered, pixel, 0).rgb;
+    }
     o_radiance = u_weight * vec4(subsurface + highlight + unscattered, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);

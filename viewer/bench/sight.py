@@ -26,10 +26,11 @@ AROUND = "overcast"
 TURN_DEG = 2.0  # of the camera in a frame of an orbit
 SLIDER_STEP = 1.02  # factor on scattering by a step of a slider
 FEW = 4  # pixels along a square that shares a ray of sight
-DRAG, FIRST_RAYS, ALL_RAYS = "a frame of an orbit", "rays of sight of a pixel in 16", "rays of sight of all pixels"
+DRAG, DRAFT = "a frame of an orbit", "a draft of what rays of sight find"
+FIRST_RAYS, ALL_RAYS = "rays of sight of a pixel in 16", "rays of sight of all pixels"
 FIRST_LIGHT, ALL_LIGHT, MEMORY = "a material: its first picture", "a material: all light", "peak memory, MB"
-N_ROWS = 6
-WANTED = {FIRST_RAYS: "300 ms", ALL_RAYS: "6 s", FIRST_LIGHT: "2.5", MEMORY: "400 MB more"}
+N_ROWS = 7
+WANTED = {DRAFT: "300 ms", FIRST_RAYS: "300 ms", ALL_RAYS: "6 s", FIRST_LIGHT: "2.5", MEMORY: "400 MB more"}
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,8 @@ def sight_rows(scene: Scene, folder: Path, repeats: int) -> Iterator[SightRow]:
     clear, murky, dense = (_of(scene, name) for name in (CLEAR, MURKY, DENSE))
     with current(headless_context()):
         yield SightRow(DRAG, CLEAR, _orbit(clear, repeats), _orbit(dense, repeats))
-        without, few, full = _rays(clear, repeats)
+        without, draft, few, full = _rays(clear, repeats)
+        yield SightRow(DRAFT, CLEAR, _less(draft, without), without)
         yield SightRow(FIRST_RAYS, CLEAR, _less(few, without), without)
         yield SightRow(ALL_RAYS, CLEAR, _less(full, without), without)
         (first, last), (first_without, last_without) = _slider(murky, repeats)
@@ -126,24 +128,30 @@ def _orbit(scene: Scene, repeats: int) -> Timing:
     return Timing(tuple(frames[1:]))
 
 
-def _rays(scene: Scene, repeats: int) -> tuple[Timing, Timing, Timing]:
-    """Return times of pictures after a turn of the camera: without rays of sight, with a few, with all."""
+def _rays(scene: Scene, repeats: int) -> tuple[Timing, Timing, Timing, Timing]:
+    """Return times of pictures after a turn of the camera: without rays of sight, drafted, with a few, with all."""
     renderer = Renderer(headless_context())
     lit = renderer.light(scene)
     gather = renderer.gather(lit, renderer.scatter(lit))
-    times: tuple[list[float], ...] = [], [], []
+    times: tuple[list[float], ...] = [], [], [], []
+    requests = (
+        PictureRequest(path_step=0),
+        PictureRequest(drafts_sight=True),
+        PictureRequest(path_step=FEW),
+        PictureRequest(),
+    )
     for i in range(repeats + 1):
         turned = _turned(scene, i)
         lit = renderer.light(turned)
-        for step, elapsed in zip((0, FEW, 1), times, strict=True):
+        for request, elapsed in zip(requests, times, strict=True):
 
-            def draw(lit: LitScene = lit, turned: Scene = turned, step: int = step) -> None:
-                renderer.shade(turned, lit, gather, PictureRequest(path_step=step))
+            def draw(lit: LitScene = lit, turned: Scene = turned, request: PictureRequest = request) -> None:
+                renderer.shade(turned, lit, gather, request)
                 renderer.context.finish()
 
             elapsed.append(_milliseconds(draw))
-    without, few, full = (Timing(tuple(elapsed[1:])) for elapsed in times)
-    return without, few, full
+    without, draft, few, full = (Timing(tuple(elapsed[1:])) for elapsed in times)
+    return without, draft, few, full
 
 
 def _slider(scene: Scene, repeats: int) -> tuple[tuple[Timing, Timing], ...]:

@@ -8,6 +8,9 @@ from milkglass.viewer.scene.scene import Scene
 
 SMALLEST_DRAFT = 32  # texels
 PATH_STEPS = 4, 2, 1  # pixels along squares that share rays of sight, one picture after another
+DRAFTED_STEPS = 0, 1  # likewise, after a draft of what rays would find, beside which squares look coarse
+DRAWN = "while something moves: light through the object is drawn from its front and back at each pixel"
+FEW_RAYS = "while something moves: rays of a pixel in 16, of what the surface mirrors or parts within parts show"
 STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
 STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import moderngl
 
-from milkglass.core.stages import Part, Timings, Unfinished
+from milkglass.core.stages import Part, Stage, Timings, Unfinished
 from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import LobesOf
@@ -28,7 +28,16 @@ from milkglass.viewer.live.dependence import (
     turn_deg,
 )
 from milkglass.viewer.live.developer import Developer, ToneMap
-from milkglass.viewer.live.draft import PATH_STEPS, Cost, Detail, allowance, draft_resolution
+from milkglass.viewer.live.draft import (
+    DRAFTED_STEPS,
+    DRAWN,
+    FEW_RAYS,
+    PATH_STEPS,
+    Cost,
+    Detail,
+    allowance,
+    draft_resolution,
+)
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.live.worker import Worker
@@ -83,6 +92,7 @@ class Live:
         self.current = False  # whether the last picture is of the scene asked for, not of one before it
         self.spreading = False  # whether the last frame left something to do for the next one
         self.awaited: Future[Any] | None = None  # what that waits for, where it is on its way
+        self.while_moving = ""  # a sentence on how rays of sight are spared then, where there are any
         self.stage_times: Timings = {}  # ms, of the last time that each ran
         self.ran: Timings = {}  # ms, of the stages of the last frame that ran any
         self._wake = wake
@@ -149,6 +159,8 @@ class Live:
         InputError
             The scene's files or values cannot be used; raised once, by the frame that finds out.
         """
+        if detail.draft:
+            self.renderer.stages.abandon(Stage.COMPOSITE)  # rays of another view, before a frame of this one
         self.renderer.stages.begin(None if detail.draft or detail.at_once else allowance())
         newest = self._newest(scene, detail)
         if newest is None:
@@ -166,12 +178,13 @@ class Live:
                     show,
                     exposure_for=exposure_for,
                     quick=not detail.at_once,
-                    path_step=step,
+                    path_step=step or 1,
+                    drafts_sight=step == 0,
                     ground=not detail.alone,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
                 self._traced, self._step = radiance, step
-                unfinished = step > 1 and not detail.draft
+                unfinished = step != 1 and not detail.draft
             except Unfinished as left:
                 unfinished, self.awaited = True, left.awaited
             if unfinished:
@@ -182,12 +195,16 @@ class Live:
         return self.picture
 
     def _path_step(self, scene: Scene, lit: LitScene, detail: Detail, radiance: Key) -> int:
-        """Return how finely a frame follows rays of sight: ever more finely while radiance is the same."""
-        if detail.at_once or not self.renderer.traces(scene, lit):
+        """Return how finely a frame follows rays of sight: ever more so while radiance is the same; 0 for a draft."""
+        self.while_moving = ""
+        paths = None if detail.at_once else self.renderer.paths(scene, lit)
+        if paths is None or paths.tree is None:
             return 1
+        steps, self.while_moving = (DRAFTED_STEPS, DRAWN) if paths.is_drafted else (PATH_STEPS, FEW_RAYS)
         if detail.draft or self._traced != radiance:
-            return PATH_STEPS[0]
-        return next((step for step in PATH_STEPS if step < self._step), PATH_STEPS[-1])
+            return steps[0]
+        following = steps.index(self._step) + 1 if self._step in steps else 0
+        return steps[min(following, len(steps) - 1)]
 
     def refine(self, scene: Scene, samples: int, show: str = "radiance") -> bool:
         """Draw some of the samples of a pixel; True when `draw` with so many will find all of them there."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import moderngl
 
 from milkglass.core.threads import computed_once
-from milkglass.viewer.gl.context import checked, draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.context import draw_over_object, float_targets, float_texture, over_object
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
 from milkglass.viewer.passes.gather import Gather
@@ -14,7 +14,7 @@ from milkglass.viewer.passes.irradiance import Highlights, PixelLight
 from milkglass.viewer.scene.camera import Camera
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular", "unscattered")
-TREE_LAYERS = 3  # of `Traced.texture`
+SEEN = "t_seen_mirrored", "t_seen_through", "t_seen_scattered"  # samplers of `Traced.textures`
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +30,20 @@ class Composite:
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """Radiance that rays of sight found at every pixel, as an array texture of three layers.
+    """Radiance that rays of sight found at every pixel.
 
     Attributes
     ----------
-    texture : moderngl.TextureArray
-        What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way.
-    weight : float
-        Of this sample's, against the composite's.
+    textures : tuple of moderngl.Texture
+        What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way; any
+        where no rays are followed.
     left : tuple of R, G and B, optional
         Share of exitance that such rays do not find, in this sample of a pixel or another one, of each kind of matter.
     """
 
-    texture: moderngl.TextureArray
-    weight: float
+    textures: tuple[moderngl.Texture, ...]
     left: tuple[tuple[float, ...], ...] | None = None
+    is_followed: bool = True
 
 
 class CompositePass:
@@ -53,7 +52,7 @@ class CompositePass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._plain = self._variant(detail=False)
-        self._not_traced = Traced(self.traced_texture((1, 1)), 0.0)
+        self._not_traced = Traced(self.traced_textures((1, 1)), is_followed=False)
 
     def not_traced(self, left: tuple[tuple[float, ...], ...]) -> Traced:
         """Return what stands for rays of a sample of which none are followed; `left` as of `Traced`."""
@@ -67,14 +66,9 @@ class CompositePass:
         program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
         return program, self._context.vertex_array(program.program, [])
 
-    def traced_texture(self, size: tuple[int, int]) -> moderngl.TextureArray:
-        """Allocate the texture of `Traced` for (width, height) pixels."""
-        purpose = f"rays of {size[0]} x {size[1]} pixels"
-        texture = checked(
-            self._context, lambda: self._context.texture_array((*size, TREE_LAYERS), 3, dtype="f4"), purpose
-        )
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return texture
+    def traced_textures(self, size: tuple[int, int]) -> tuple[moderngl.Texture, ...]:
+        """Allocate the textures of `Traced` for (width, height) pixels."""
+        return tuple(float_texture(self._context, size, 3) for _ in range(len(SEEN)))
 
     def targets(self, size: tuple[int, int], *, parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
         """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""
@@ -111,8 +105,8 @@ class CompositePass:
                     "t_lobe": gbuffer.lobe or gbuffer.normal,
                     "u_occluded_lobe": gbuffer.lobe is not None,
                     **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
-                    "t_traced": traced.texture,
-                    "u_traced": traced.weight,
+                    **dict(zip(SEEN, traced.textures, strict=True)),
+                    "u_traced": traced.is_followed,
                     "u_left_to_surface": (1.0,) * 3 if traced.left is None else traced.left[i],
                     "u_mirror_strength": highlights.mirror_strength,
                     "u_world_to_clip": camera.world_to_clip,

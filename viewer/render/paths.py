@@ -46,11 +46,14 @@ class Paths:
         Whether rays that leave the object meet it again, or come to it through clear parts.
     why : tuple of str
         As of `PathParts`.
+    is_drafted : bool
+        Whether a draft of what rays find comes near to it.
     """
 
     tree: "Tree | None"
     meets_itself: bool
     why: tuple[str, ...]
+    is_drafted: bool = False
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,9 @@ class PathStages:
 
         tree = self._run(Stage.PATHS, [surface, around, *of_kinds, mirrors, clear], make)
         meets_itself = lit.exchange is not None or bool(lit.clear) or len(lit.matter) > 1
-        return Paths(tree, meets_itself=meets_itself, why=parts.why)
+        # What a surface mirrors of itself, and parts within parts, a few rays show and a draft does not.
+        is_drafted = clear and not lit.clear and len(lit.matter) == 1
+        return Paths(tree, meets_itself, parts.why, is_drafted)
 
     def _surroundings(self, scene: Scene, lit: LitScene) -> "Surroundings":
         environment, lamps = scene.environment, scene.effective_lights()

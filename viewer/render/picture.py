@@ -42,6 +42,8 @@ class PictureRequest:
         Whether radiance gets exposure and tone map; a photograph has its own.
     path_step : int
         Side of the squares of pixels that share the rays of sight of one of them, where a scene needs any; 0 for none.
+    drafts_sight : bool
+        Whether a draft of what rays of sight would find is drawn in place of following them.
     ground : bool
         Whether the plane that the object stands on is drawn, where a scene has one.
     """
@@ -53,6 +55,7 @@ class PictureRequest:
     quick: bool = False
     develop: bool = True
     path_step: int = 1
+    drafts_sight: bool = False
     ground: bool = True
 
     @property

@@ -208,10 +208,9 @@ class Renderer:
         paths = self._paths(scene, lit, request)
         return self._shade(scene, lit, gather, request, self._lighting.ground(scene, lit), paths)
 
-    def traces(self, scene: Scene, lit: LitScene) -> bool:
-        """Tell whether pictures of a scene follow rays of sight."""
-        paths = self._lighting.paths(scene, lit)
-        return paths is not None and paths.tree is not None
+    def paths(self, scene: Scene, lit: LitScene) -> Paths | None:
+        """Return the rays of sight of a lit scene; None where its transport follows none."""
+        return self._lighting.paths(scene, lit)
 
     def _paths(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None

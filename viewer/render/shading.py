@@ -214,7 +214,7 @@ class Shading:
                 yield from self._sample(scene, lit, gather, request, Sample(i, sharing, followed, shown.often), targets)
             return replace(targets)  # the same textures, but a new object: what follows knows that they changed
 
-        step = 0 if tree is None else request.path_step
+        step = 0 if tree is None or request.drafts_sight else request.path_step
         return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree, shown, step), shade)
 
     def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
@@ -291,7 +291,10 @@ class Shading:
         )
         left = tuple(kind.left_to_surface if followed is not None else (1.0,) * 3 for kind in gather.kinds)
         traced = self._composite.not_traced(left if sample.exits else ((0.0,) * 3,) * len(left))
-        if followed is not None:
+        if followed is not None and request.drafts_sight:
+            drafted = self._tracing.draft(followed.tree, lit, gbuffer, depth, clip)
+            traced = replace(drafted, left=traced.left)
+        elif followed is not None:
             found = yield from self._tracing.steps(followed, gbuffer, camera.eye, sample.number)
             traced = traced if found is None else replace(found, left=traced.left)
         weight = 1.0 / len(offsets)

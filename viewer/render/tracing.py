@@ -15,9 +15,10 @@ from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import current
-from milkglass.viewer.passes.composite import TREE_LAYERS, CompositePass, Traced
+from milkglass.viewer.passes.composite import SEEN, CompositePass, Traced
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
+from milkglass.viewer.passes.sight_draft import Drafted, GlowTextures, SightDraftPass, SurroundingTextures
 from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
@@ -96,6 +97,7 @@ class Tracing:
     ) -> None:
         self._context, self._run, self._worker = context, stages.run, worker
         self._composite, self._exitance = composite, exitance
+        self._drafts = SightDraftPass(context)
 
     def tree(self, paths: Paths | None, lit: LitScene, gather: Gather, shown: LightPaths) -> "Tree | None":
         """Return what rays are traced in, with the exitance of the surface where they meet it again.
@@ -140,7 +142,7 @@ class Tracing:
         if number > 0 and len(pixels) == 0:
             return None
         chosen, of_pixel = in_squares(pixels, width, followed.step)
-        radiance, superseded = np.empty((TREE_LAYERS, len(chosen), 3), np.float32), threading.Event()
+        radiance, superseded = np.empty((len(SEEN), len(chosen), 3), np.float32), threading.Event()
 
         def begun(start: int) -> "Future[Found]":
             rays = sight.part(chosen[start : start + RAYS_A_STEP])
@@ -157,13 +159,37 @@ class Tracing:
                     layer[start : start + RAYS_A_STEP] = values
         finally:
             superseded.set()
-        texture = self._run(
-            Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_texture((width, height))
+        textures = self._run(
+            Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_textures((width, height))
         )
-        of_pixels = np.zeros((TREE_LAYERS, height * width, 3), np.float32)
-        of_pixels[:, pixels] = factors[:, None] * radiance[:, of_pixel]
-        texture.write(of_pixels)
-        return Traced(texture, 1.0)
+        for texture, values in zip(textures, radiance, strict=True):
+            of_pixels = np.zeros((height * width, 3), np.float32)
+            of_pixels[pixels] = factors[:, None] * values[of_pixel]
+            texture.write(of_pixels)
+        return Traced(textures)
+
+    def draft(self, tree: "Tree", lit: LitScene, gbuffer: GBuffer, depth: moderngl.Renderbuffer, clip: Array) -> Traced:
+        """Draw a draft of what rays of all pixels would find in one kind of matter, in place of following them.
+
+        `depth` and the world-to-clip matrix `clip` are those of the G-buffer.
+        """
+        run, size, buffers = self._run, gbuffer.position.size, lit.model.buffers
+        back = run(Stage.BACK_TARGETS, [size], lambda: self._drafts.back_targets(size))
+        run(
+            Stage.BACK_FACES,
+            [buffers, gbuffer.position, back, clip.tobytes()],
+            lambda: self._drafts.render_back(buffers, lit.model.mesh, clip, lit.camera, gbuffer, back),
+        )
+        around = run(
+            Stage.SIGHT_AROUND, [tree.surroundings], lambda: SurroundingTextures(self._context, tree.surroundings)
+        )
+        glows = tree.glows if tree.inside is None else tree.inside.glows
+        glow = run(Stage.SIGHT_GLOW, [glows], lambda: GlowTextures(self._context, glows[0] if glows else None))
+        targets = run(Stage.SIGHT_TARGETS, [size, depth], lambda: self._drafts.targets(size, depth))
+        unscattered = tree.inside is None or tree.inside.unscattered
+        drafted = Drafted(around, glow, lit.eta, tuple(tree.extinction[0]), unscattered)
+        self._drafts.render(gbuffer, back, lit.camera, lit.model.mesh, drafted, targets)
+        return Traced(targets.textures)
 
 
 class Followed:

@@ -1,5 +1,6 @@
 """Rays of sight in the window: few while something moves, and at rest the picture that `render` draws."""
 
+import threading
 import time
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 
 from milkglass.core.paths.tree import PathsSuperseded, Tree
 from milkglass.viewer.files.images import write_exr
-from milkglass.viewer.live.draft import PATH_STEPS, Detail
+from milkglass.viewer.live.draft import DRAFTED_STEPS, Detail
 from milkglass.viewer.render.tracing import Tracing
 from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
@@ -28,49 +29,56 @@ def clear(context, few_rays, model):
 
 
 @pytest.mark.slow
-def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_with_few_rays(clear, monkeypatch):
+def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_as_a_draft(clear, monkeypatch):
     driver, traced = clear, []
-    steps = Tracing.steps
+    steps, draft = Tracing.steps, Tracing.draft
 
     def counted(self, followed, *arguments):
         if self is driver.view.live.renderer._shading._tracing:
             traced.append((driver.view.detail.draft, followed.step))
         return steps(self, followed, *arguments)
 
+    def drafted(self, *arguments):
+        traced.append((driver.view.detail.draft, 0))
+        return draft(self, *arguments)
+
     monkeypatch.setattr(Tracing, "steps", counted)
+    monkeypatch.setattr(Tracing, "draft", drafted)
     first = driver.picture()
     np.testing.assert_array_equal(first, headless_picture(driver.session.scene, PICTURE))
     driver.drag((200.0, 200.0), (40.0, 10.0))
     turned = driver.picture()
     assert (turned != first).any()
     np.testing.assert_array_equal(turned, headless_picture(driver.session.scene, PICTURE))
-    assert {step for is_draft, step in traced if is_draft} == {PATH_STEPS[0]}
+    assert {step for is_draft, step in traced if is_draft} == {0}
     at_rest = [step for is_draft, step in traced if not is_draft]
-    assert list(dict.fromkeys(at_rest)) == list(PATH_STEPS[1:])
+    assert list(dict.fromkeys(at_rest)) == list(DRAFTED_STEPS[1:])
 
 
 @pytest.mark.slow
 def test_frames_go_on_while_rays_are_on_their_way_and_what_moves_supersedes_them(clear, monkeypatch):
-    driver, live, find, asked = clear, clear.view.live, Tree.find, []
+    driver, live, find, asked, begun = clear, clear.view.live, Tree.find, [], threading.Event()
 
     def endless(self, sight, go_on):
         asked.append(go_on)
+        begun.set()
         while go_on():
             time.sleep(0.001)
         return find(self, sight, go_on)
 
     with monkeypatch.context() as patched:
         patched.setattr(Tree, "find", endless)
-        live.draw(turned(driver, 10.0), Detail())
-        assert live.awaited is not None
-        shown = live.picture
-        assert live.draw(turned(driver, 10.0), Detail()) is shown
-        assert len(asked) == 1
+        for _ in range(100):  # of lights that are spread over frames
+            drafted = live.draw(turned(driver, 10.0), Detail())
+            if (followed := live.awaited) is not None:
+                break
+        assert live.draw(turned(driver, 10.0), Detail()) is drafted
+        assert live.awaited is followed
+        assert begun.wait(60.0)
         live.draw(turned(driver, 20.0), Detail())
         assert not asked[0]()
-        live.renderer.stages.abandon()
-    with pytest.raises(PathsSuperseded):
-        live.awaited.result()
+        with pytest.raises(PathsSuperseded):
+            followed.result(60.0)
     driver.settle()
 
 

@@ -168,6 +168,32 @@ def test_the_papers_methods_follow_no_rays(renderer, mesh, method):
     assert frame.parts == ()
 
 
+def drafted_and_followed(renderer, scene) -> list[dict[str, np.ndarray]]:
+    """Return the parts of a picture's radiance, (n, 3) each of pixels within the object, as drafted and by rays."""
+    lit = renderer.light(scene)
+    gather = renderer.gather(lit, renderer.scatter(lit))
+    pictures = []
+    for drafts in (True, False):
+        picture = renderer.shade(scene, lit, gather, PictureRequest(parts=True, drafts_sight=drafts))
+        values = {name: read_rgba(texture) for name, texture in picture.composite.textures.items()}
+        pictures.append({name: value[values["radiance"][..., 3] == 1.0][:, :3] for name, value in values.items()})
+    return pictures
+
+
+def test_a_draft_of_a_clear_ball_loses_no_light(renderer, mesh):
+    drafted, _ = drafted_and_followed(renderer, white(mesh, *CLEAR, "material.sigma_a=[0,0,0]"))
+    np.testing.assert_allclose(drafted["radiance"], 1.0, atol=1e-3)
+
+
+def test_a_draft_of_a_convex_ball_is_what_rays_find(renderer, mesh):
+    """It sees all there is to see of it; rays that are nearly trapped take other ways, near the outline."""
+    sky = np.ones((32, 64, 3), np.float32) * np.linspace(2.0, 0.5, 32)[:, None, None].astype(np.float32)
+    drafted, followed = drafted_and_followed(renderer, in_environment(mesh, sky, *MURKY, "material.g=[0.5,0.5,0.5]"))
+    for part, rms in (("specular", 1e-3), ("unscattered", 0.05), ("subsurface", 0.05), ("radiance", 0.05)):
+        error = drafted[part] - followed[part]
+        assert np.sqrt(np.mean(error**2)) < rms * np.sqrt(np.mean(followed[part] ** 2)), part
+
+
 def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, mesh):
     def parts(*assignments: str, lamps: bool = False) -> list[str]:
         scene = white(mesh, *assignments)

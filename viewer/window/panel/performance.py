@@ -26,6 +26,7 @@ class PerformanceSection(Section):
                 imgui.table_next_column()
                 write(duration(1e-3 * live.ran.get(stage, milliseconds)))
             imgui.end_table()
-        for sentence in () if live.picture is None else live.picture.parts:
+        parts = () if live.picture is None else live.picture.parts
+        for sentence in filter(None, (*parts, live.while_moving)):
             self._controls.note(sentence)
         self._controls.note("Bright: ran for the last picture. Grey: kept from before, with the time it took then.")
