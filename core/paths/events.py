@@ -23,10 +23,10 @@ from milkglass.core.arrays import Float32, Int32
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.surface import Faces, Surface
 
-EVENTS = 8
+EVENTS = 12
 NESTED_EVENTS = 16  # of media within others: light through a filled glass meets four surfaces at least
 MOST_PASSED = 64  # surfaces between two meetings
-LEAST_WEIGHT = 0.02
+LEAST_WEIGHT = 0.015
 NEGLIGIBLE_WEIGHT = 1e-4  # of the largest channel: what absorption leaves of both branches, below which both end
 SMALLEST_NORMAL = 1e-6  # of interpolated normals: below, opposite ones have cancelled
 NONE, ALL = np.float32(0.0), np.float32(1.0)  # of a weight

@@ -19,7 +19,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import EVENTS, Chords, Event, Meetings, Rays, follow, joined, none, part
+from milkglass.core.paths.events import EVENTS, Chords, Event, Meetings, Rays, follow, joined, meet, none, part
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
@@ -174,6 +174,14 @@ class Tree:
     clear: bool = True
     events: int = EVENTS
     inside: Inside | None = None
+
+    def sight(self, origins: Float32, directions: Float32) -> tuple[Int32, Sight]:
+        """Return which of k rays from the eye, (k, 3) each, meet the object, and where they meet it first."""
+        k = len(origins)
+        rays = Rays.beginning(origins, directions, np.ones((k, 3), np.float32), np.arange(k, dtype=np.int32))
+        _, met, _ = meet(self.surface, rays, self.extinction)
+        outside = np.flatnonzero(met.beyond >= 0)
+        return met.sources[outside], Sight(met.points, met.normals, met.directions, met.beyond).part(outside)
 
     def trace(self, sight: Sight) -> Seen:
         """Return the radiance of rays of sight."""

@@ -15,7 +15,7 @@ from milkglass.viewer.files.formats import PictureContents, write_picture
 from milkglass.viewer.files.images import channel_bands
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import OUTPUTS, Composite
-from milkglass.viewer.scene.camera import pixel_offsets
+from milkglass.viewer.scene.camera import Offset, pixel_offsets
 from milkglass.viewer.scene.light_paths import LightPaths
 from milkglass.viewer.scene.scene import Scene
 
@@ -48,7 +48,7 @@ class PictureRequest:
         Whether the plane that the object stands on is drawn, where a scene has one.
     """
 
-    offsets: tuple[tuple[float, float], ...] = pixel_offsets(1)
+    offsets: tuple[Offset, ...] = pixel_offsets(1)
     show: str = "radiance"
     parts: bool = False
     exposure_for: float | None = None

@@ -295,7 +295,7 @@ class Shading:
             drafted = self._tracing.draft(followed.tree, lit, gbuffer, depth, clip)
             traced = replace(drafted, left=traced.left)
         elif followed is not None:
-            found = yield from self._tracing.steps(followed, gbuffer, camera.eye, sample.number)
+            found = yield from self._tracing.steps(followed, gbuffer, camera, offsets[sample.number])
             traced = traced if found is None else replace(found, left=traced.left)
         weight = 1.0 / len(offsets)
         self._composite.render(gbuffer, light, gather, highlights, camera, weight, targets, traced)

@@ -1,14 +1,14 @@
 """Rays of sight traced for the pixels of a G-buffer, batch by batch."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, NamedTuple
 
 import moderngl
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
 
 from milkglass.core.arrays import Array, Float32, Ints
@@ -22,6 +22,7 @@ from milkglass.viewer.passes.sight_draft import Drafted, GlowTextures, SightDraf
 from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
+from milkglass.viewer.scene.camera import Camera, Offset, further_offsets, jittered
 from milkglass.viewer.scene.light_paths import LightPaths
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from milkglass.core.paths.resolved import Resolved
     from milkglass.core.paths.tree import Found
 
-MOST_SAMPLES = 4  # of a pixel within the object, whose rays are followed
+FINE_RAYS = 2**19  # of sight in a picture of several samples, up to which each has further rays
+MOST_RAYS = 32  # of a pixel, likewise
 RESUME = 1e-5  # radii behind a face at which rays that look for the next one start
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
@@ -121,7 +123,7 @@ class Tracing:
             return tree
         return self._run(Stage.PATH_PARTS, [tree, resolved, shown], lambda: _of_parts(tree, resolved, shown))
 
-    def steps(self, followed: "Followed", gbuffer: GBuffer, eye: Array, number: int) -> Steps[Traced | None]:
+    def steps(self, followed: "Followed", gbuffer: GBuffer, camera: Camera, offset: Offset) -> Steps[Traced | None]:
         """Follow the rays of a sample of the pixels and return what they found, to be added by the composite.
 
         Parameters
@@ -129,34 +131,42 @@ class Tracing:
         followed : Followed
         gbuffer : GBuffer
             Of the sample, with the relief of the surface, where it has any.
-        eye : (4,)
-            As of `viewer.scene.camera.Camera`.
-        number : int
-            Of the sample.
+        camera : Camera
+        offset : (float, float)
+            Of the sample from the middle of its pixel.
         """
         tree, (width, height) = followed.tree, gbuffer.position.size
         with current(self._context):
-            pixels, sight = seen_first(gbuffer, eye)
-        factors = followed.factors(number, pixels, (height, width))
-        pixels, sight, factors = pixels[factors > 0.0], sight.part(np.flatnonzero(factors)), factors[factors > 0.0]
-        if number > 0 and len(pixels) == 0:
+            pixels, sight = seen_first(gbuffer, camera.eye)
+        if len(pixels) == 0:
             return None
         chosen, of_pixel = in_squares(pixels, width, followed.step)
-        radiance, superseded = np.empty((len(SEEN), len(chosen), 3), np.float32), threading.Event()
+        radiance, counts = np.zeros((len(SEEN), len(chosen), 3), np.float32), np.zeros(len(chosen), np.float32)
+        superseded = threading.Event()
 
-        def begun(start: int) -> "Future[Found]":
-            rays = sight.part(chosen[start : start + RAYS_A_STEP])
+        def parts() -> "Iterator[tuple[Ints, Sight]]":
+            for start in range(0, len(chosen), RAYS_A_STEP):
+                rays = chosen[start : start + RAYS_A_STEP]
+                yield np.arange(start, start + len(rays)), sight.part(rays)
+            # By the mesh alone, which has no relief.
+            for other in followed.beside(offset, width * height) if gbuffer.detail is None else ():
+                yield seen_beside(tree, pixels, (width, height), jittered(camera, other, (width, height)))
+
+        def begun(rays: "Sight") -> "Future[Found]":
             return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())
 
         try:
-            following = begun(0)
-            for start in range(0, len(chosen), RAYS_A_STEP):
+            left = parts()
+            shown, rays = next(left)
+            following = begun(rays)
+            for after in chain(left, [None]):
                 yield following
-                found = following.result()
-                if start + RAYS_A_STEP < len(chosen):
-                    following = begun(start + RAYS_A_STEP)
+                found, numbers = following.result(), shown
+                if after is not None:
+                    shown, following = after[0], begun(after[1])
                 for layer, values in zip(radiance, tree.lit(found), strict=True):
-                    layer[start : start + RAYS_A_STEP] = values
+                    layer[numbers] += values
+                counts[numbers] += 1.0
         finally:
             superseded.set()
         textures = self._run(
@@ -164,7 +174,7 @@ class Tracing:
         )
         for texture, values in zip(textures, radiance, strict=True):
             of_pixels = np.zeros((height * width, 3), np.float32)
-            of_pixels[pixels] = factors[:, None] * values[of_pixel]
+            of_pixels[pixels] = values[of_pixel] / counts[of_pixel, None]
             texture.write(of_pixels)
         return Traced(textures)
 
@@ -192,39 +202,31 @@ class Tracing:
         return Traced(targets.textures)
 
 
-class Followed:
-    """Of which pixels' samples rays of sight are followed for a picture.
+class Followed(NamedTuple):
+    """How rays of sight are followed for a picture.
 
-    Of many samples of a pixel `MOST_SAMPLES` are, evenly among them; on outlines all, of which those few would not tell
-    how much of the pixel the object covers.
-
-    Parameters
+    Attributes
     ----------
     tree : Tree
     samples : int
-        Of a pixel.
+        Of a pixel, all of which have rays.
     step : int
         Side of the squares of pixels that share the rays of one of them.
     """
 
-    def __init__(self, tree: "Tree", samples: int, step: int) -> None:
-        self.tree, self.step, self._samples = tree, step, samples
-        self._on_outline = np.zeros(0, bool)  # pixels, as the first sample has them
+    tree: "Tree"
+    samples: int
+    step: int
 
-    def factors(self, number: int, pixels: Ints, shape: tuple[int, int]) -> Float32:
-        """Return by what factor the rays of a sample count at each of some pixels, (k,); 0: they are not followed.
+    def beside(self, offset: Offset, pixels: int) -> tuple[Offset, ...]:
+        """Return the offsets of the rays that a sample at `offset` has beside its own, in a picture of so many pixels.
 
-        Samples are asked for in their order; `pixels` are those that show the object, `shape` is that of the picture.
+        What is seen through clear matter changes within a pixel, the more the fewer pixels there are.
         """
-        if self._samples <= MOST_SAMPLES:
-            return np.ones(len(pixels), np.float32)
-        if number == 0:
-            shows = np.zeros(shape, bool)
-            shows.ravel()[pixels] = True
-            self._on_outline = (maximum_filter(shows, 3) != minimum_filter(shows, 3)).ravel()
-        is_one = (number * MOST_SAMPLES) // self._samples != ((number - 1) * MOST_SAMPLES) // self._samples
-        elsewhere = self._samples / MOST_SAMPLES if is_one else 0.0
-        return np.where(self._on_outline[pixels], 1.0, elsewhere).astype(np.float32)
+        if self.samples == 1 or self.step > 1:
+            return ()
+        count = max(min(FINE_RAYS // (pixels * self.samples), MOST_RAYS // self.samples), 1)
+        return further_offsets(offset, self.samples, count - 1)
 
 
 def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "Tree":
@@ -264,6 +266,20 @@ def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[Ints, "Sight"]:
     directions = np.float32(eye[3]) * points - eye[:3].astype(np.float32)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return pixels, Sight(points, normals, directions, bodies)
+
+
+def seen_beside(tree: "Tree", pixels: Ints, size: tuple[int, int], clip: Array) -> "tuple[Ints, Sight]":
+    """Return which of k pixels show the object, by their place among them, and where rays meet it first.
+
+    `clip` takes world to clip space; rays go through the middles of the pixels, which are numbered as OpenGL does.
+    """
+    middles = np.stack([pixels % size[0], pixels // size[0]], axis=1) + 0.5
+    across, to_world = 2.0 * middles / np.asarray(size) - 1.0, np.linalg.inv(clip)
+    ends = (np.column_stack([across, np.tile([depth, 1.0], (len(pixels), 1))]) @ to_world for depth in (-1.0, 1.0))
+    near, far = (end[:, :3] / end[:, 3:] for end in ends)
+    along = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
+    shown, sight = tree.sight(near.astype(np.float32), along.astype(np.float32))
+    return shown.astype(np.int64), sight
 
 
 def _values(texture: moderngl.Texture) -> Float32:

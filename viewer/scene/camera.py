@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pyrr import matrix33, matrix44
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Ints
 from milkglass.viewer.scene.settings import CameraSettings
 
 if TYPE_CHECKING:
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 FILL = 0.92  # share of the picture that the silhouette's box takes where no zoom is given
 CENTRE = (0.0, 0.0, 0.0)  # of the model's box, mm
+RATIO = np.array([0.7548776662466927, 0.5698402909980532])  # golden, of two dimensions
+
+Offset = tuple[float, float]
 
 
 def world_to_probe(rotation_deg: float) -> npt.NDArray[np.float64]:
@@ -149,14 +152,14 @@ def _middle(across: Array, depth: Array) -> float:
     return shift
 
 
-def jittered(camera: Camera, offset: tuple[float, float], image_size: tuple[int, int]) -> Array:
+def jittered(camera: Camera, offset: Offset, image_size: tuple[int, int]) -> Array:
     """Return the matrix from world to clip with the image moved by `offset` pixels: samples off the pixels' centres."""
     shift = np.eye(4)
     shift[3, :2] = 2.0 * np.asarray(offset) / np.asarray(image_size)
     return camera.world_to_clip @ shift
 
 
-def pixel_offsets(samples: int, seed: int = 0) -> tuple[tuple[float, float], ...]:
+def pixel_offsets(samples: int, seed: int = 0) -> tuple[Offset, ...]:
     """Return offsets from a pixel's centre in [-1/2, 1/2): one sample sits in the centre, more follow an R2 sequence.
 
     R2 (Roberts 2018) is the two-dimensional golden ratio: any number of samples covers the pixel evenly. `seed`
@@ -164,7 +167,14 @@ def pixel_offsets(samples: int, seed: int = 0) -> tuple[tuple[float, float], ...
     """
     if samples == 1:
         return ((0.0, 0.0),)
-    ratio = np.array([0.7548776662466927, 0.5698402909980532])
     shift = np.random.default_rng(seed).random(2)
-    pattern = (shift + ratio * np.arange(1, samples + 1)[:, None]) % 1.0 - 0.5
-    return tuple((float(x), float(y)) for x, y in pattern)
+    return _sequence(shift, np.arange(1, samples + 1))
+
+
+def further_offsets(offset: Offset, samples: int, count: int) -> tuple[Offset, ...]:
+    """Return `count` offsets at which the sequence goes on from one of `samples`, the others' places left out."""
+    return _sequence(np.asarray(offset) + 0.5, samples * np.arange(1, count + 1))
+
+
+def _sequence(start: Array, numbers: Ints) -> tuple[Offset, ...]:
+    return tuple((float(x), float(y)) for x, y in (start + RATIO * numbers[:, None]) % 1.0 - 0.5)

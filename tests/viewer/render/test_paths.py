@@ -10,9 +10,10 @@ from milkglass.core.light.probe import Probe
 from milkglass.core.material.fresnel import reflectance
 from milkglass.core.stages import Stage
 from milkglass.viewer.gl.context import read_rgba
+from milkglass.viewer.render import tracing
 from milkglass.viewer.render.picture import SCATTERED, Frame, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.scene.camera import model_camera
+from milkglass.viewer.scene.camera import jittered, model_camera
 from milkglass.viewer.scene.light_paths import ALL, PARTS
 from milkglass.viewer.scene.lights import DirectionalLight, SpotLight
 from milkglass.viewer.scene.scene import Scene, apply_set
@@ -22,6 +23,7 @@ from tests.support.rendering import inside
 
 CLEAR = ("material.sigma_s_prime=[0,0,0]", "material.sigma_a=[0,0.02,0.1]")
 OPAQUE = ("material.name=marble",)
+OFFSET = 0.3, -0.2  # of a sample
 MURKY = "material.sigma_s_prime=[0.02,0.1,0.5]", "material.sigma_a=[0.01,0.02,0.1]"
 
 
@@ -64,6 +66,31 @@ def test_outlines_have_the_rays_of_all_samples(renderer, mesh):
     )
     assert np.count_nonzero((frame.alpha > 0.0) & (frame.alpha < 1.0)) > 0
     np.testing.assert_allclose(frame.radiance, np.repeat(frame.alpha[..., None], 3, axis=-1), atol=1e-5)
+
+
+@pytest.mark.parametrize("orthographic", ["false", "true"])
+def test_further_rays_of_a_pixel_meet_the_surface_as_its_samples_do(renderer, mesh, monkeypatch, orthographic):
+    shown, further = [], []
+    first, beside = tracing.seen_first, tracing.seen_beside
+
+    def seen_first(*arguments):
+        shown.append(first(*arguments))
+        return shown[-1]
+
+    def seen_beside(tree, pixels, size, clip):
+        further.append(beside(tree, pixels, size, jittered(camera, OFFSET, size)))
+        return beside(tree, pixels, size, clip)
+
+    monkeypatch.setattr(tracing, "seen_first", seen_first)
+    monkeypatch.setattr(tracing, "seen_beside", seen_beside)
+    scene = white(mesh, *CLEAR, f"camera.orthographic={orthographic}")
+    camera = model_camera(scene.camera, mesh, scene.display.image_size)
+    renderer.draw(scene, PictureRequest((OFFSET, (0.1, 0.2))))
+    pixels, sight = shown[0]
+    numbers, same = further[0]
+    assert len(numbers) > 0.99 * len(pixels)
+    for name in ("points", "normals", "directions"):
+        np.testing.assert_allclose(getattr(same, name), getattr(sight, name)[numbers], atol=5e-3)
 
 
 def test_the_mirror_of_a_smooth_surface_is_fresnels(renderer, mesh):

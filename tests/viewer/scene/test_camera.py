@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.viewer.scene.camera import FILL, framed, jittered, model_camera, pixel_offsets, place_camera
+from milkglass.viewer.scene.camera import (
+    FILL,
+    framed,
+    further_offsets,
+    jittered,
+    model_camera,
+    pixel_offsets,
+    place_camera,
+)
 from milkglass.viewer.scene.settings import CameraSettings
 
 RADIUS = 50.0
@@ -272,6 +280,12 @@ def test_samples_cover_the_pixel_evenly(samples):
     for corner in np.random.default_rng(0).random((100, 2)):
         share = np.mean(((offsets + 0.5) < corner).all(axis=1))
         assert abs(share - corner.prod()) <= 2.5 / samples**0.75
+
+
+def test_further_offsets_of_all_samples_are_those_of_more_samples():
+    own = pixel_offsets(4, 3)
+    found = [*own, *(other for offset in own for other in further_offsets(offset, 4, 3))]
+    np.testing.assert_allclose(sorted(found), sorted(pixel_offsets(16, 3)), atol=1e-12)
 
 
 def test_a_seed_moves_the_pattern_and_repeats():
