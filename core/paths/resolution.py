@@ -84,6 +84,16 @@ def thick_gain(chord: float, albedo: float) -> float:
     return 1.0 + most - (most - least) * absorbed / (absorbed + RESOLVED.little_absorbed)
 
 
+def met_in_ball(chord: float, eta: float) -> float:
+    """Return the share of light from all around that collides in a ball before it leaves, [0, 1].
+
+    `chord` is the mean one over the mean free path, > 0. Reflection at the surface is left out.
+    """
+    diameter, least = 1.5 * chord, float(np.sqrt(1.0 - 1.0 / eta**2))  # cosine inside of light that grazes
+    at_least, at_most = (mu * np.exp(-diameter * mu) + np.exp(-diameter * mu) / diameter for mu in (least, 1.0))
+    return 1.0 - 2.0 * float(at_least - at_most) / (diameter * (1.0 - least * least))
+
+
 def scatters_once(medium: Medium, grid: LayerGrid) -> bool:
     """Return whether nodes resolve a medium's free paths, and what scatters twice in it is left out."""
     return not medium.is_black and medium.albedo < RESOLVED.least_albedo and resolved_share(medium, grid) == 1.0

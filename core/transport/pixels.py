@@ -54,7 +54,7 @@ class PixelEquation:
         rho(0) / (2 A), so large for black channels that their M is 0; 2 A.
     depths : (2, n_layers, height, width) float32, or None where no part is thin
         1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a thin slab, from 0 to 1.
-    bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat
+    bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat and thick
         b - 1 at the nodes.
     """
 

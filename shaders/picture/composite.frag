@@ -23,7 +23,7 @@ uniform sampler2D t_coupling;   // between the sides of a thin slab, over thickn
 uniform sampler3D t_depths;     // 1 / thickness, 1/mm, and how far it is a thin slab
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
 uniform bool u_bent;            // whether the next is other than 0
-uniform sampler3D t_bending;    // A of a curved surface over a flat one's, less 1
+uniform sampler3D t_bending;    // A of a curved or thin surface over a flat one's, less 1
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
 
 uniform sampler2D t_lobe;       // visible share of the highlight of an environment, see irradiance_pixels.frag

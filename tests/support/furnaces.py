@@ -31,6 +31,8 @@ class Furnace:
         Mean and deviation of what enters: what leaves with it, had all of that scattered or crossed.
     kept : float
         Flux that leaves over flux that enters.
+    error : float
+        Rms by which M / (pi T) differs from the share of light that collides before it leaves, which it must be.
     """
 
     solution: Solution
@@ -39,6 +41,7 @@ class Furnace:
     entering: float
     unevenness: float
     kept: float
+    error: float
 
 
 @functools.lru_cache(maxsize=1)
@@ -73,8 +76,14 @@ def furnace(mesh: Mesh, mean_free_path: float, resolution: int = 40, *, exchange
     if solution.exchange is not None:
         entering = entering + solution.exchange.flux(0, exitance, medium)
     kept = float(areas @ exitance / entering.sum())
+    collisions = solution.boundary.collisions.of(medium)
+    off = exitance / black_body - (1.0 if collisions is None else collisions.share)
     return Furnace(
-        solution, *_spread(exitance / black_body, areas), *_spread(entering / areas / black_body, areas), kept
+        solution,
+        *_spread(exitance / black_body, areas),
+        *_spread(entering / areas / black_body, areas),
+        kept,
+        float(np.sqrt(areas @ off**2 / areas.sum())),
     )
 
 

@@ -22,6 +22,7 @@ from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
 from milkglass.core.grid.layers import LayerGrid, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.threads import computed_once
+from milkglass.core.transport.diffusion.collisions import FirstCollisions
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.curvature import Curvature, curvature
 from milkglass.core.transport.diffusion.edges.pairs import Edges
@@ -58,6 +59,8 @@ class Boundary:
         Pairs of patches on the two sides of thin slabs.
     sheet_reach : float
         Thickness up to which a slab is thin, mm.
+    collisions : FirstCollisions
+        What of light from all around collides before it leaves.
     """
 
     grid: LayerGrid
@@ -69,6 +72,7 @@ class Boundary:
     thickness: Array
     sheet: "Sheet"
     sheet_reach: float
+    collisions: FirstCollisions
 
     @computed_once
     def curvature(self) -> Curvature:
@@ -108,7 +112,15 @@ class Boundary:
         return np.ascontiguousarray(mean.T).reshape(-1, *self.grid.shape)
 
     def bending(self, medium: Medium) -> Array:
-        """Return `Medium.bending` of the patches, (n,), from curvature smoothed over half a mean free path."""
+        """Return b of the patches, (n,): the extrapolation length over that of a flat and thick object.
+
+        `Medium.bending`, of curvature smoothed over half a mean free path, as far as matter is thick; larger where it
+        is so thin that light crosses it.
+        """
+        bending, collisions = self._bending(medium), self.collisions.of(medium)
+        return bending if collisions is None else collisions.bent(bending, self.patches.areas)
+
+    def _bending(self, medium: Medium) -> Array:
         mfp = medium.mean_free_path
         curvature, edges, _ = self.curvature.at(CONSTANTS.curvature.width * mfp)
         smooth = curvature - edges
@@ -178,10 +190,10 @@ def place(grid: LayerGrid, patches: Patches) -> tuple[csc_array, Float32]:
 
 
 class Depths:
-    """Chords of a mesh, by rays."""
+    """Chords of a `mesh`, by rays."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._rays = mesh.rays
+        self.mesh, self._rays = mesh, mesh.rays
         self._normals = face_normals(mesh.vertices, mesh.faces)
 
     def along(self, patches: Patches, chosen: npt.NDArray[np.intp], directions: Array, cell: float) -> Array:
@@ -223,7 +235,8 @@ def put_on_grid(
     sheet = find_sheet(patches, thickness, reach)
     weights, slopes = place(grid, patches)
     unset = np.empty(0, np.float32), np.empty(0)
-    unplaced = Boundary(grid, patches, weights, slopes, *unset, thickness, sheet, reach)
+    collisions = FirstCollisions(depths.mesh, patches, thickness)
+    unplaced = Boundary(grid, patches, weights, slopes, *unset, thickness, sheet, reach, collisions)
     deposited = unplaced.layer_assignment(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
     constant = convolve(deposited.reshape(grid.shape))
     diagonal = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)

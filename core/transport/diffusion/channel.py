@@ -24,7 +24,7 @@ class Channel:
 
         (b (1/2 + k0) + rho(0) / (2 A)) u + W^T conv(B u dA) = W^T conv(Q) + local,
 
-    for u = 2 A M with the A of a flat surface: fluence is b u, b of `core.material.medium.Medium.bending`. conv is the
+    for u = 2 A M with the A of a flat surface: fluence is b u, b of `Boundary.bending`. conv is the
     convolution with G_L, B the assignment `Boundary.layer_assignment`.
 
     Parameters

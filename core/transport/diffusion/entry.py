@@ -169,8 +169,14 @@ class _FirstScattering:
     def __init__(self, entry: Entry, boundary: Boundary, medium: Medium, s: float) -> None:
         n, patches, sheet = len(boundary.patches), entry.patches, boundary.sheet
         depths, shares = first_scattering(entry.chords_in(medium))
-        depths, shares = medium.mean_free_path * depths, medium.albedo * shares
         second, (rays, second_depths, second_shares) = entry.second, second_scattering(entry, medium)
+        collisions = boundary.collisions.of(medium) if entry.diffuse else None
+        if collisions is not None:  # of which the mean ray tells only where
+            of_rays = second.rays[rays]
+            followed = shares.sum(axis=1) + np.bincount(of_rays, second_shares.sum(axis=1), minlength=len(patches))
+            counted = (collisions.share[patches] / np.maximum(followed, np.finfo(np.float64).tiny))[:, None]
+            shares, second_shares = counted * shares, counted[of_rays] * second_shares
+        depths, shares = medium.mean_free_path * depths, medium.albedo * shares
         lengths = entry.stretch * np.concatenate([depths.T.ravel(), medium.mean_free_path * second_depths.T.ravel()])
         twice, again = np.tile(np.arange(len(patches)), 2), np.tile(rays, 2)
         starts = np.concatenate([boundary.patches.points[patches[twice]], second.starts[again]])

@@ -5,7 +5,7 @@ for everything that the nodes carry:
 
     (rho(0) / (2 A) - b (K_L 1 + k(T))) phi + (f(T) + (b' - 1) k(T)) phi' = O + front E + across E'
 
-with M = phi / (2 A), A that of a flat surface and b as `core.material.medium.Medium.bending` has it. Dashes are the
+with M = phi / (2 A), A that of a flat surface and b as `Boundary.bending` has it. Dashes are the
 other side of a slab of thickness T, where the same holds with the sides changed, so that both are known from the light
 on both; elsewhere f and k are 0 and `across` does not matter.
 

@@ -130,9 +130,11 @@ class SurfaceExchange:
         leaving = exitance.astype(np.float32)
         if self._leaving is not None:
             leaving *= self._leaving[:, channel]
-        entering, across = self._to_vertices @ leaving, self._matrix_across(channel, medium)
+        collisions, across = self.boundary.collisions.of(medium), self._matrix_across(channel, medium)
+        towards = leaving if collisions is None else leaving * collisions.towards.astype(np.float32)
+        entering = self._to_vertices @ towards
         if across is not None:
-            entering = entering + across @ leaving
+            entering = entering + across @ towards
         return np.asarray(entering if self._ground is None else entering + self._ground.irradiance(channel, leaving))
 
     def _matrix_across(self, channel: int, medium: Medium) -> csr_array | None:

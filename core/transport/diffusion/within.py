@@ -23,7 +23,7 @@ from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.filled import Filled, filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
-from milkglass.core.paths.resolution import RESOLVED, balanced_share, needs_beams, scaled, thick_gain
+from milkglass.core.paths.resolution import RESOLVED, balanced_share, met_in_ball, needs_beams, scaled, thick_gain
 from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
 from milkglass.core.paths.second import Returns, collided_again, returns
 from milkglass.core.paths.surface import Surface
@@ -202,7 +202,12 @@ class Within:
                 for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
             ]
             leaving = [None if found is None else found.leaving(patches.areas) for found in fluence]
-            often, gains = self._often(begun, second, again, leaving, body.mesh.mean_chord, flights, fly)
+            chord = body.mesh.mean_chord
+            # In thin parts fluence is larger for what they let out, and so much less is lacking.
+            met = [met_in_ball(chord * medium.sigma_t_prime, medium.eta) for medium in media]
+            gathered = [thick_gain(chord * flight.sigma_t, flight.albedo) for flight in flights]
+            thick = [gain * share for gain, share in zip(gathered, met, strict=True)]
+            often, gains = self._often(begun, second, again, leaving, chord, flights, thick, fly)
             return resolved(first, often, gains, media, fill, grid)
 
         if not is_wanted():
@@ -252,13 +257,14 @@ class Within:
         leaving: Sequence[float | None],
         chord: float,
         flights: Sequence[DeltaEddington],
+        thick: Sequence[float],
         fly: Callable[..., Scattered],
     ) -> tuple[Scattered, list[float]]:
         """Return what scatters twice or more, and factors on it, by which its power balances.
 
         What scatters is what has just `begun` to and, of what scatters, all that collides again. Of directed light,
         which knows what its direction changes, what leaves is what leaves in the solution. In thick matter either is a
-        small difference, and what is gathered near the surface lacks some light.
+        small difference, and what is gathered near the surface lacks some light: there the factors are `thick`.
         """
         directed = [flux is not None for flux in second.flux]
         chords = [chord * flight.sigma_t for flight in flights]
@@ -266,8 +272,7 @@ class Within:
             power if turns or balanced_share(length) > 0.0 else None
             for power, turns, length in zip(again, directed, chords, strict=True)
         ]
-        gains = [thick_gain(length, flight.albedo) for length, flight in zip(chords, flights, strict=True)]
-        often = Scattered(again, second.flux)
+        gains, often = list(thick), Scattered(again, second.flux)
         if all(power is None for power in asked):
             return often, gains
         met = fly(Scattered.evenly(asked), directed)

@@ -63,15 +63,16 @@ def shape(make):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.01, 1 / 30, 0.2])
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.2])
 @pytest.mark.parametrize("make", [sphere, torus, bowl, knot, coarse_sculpture])
 def test_an_object_in_a_white_furnace_is_white(make, share):
     """What enters is what surroundings of radiance 1 bring, wherever they are seen, mirrored or through matter."""
     mesh = shape(make)
     found = furnace(mesh, share * float(np.ptp(mesh.bounds, axis=0).max()))
     assert found.entering == pytest.approx(1.0, abs=0.02)
-    assert found.unevenness < 0.04
+    assert found.unevenness < 0.035
     assert found.mean <= found.entering + 0.005
+    assert found.error < 0.06  # in petals it was 0.14, and in the bowl
     if make is not coarse_sculpture and share == 0.01:
         assert found.kept == pytest.approx(1.0, abs=0.012)
         assert found.deviation < 0.04
