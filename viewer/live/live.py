@@ -105,6 +105,7 @@ class Live:
         self._looks: Key = ()  # what the last picture depends on, but for its quality
         self._traced: Key = ()  # what its radiance does
         self._step = 1  # how finely rays of sight were followed for it, pixels
+        self._whole: tuple[int, tuple[int, int]] | None = None  # samples and size of the radiance that is there
         self._lit: LitScene | None = None
         self._lit_for: LitFor | None = None
         self._shadows: Key | None = None  # what all of the sub-lights there are were cast for
@@ -171,10 +172,19 @@ class Live:
         if not (detail.draft and looks == self._looks and self.picture is not None):
             part = show if show in SCATTERED else ""
             radiance = *radiance_of(drawn, lit), self.finished, part
-            step = self._path_step(drawn, lit, detail, radiance)
+            step, samples, size = (
+                self._path_step(drawn, lit, detail, radiance),
+                detail.samples,
+                drawn.display.image_size,
+            )
+            whole = self._whole if step == 1 and self.while_moving and self._traced == radiance else None
+            if whole is not None and (detail.draft or (whole[0] > samples and whole[1] == size)):
+                samples, size = whole  # exposure moves alone
+                drawn = replace(drawn, display=replace(drawn.display, image_size=size))
+            self._whole = None
             try:
                 request = PictureRequest(
-                    pixel_offsets(detail.samples),
+                    pixel_offsets(samples),
                     show,
                     exposure_for=exposure_for,
                     quick=not detail.at_once,
@@ -183,7 +193,7 @@ class Live:
                     ground=not detail.alone,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
-                self._traced, self._step = radiance, step
+                self._traced, self._step, self._whole = radiance, step, (samples, size)
                 unfinished = step != 1 and not detail.draft
             except Unfinished as left:
                 unfinished, self.awaited = True, left.awaited
@@ -201,6 +211,8 @@ class Live:
         if paths is None or paths.tree is None:
             return 1
         steps, self.while_moving = (DRAFTED_STEPS, DRAWN) if paths.is_drafted else (PATH_STEPS, FEW_RAYS)
+        if detail.draft and self._traced == radiance and self._step == 1 and self._whole is not None:
+            return 1
         if detail.draft or self._traced != radiance:
             return steps[0]
         following = steps.index(self._step) + 1 if self._step in steps else 0
@@ -216,7 +228,7 @@ class Live:
             try:
                 self.renderer.advance(drawn, lit, finished.gather, PictureRequest(pixel_offsets(samples), show))
             except Unfinished as left:
-                done, self.awaited = False, left.awaited
+                done, self.awaited, self._whole = False, left.awaited, None
         self._count(self.renderer.stages.timings)
         return done
 

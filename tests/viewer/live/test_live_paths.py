@@ -10,6 +10,7 @@ import pytest
 from milkglass.core.paths.tree import PathsSuperseded, Tree
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.live.draft import DRAFTED_STEPS, Detail
+from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.tracing import Tracing
 from milkglass.viewer.scene.scene import Scene, apply_set
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
@@ -53,6 +54,21 @@ def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_as_a_dra
     assert {step for is_draft, step in traced if is_draft} == {0}
     at_rest = [step for is_draft, step in traced if not is_draft]
     assert list(dict.fromkeys(at_rest)) == list(DRAFTED_STEPS[1:])
+
+
+@pytest.mark.slow
+def test_exposure_moves_alone(clear, monkeypatch):
+    driver, followed = clear, []
+    steps = Tracing.steps
+    monkeypatch.setattr(Tracing, "steps", lambda *arguments: followed.append(arguments) or steps(*arguments))
+    monkeypatch.setattr(Tracing, "draft", lambda *arguments: followed.append(arguments))
+    first = driver.picture()
+    scene = driver.view.shown
+    brighter = replace(scene, display=replace(scene.display, key=2.0 * scene.display.key))
+    assert driver.view.live.draw(brighter, Detail(draft=True)).image.size == PICTURE
+    assert read_image(driver.view.live.picture).mean() > first.mean()
+    driver.view.live.draw(brighter, Detail())
+    assert not followed
 
 
 @pytest.mark.slow
