@@ -110,6 +110,8 @@ class Stage(StrEnum):
     LIGHT_SHADOW = "shadow of light", Part.LIGHT
     PROBE_SOURCE = "probe source", Part.LIGHT
     PROBE_SOURCE_SHADOW = "shadow of probe source", Part.LIGHT
+    LIGHT_ONTO_GROUND = "light past clear parts", Part.LIGHT
+    SHADOW_ONTO_GROUND = "shadow of light past clear parts", Part.LIGHT
     HIGHLIGHT_LOBES = "highlight lobes", Part.LIGHT
     SURROUNDINGS = "surroundings of rays", Part.LIGHT
 

@@ -61,14 +61,13 @@ def landed(surface: Surface, light: Emitted, plane: GroundPlane, *, of_lamp: boo
     tracked = tracked_rays(surface, light.origins, light.directions, events=most_events(surface))
     for number, (event, _, travelled) in enumerate(tracked):
         escaped = event.escaped
-        if number == 0:  # these have met nothing
-            continue
         ends = plane.ends(escaped.origins, escaped.directions)
-        kept = np.flatnonzero((ends >= 0) & (of_lamp | (escaped.parents >= 0)))
+        mirrored = of_lamp and number > 0  # rays that escape before have met nothing
+        kept = np.flatnonzero((ends >= 0) & (mirrored | (escaped.parents >= 0)))
         parents = escaped.parents[kept]
         lengths = np.zeros((len(kept), surface.kinds), np.float32)
         lengths[parents >= 0] = travelled[parents[parents >= 0]]
-        if surface.is_nested:  # clear parts cast no shadow that this would lighten
+        if surface.is_nested and not of_lamp:  # clear parts cast no shadow that this would lighten
             in_matter = lengths.any(axis=1)
             kept, lengths = kept[in_matter], lengths[in_matter]
         parts.append((ends[kept], lengths, light.power[escaped.sources[kept]] * escaped.weights[kept]))

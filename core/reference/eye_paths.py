@@ -31,10 +31,10 @@ OFFSET = 1e-5  # radii of the object from a face at which paths go on
 
 
 class SeenLight(Protocol):
-    """A light so far away that it depends on direction alone."""
+    """A light, far away or near."""
 
-    def arriving(self, directions: Array) -> Array:
-        """Return R, G and B that come from unit directions (n, 3), (n, 3)."""
+    def arriving(self, directions: Array, places: Array) -> Array:
+        """Return R, G and B that come from unit directions (n, 3) to places (n, 3), mm: (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ class _Walk:
         """Add the light that paths see which leave for good."""
         if len(paths.weights) == 0:
             return
-        radiance = np.sum([light.arriving(paths.directions) for light in self._lit.lights], axis=0)
+        radiance = np.sum([light.arriving(paths.directions, paths.places) for light in self._lit.lights], axis=0)
         found = paths.weights[:, None] * self._counted(paths) * radiance
         part = np.where(paths.mirrored[:, None], 0, 1 + np.minimum(paths.counts, 2))
         np.add.at(sums, (paths.groups[:, None], part, np.arange(3)), found)

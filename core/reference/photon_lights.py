@@ -56,8 +56,8 @@ class Beam:
         gain = 2.0 / (1.0 + np.cos(half))
         yield WalkLight(channels, _Disc(towards / np.linalg.norm(towards), half), gain * irradiance)
 
-    def arriving(self, directions: Array) -> Array:
-        """Return R, G and B from unit directions (n, 3), (n, 3), of a disc."""
+    def arriving(self, directions: Array, places: Array) -> Array:
+        """Return R, G and B from unit directions (n, 3), (n, 3), of a disc, anywhere alike."""
         half = 0.5 * np.radians(self.angle_deg)
         towards = np.asarray(self.direction, np.float64) / np.linalg.norm(self.direction)
         seen = directions @ towards >= np.cos(half)
@@ -115,8 +115,8 @@ class Surroundings:
                 directions = _OfMap(irradiance, edges, self.to_probe)
                 yield WalkLight(np.array([channel]), directions, self.intensity * irradiance[-1:])
 
-    def arriving(self, directions: Array) -> Array:
-        """Return R, G and B of the texels in unit directions (n, 3), (n, 3)."""
+    def arriving(self, directions: Array, places: Array) -> Array:
+        """Return R, G and B of the texels in unit directions (n, 3), (n, 3), anywhere alike."""
         height, width = self.radiance.shape[:2]
         x, y, z = (directions @ self.to_probe).T
         rows = np.arccos(np.clip(y, -1.0, 1.0)) / np.pi * height

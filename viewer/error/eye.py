@@ -16,12 +16,15 @@ from milkglass.core.arrays import Array, Bools, Float32, Floats, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
+from milkglass.core.paths.lamps import BALL, EVERYWHERE
 from milkglass.core.paths.resolution import resolved_share
 from milkglass.core.reference.eye_paths import PARTS, GroupRadiance, LitObject, SeenLight, group_radiance
+from milkglass.core.reference.near_lamps import NearBall, NearPanel
 from milkglass.core.reference.photon_lights import Beam, Surroundings
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import model_camera, world_to_probe
+from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 
 LARGEST = 160  # pixels along the longer side of the picture that is judged
@@ -89,21 +92,30 @@ def judged_by_eye(scene: Scene, mesh: Mesh) -> tuple[bool, str]:
 
 
 def lit_object(scene: Scene, mesh: Mesh, probe: Probe | None, shares: Sequence[float] = (0.0, 0.0, 0.0)) -> LitObject:
-    """Return what paths from the eye meet in a scene with distant lights.
+    """Return what paths from the eye meet in a scene.
 
     Told apart they are as in a picture whose nodes resolve the free paths of R, G and B by so much (`shares`): that has
     sigma_s' (1 + share g) scatter, and the rest of sigma_s, the most forward, go on as if it had not.
     """
     material = scene.material.resolve()
-    lights: list[SeenLight] = [
-        Beam(light.vector, light.brightness, light.apparent_deg(0.0)) for light in scene.effective_lights()
-    ]
+    lights = [_seen(light) for light in scene.effective_lights()]
     if probe is not None and scene.environment.intensity > 0.0:
         turn = world_to_probe(scene.environment.rotation_deg)
         lights.append(Surroundings(probe.latlong, turn, scene.environment.intensity))
     g = np.array(material.g)
     matter = np.array(material.sigma_s_prime) / (1.0 - g), np.array(material.sigma_a), g
     return LitObject(mesh, *matter, material.eta, lights, 1.0 - (1.0 - g) * (1.0 + np.asarray(shares) * g))
+
+
+def _seen(light: Light) -> SeenLight:
+    """Return a light as paths from the eye meet it."""
+    if light.DISTANT:
+        return Beam(light.vector, light.brightness, light.apparent_deg(0.0))
+    lamp = light.seen()
+    centre, radiance = np.array(lamp.place), np.array(lamp.radiance)
+    if lamp.shape == BALL:
+        return NearBall(centre, lamp.size, radiance)
+    return NearPanel(centre, np.array(lamp.width), np.array(lamp.height), np.array(lamp.forward), radiance)
 
 
 def judged(scene: Scene) -> Scene:
@@ -200,6 +212,13 @@ class Blocks:
 
 def _unprojected(points: Array) -> Array:
     return np.asarray(points[:, :3] / points[:, 3:])
+
+
+def unseen_light(scene: Scene) -> str | None:
+    """Return the reason why paths from the eye do not meet a light of a scene, in a few words, or None."""
+    if any(light.seen().cone != EVERYWHERE for light in scene.effective_lights()):
+        return "no path from the eye meets a spot light, which is a point"
+    return None
 
 
 def eye_error(renderer: Renderer, scene: Scene, paths: int, seed: int, progress: Callable[[float], None]) -> EyeError:

@@ -1,11 +1,13 @@
 """Paths through an object by Mitsuba 3, scattered light apart by whether it has met the object again.
 
-The medium is homogeneous and scatters isotropically with the reduced coefficients, behind a smooth dielectric boundary
-of flat faces. A path is drawn for one of R, G and B, counts for all, and ends where it is absorbed or leaves: no
-roulette has to end it. Lamps are discs of even radiance far away, seen where a path leaves in their direction.
+Media are homogeneous and scatter isotropically with the reduced coefficients, behind smooth dielectric boundaries of
+flat faces. Where they overlap one is there, as `core.paths.surface.Surface` has it. A path is drawn for one of R, G and
+B, counts for all, and ends where it is absorbed or leaves: no roulette has to end it. Lamps are discs of even radiance
+far away, seen where a path leaves in their direction.
 
 A vectorised variant of Mitsuba takes an LLVM that is new enough: an older one aborts the process, so that `variant`
-tries it in a child. Without one, `scalar_rgb` has Mitsuba's own integrator, which tells no light apart.
+tries it in a child. Without one, `scalar_rgb` has Mitsuba's own integrator, which tells no light apart and knows one
+medium.
 """
 
 import functools
@@ -18,9 +20,11 @@ from typing import Any
 import numpy as np
 
 from milkglass.core.arrays import Array
+from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.maps import Radiance
 from milkglass.core.material.library import Material
+from milkglass.core.paths.surface import Surface
 
 VECTORISED, SCALAR = "llvm_ad_rgb", "scalar_rgb"
 TRIAL_SECONDS = 120.0  # for a first kernel, which is compiled
@@ -63,13 +67,18 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is traced: a closed mesh of a material, its lights and the view of it."""
+    """What is traced: closed bodies, a material for each of the surface's media, their lights and the view of them."""
 
-    mesh: Mesh
-    material: Material
+    surface: Surface
+    materials: Sequence[Material]
     lamps: Sequence[Lamp]
     surrounding: Surrounding | None
     view: View
+
+    @property
+    def radius(self) -> float:
+        """Return the largest distance of the surface from the origin, mm."""
+        return float(np.linalg.norm(self.surface.faces.vertices, axis=1).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +120,27 @@ def draw_trial() -> None:
     view = View(np.array([0.0, 0.0, 8.0]), np.eye(3), 0.3, (4, 4))
     lamp = Lamp(np.array([0.0, 0.0, 1.0]), np.ones(3), 1.0)
     material = Material("trial", (1.0,) * 3, (0.1,) * 3, 1.3)
-    traced = _vectorised(Subject(mesh, material, [lamp], None, view), 16, 0)
+    traced = _vectorised(Subject(Surface.of(mesh, material.eta), [material], [lamp], None, view), 16, 0)
     if not traced.whole.any():
         raise SystemExit(1)
 
 
 def trace(subject: Subject, paths: int, seed: int) -> TracedLight:
-    """Return the scattered light of a subject by `paths` paths a pixel."""
-    traced = _vectorised if variant() == VECTORISED else _scalar
-    return traced(subject, paths, seed)
+    """Return the scattered light of a subject by `paths` paths a pixel.
+
+    Raises
+    ------
+    InputError
+        For several media without the vectorised variant.
+    """
+    if variant() == VECTORISED:
+        return _vectorised(subject, paths, seed)
+    if len(subject.materials) > 1:
+        raise InputError(
+            "--path-traced knows parts with a material of their own by Mitsuba's llvm_ad_rgb, which needs an LLVM of "
+            "version 16 or later; name one by DRJIT_LIBLLVM_PATH"
+        )
+    return _scalar(subject, paths, seed)
 
 
 # Vectorised
@@ -148,8 +169,20 @@ def _integrator(subject: Subject) -> Any:
     import drjit as dr
     import mitsuba as mi
 
-    material, lamps = subject.material, subject.lamps
-    albedos, extinctions = mi.Color3f(*material.alpha_prime.tolist()), mi.Color3f(*material.sigma_t_prime.tolist())
+    lamps, faces = subject.lamps, subject.surface.faces
+    medium_of_face = mi.UInt32(faces.media[faces.bodies].astype(np.uint32))
+    # Of air, then of each medium.
+    indices = mi.Float([1.0, *(material.eta for material in subject.materials)])
+    all_albedos = np.stack([np.zeros(3), *(material.alpha_prime for material in subject.materials)])
+    all_extinctions = np.stack([np.zeros(3), *(material.sigma_t_prime for material in subject.materials)])
+    of_albedo, of_extinction = ([mi.Float(row.tolist()) for row in table.T] for table in (all_albedos, all_extinctions))
+
+    def there(within: Any) -> Any:
+        """Return the number of the medium of a set of media, the highest one; 0 of air."""
+        return 32 - dr.lzcnt(within)
+
+    def looked_up(table: Sequence[Any], medium: Any) -> Any:
+        return mi.Color3f(*(dr.gather(mi.Float, channel, medium) for channel in table))
 
     class Reentry(mi.SamplingIntegrator):  # type: ignore[misc]
         def aov_names(self) -> list[str]:
@@ -159,40 +192,52 @@ def _integrator(subject: Subject) -> Any:
             # Paths are of one channel, and count for all by the balance heuristic: with the share that each channel's
             # density has of their sum, which is `shares`.
             drawn = 3.0 * sampler.next_1d()
-            albedo, sigma = (
-                dr.select(drawn < 1.0, rgb.x, dr.select(drawn < 2.0, rgb.y, rgb.z)) for rgb in (albedos, extinctions)
-            )
+
+            def of_drawn(rgb: Any) -> Any:
+                return dr.select(drawn < 1.0, rgb.x, dr.select(drawn < 2.0, rgb.y, rgb.z))
 
             def fly(*state: Any) -> tuple[Any, ...]:
                 """Go on to the next scattering, or to the boundary, or out of the scene."""
-                sampler, ray, active, shares, inside, untouched, scattered, again, mirrored, left = state
-                flight = dr.select(inside, -dr.log(1.0 - sampler.next_1d()) / sigma, dr.largest(mi.Float))
+                sampler, ray, active, shares, within, untouched, scattered, again, mirrored, left = state
+                medium = there(within)
+                albedos, extinctions = looked_up(of_albedo, medium), looked_up(of_extinction, medium)
+                sigma = of_drawn(extinctions)
+                flight = dr.select(sigma > 0.0, -dr.log(1.0 - sampler.next_1d()) / sigma, dr.largest(mi.Float))
                 ray.maxt = flight
                 si = scene.ray_intersect(ray, active)
                 hit = active & si.is_valid()
-                scatters = active & inside & ~hit
-                turned, _ = si.bsdf(ray).sample(mi.BSDFContext(), si, sampler.next_1d(), sampler.next_2d(), hit)
-                reflected = mi.has_flag(turned.sampled_type, mi.BSDFFlags.DeltaReflection)
-                from_outside = dr.dot(ray.d, si.n) < 0.0
-                slipped = hit & (from_outside == inside)  # through an edge, by rounding
-                left = left | (active & ~inside & ~hit)
-                again = again | (hit & from_outside & scattered)
-                mirrored = mirrored | (hit & reflected & untouched)
+                scatters = active & (sigma > 0.0) & ~hit
+                # What it meets tells on which side of it the path has been.
+                facing = dr.dot(ray.d, si.n)
+                bit = mi.UInt32(1) << dr.gather(mi.UInt32, medium_of_face, si.prim_index, hit)
+                arriving = dr.select(facing > 0.0, within | bit, within & ~bit)
+                near, far = there(arriving), there(arriving ^ bit)
+                meets = hit & (near != far)
+                eta = dr.gather(mi.Float, indices, far) / dr.gather(mi.Float, indices, near)
+                share, inner, _, _ = mi.fresnel(dr.abs(facing), eta)
+                reflected = meets & (sampler.next_1d() < share)
+                normal = dr.select(facing > 0.0, -si.n, si.n)
+                mirror = ray.d + 2.0 * dr.abs(facing) * normal
+                bent = dr.normalize(ray.d / eta + (dr.abs(facing) / eta - dr.abs(inner)) * normal)
+                turned = dr.select(reflected, mirror, dr.select(meets, bent, ray.d))
+                left = left | (active & (within == 0) & ~hit)
+                again = again | (meets & (near == 0) & scattered)
+                mirrored = mirrored | (reflected & untouched)
                 scattered = scattered | scatters
-                alive = (hit & ~slipped) | (scatters & (sampler.next_1d() < albedo))
+                alive = hit | (scatters & (sampler.next_1d() < of_drawn(albedos)))
                 isotropic = mi.warp.square_to_uniform_sphere(sampler.next_2d())
-                direction = dr.select(hit, si.to_world(turned.wo), dr.select(scatters, isotropic, ray.d))
+                direction = dr.select(hit, turned, dr.select(scatters, isotropic, ray.d))
                 passed = dr.exp(-extinctions * dr.select(hit, si.t, flight))
-                density = dr.select(scatters, passed * extinctions * albedos, dr.select(hit & inside, passed, 1.0))
+                density = dr.select(scatters, passed * extinctions * albedos, dr.select(hit, passed, 1.0))
                 shares = shares * density
                 onwards = si.spawn_ray(direction)
                 onwards.o = dr.select(hit, onwards.o, ray.o + flight * ray.d)
-                inside = inside ^ (hit & ~reflected)
-                flags = inside, untouched & ~hit, scattered, again, mirrored, left
+                within = dr.select(hit, dr.select(reflected, arriving, arriving ^ bit), within)
+                flags = within, untouched & ~meets, scattered, again, mirrored, left
                 return sampler, onwards, active & alive, shares / dr.maximum(dr.sum(shares), SMALLEST), *flags
 
-            flags = [mi.Bool(value) for value in (False, True, False, False, False, False)]
-            start = sampler, mi.Ray3f(ray), mi.Bool(active), mi.Color3f(1.0 / 3.0), *flags
+            flags = [mi.Bool(value) for value in (True, False, False, False, False)]
+            start = sampler, mi.Ray3f(ray), mi.Bool(active), mi.Color3f(1.0 / 3.0), mi.UInt32(0), *flags
             end = dr.while_loop(start, lambda _sampler, _ray, active, *_rest: active, fly, label="paths")
             ray, shares, (scattered, again, mirrored, left) = end[1], end[3], end[6:]
             radiance = dr.zeros(mi.Color3f)
@@ -222,7 +267,7 @@ def _scalar(subject: Subject, paths: int, seed: int) -> TracedLight:
     import mitsuba as mi
 
     mi.set_variant(SCALAR)
-    material = subject.material
+    (material,) = subject.materials
     images = []
     for albedo in (material.alpha_prime, np.zeros(3)):
         scene = {
@@ -235,7 +280,7 @@ def _scalar(subject: Subject, paths: int, seed: int) -> TracedLight:
             },
             "sensor": _sensor(mi, subject),
             "object": _object(mi, subject, _medium(material, albedo)),
-            **{f"lamp {i}": _disc(mi, lamp, subject.mesh.radius) for i, lamp in enumerate(subject.lamps)},
+            **{f"lamp {i}": _disc(mi, lamp, subject.radius) for i, lamp in enumerate(subject.lamps)},
             **_surroundings(mi, subject),
         }
         image = mi.render(mi.load_dict(scene), spp=max(paths, 1), seed=seed)
@@ -279,7 +324,7 @@ def _sensor(mi: Any, subject: Subject) -> dict[str, Any]:
         "sampler": {"type": "independent"},
         "fov_axis": "y",
         "fov": float(2.0 * np.degrees(np.arctan(view.half_tangent))),
-        "near_clip": 1e-3 * subject.mesh.radius,
+        "near_clip": 1e-3 * subject.radius,
     }
 
 
@@ -295,14 +340,14 @@ def _surroundings(mi: Any, subject: Subject) -> dict[str, Any]:
 
 
 def _object(mi: Any, subject: Subject, inside: dict[str, Any]) -> Any:
-    properties, mesh = mi.Properties(), subject.mesh
+    properties, faces = mi.Properties(), subject.surface.faces
     properties["face_normals"] = True
-    properties["bsdf"] = mi.load_dict({"type": "dielectric", "int_ior": subject.material.eta, "ext_ior": 1.0})
+    properties["bsdf"] = mi.load_dict({"type": "dielectric", "int_ior": subject.materials[0].eta, "ext_ior": 1.0})
     for name, medium in inside.items():
         properties[name] = mi.load_dict(medium)
-    shape = mi.Mesh("object", len(mesh.vertices), len(mesh.faces), props=properties)
+    shape = mi.Mesh("object", len(faces.vertices), len(faces.corners), props=properties)
     arrays = mi.traverse(shape)
-    arrays["vertex_positions"] = np.ascontiguousarray(mesh.vertices, np.float32).ravel()
-    arrays["faces"] = np.ascontiguousarray(mesh.faces, np.uint32).ravel()
+    arrays["vertex_positions"] = np.ascontiguousarray(faces.vertices, np.float32).ravel()
+    arrays["faces"] = np.ascontiguousarray(faces.corners, np.uint32).ravel()
     arrays.update()
     return shape

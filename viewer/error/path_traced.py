@@ -27,11 +27,13 @@ from milkglass.core.display import srgb
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
+from milkglass.core.paths.surface import ClearPart, Surface
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.viewer.error import mitsuba_paths
 from milkglass.viewer.error.map import written
 from milkglass.viewer.error.mitsuba_paths import Lamp, Subject, Surrounding, View
 from milkglass.viewer.files.images import Pixels8, check_output, write_exr, write_png
+from milkglass.viewer.files.model import joined
 from milkglass.viewer.gl.context import headless_context
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer
@@ -127,28 +129,27 @@ def check(scene: Scene, path: Path, outputs: Sequence[str]) -> None:
         raise InputError("--path-traced has the object in the way of light; leave environment.occluded on")
     if scene.camera.orthographic:
         raise InputError("--path-traced knows perspective cameras only; leave out --orthographic")
-    if scene.materials:
-        raise InputError("--path-traced does not know parts with a material of their own; leave out materials")
     if importlib.util.find_spec("mitsuba") is None:
         raise InputError('--path-traced needs Mitsuba 3: pip install "milkglass[mitsuba]"')
 
 
 def run(scene: Scene, path: Path, paths: int, seed: int = 0) -> PathTracedResult:
     """Render a scene and return its comparison with traced paths; see `trace`."""
-    scene = replace(scene.floating(), material=scene.material.isotropic())
+    parts = tuple((name, material.isotropic()) for name, material in scene.materials)
+    scene = replace(scene.floating(), material=scene.material.isotropic(), materials=parts)
     renderer = Renderer(headless_context())
     lit = renderer.light(scene)
     if lit.detail is not None:
         off = "--set detail.albedo=off --set detail.normal_strength=0"
         raise InputError(f"--path-traced does not know the colours and relief of a surface; add {off}")
     mesh = lit.model.mesh
-    if not is_closed(row_sums(mesh)):
+    if not (mesh.closed or is_closed(row_sums(mesh))):
         raise InputError("--path-traced needs a closed mesh that is wound outwards")
     frame = alone = renderer.render(scene, seed=seed)
     if lit.exchange is not None:
         alone = renderer.render(replace(scene, transport=replace(scene.transport, exchange="off")), seed=seed)
     probe = renderer.probe(scene.environment) if scene.environment.given else None
-    return trace(scene, subject_of(scene, mesh, probe), (frame, alone), path, paths, seed)
+    return trace(scene, subject_of(scene, mesh, probe, lit.model.clear), (frame, alone), path, paths, seed)
 
 
 def trace(
@@ -191,17 +192,28 @@ def trace(
     return result
 
 
-def subject_of(scene: Scene, mesh: Mesh, probe: Probe | None) -> Subject:
-    """Return what is traced of a scene with distant lights and a perspective camera; `probe` is its environment's."""
+def subject_of(scene: Scene, mesh: Mesh, probe: Probe | None, clear: Sequence[Mesh] = ()) -> Subject:
+    """Return what is traced of a scene with distant lights and a perspective camera.
+
+    `probe` is its environment's, `clear` are the meshes of its clear parts.
+    """
     width, height = scene.display.image_size
-    camera, environment = model_camera(scene.camera, mesh, (width, height)), scene.environment
+    whole, environment = joined(mesh, *clear) if clear else mesh, scene.environment
+    camera = model_camera(scene.camera, whole, (width, height))
     half = 1.0 / float(camera.projection[1, 1])
     view = View(camera.eye[:3], camera.rotation, half, (width, height))  # its columns: right, up and back
     surrounding = None
     if probe is not None and environment.intensity > 0.0:
         surrounding = Surrounding(environment.intensity * probe.latlong, environment.rotation_deg)
     lamps = [_lamp(light) for light in scene.effective_lights()]
-    return Subject(mesh, scene.material.resolve(), lamps, surrounding, view)
+    scattering = [scene.material.resolve(), *(material.resolve() for _, material in scene.scattering_parts)]
+    glasses = [material.resolve() for _, material in scene.clear_parts]
+    parts = [ClearPart(part, of.eta, of.sigma_a) for part, of in zip(clear, glasses, strict=True)]
+    kinds = range(len(scattering))
+    etas = [material.eta for material in scattering]
+    surface = Surface.of(mesh, etas, None if mesh.kinds is None else mesh.kinds.astype(np.int32), parts, kinds)
+    by_medium = [there if there >= 0 else -1 - there for there in surface.faces.of_media.tolist()]
+    return Subject(surface, [[*scattering, *glasses][of] for of in by_medium], lamps, surrounding, view)
 
 
 def _lamp(light: Light) -> Lamp:

@@ -136,6 +136,9 @@ def photon_lights(scene: Scene, probe: Probe | None) -> list[PhotonLight]:
 
 def obstacle(scene: Scene, lit: LitScene) -> str | None:
     """Return the reason why a scene cannot be compared with photons, in a few words, or None."""
+    for light in scene.effective_lights():
+        if not light.DISTANT:
+            return f"photons come from distant lights only, and the scene has a {light.KIND} light"
     if (reason := unlike_paths(scene, lit)) is not None:
         return reason
     if not any(scene.material.resolve().sigma_s_prime):
@@ -147,9 +150,6 @@ def obstacle(scene: Scene, lit: LitScene) -> str | None:
 
 def unlike_paths(scene: Scene, lit: LitScene) -> str | None:
     """Return the reason why neither photons nor paths from the eye know what a scene has, in a few words, or None."""
-    for light in scene.effective_lights():
-        if not light.DISTANT:
-            return f"photons come from distant lights only, and the scene has a {light.KIND} light"
     environment = scene.environment
     if environment.given and not environment.occluded:
         return "the object is in the way of photons, and environment.occluded is off"
@@ -157,6 +157,6 @@ def unlike_paths(scene: Scene, lit: LitScene) -> str | None:
         return "the scene has no light"
     if lit.detail is not None:
         return "photons do not know the colours and the relief of the model's surface"
-    if lit.clear:
+    if lit.clear or len(lit.matter) > 1:
         return "photons do not know parts of the model with a material of their own"
     return None

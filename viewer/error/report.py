@@ -25,7 +25,7 @@ from milkglass.core.threads import one_blas_thread
 from milkglass.core.transport.diffusion.boundary import is_closed, row_sums
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.assets.sources import PartedProbe
-from milkglass.viewer.error.eye import LEAST_ANGLE_DEG, PartError, eye_error, judged_by_eye
+from milkglass.viewer.error.eye import LEAST_ANGLE_DEG, PartError, eye_error, judged_by_eye, unseen_light
 from milkglass.viewer.error.illumination import lights_of, with_reentry
 from milkglass.viewer.error.map import error_map
 from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk, unlike_paths
@@ -70,7 +70,7 @@ def eye_content(
     The fields are those of `PartError` under the name of each part; arguments as of `viewer.error.eye.eye_error`.
     """
     start, lit = time.perf_counter(), renderer.light(scene)
-    reason = unlike_paths(scene, lit)
+    reason = unlike_paths(scene, lit) or unseen_light(scene)
     if reason is None and not is_closed(row_sums(lit.model.mesh)):
         reason = "paths go through closed meshes only"
     if reason is not None:

@@ -81,12 +81,13 @@ class BeamStages:
     ) -> Float32 | None:  # fmt: skip
         """Return the irradiance at the places of a plane's map of light that has crossed an object, (n, 3).
 
-        Lamps' light that the object has mirrored is among it. None where next to nothing crosses; others as of `of`.
+        Lamps' light that the object has mirrored is among it, and what has come through clear parts alone. None where
+        next to nothing crosses; others as of `of`.
         """
         if standing is None:
             return None
         within = any(needs_beams(medium, grid) for of_kind in matter for medium in of_kind.followed)
-        if not within and all(scatters(of_kind.media, of_kind.chord) for of_kind in matter):
+        if not (within or clear) and all(scatters(of_kind.media, of_kind.chord) for of_kind in matter):
             return None
         from milkglass.core.paths.landing import landed
 

@@ -51,8 +51,8 @@ if TYPE_CHECKING:
 Progress = Callable[[str], None]
 LEAST_LEFT = 0.1  # of light that crosses a part, below which it is as good as opaque
 NO_SHADOW = (
-    "little light crosses it, yet it is in the way of rays, beams and the matter that it touches alone: shadows and the"
-    " environment's occlusion do not know it"
+    "little light crosses it, yet it is in the way of rays, beams, the matter that it touches and lamps on the ground:"
+    " other shadows and the environment's occlusion do not know it"
 )
 NO_RAYS = "parts with a material of their own are seen by rays, which transport diffusion alone follows; left out"
 
@@ -149,8 +149,11 @@ class Lighting:
         landed = self._beams.onto_ground(seen_through, model, parts, alone, matter, grid, draft=draft)
         reflecting = self._grounds.exchange(standing, model.mesh, say)
         indices = self._indices(model.mesh, matter, settings, standing)
+        onto_ground = (
+            sources if standing is None else self._onto_ground((*lamps, *strong), sources, model, parts, draft)
+        )
         ground, from_ground = self._grounds.lit(
-            standing, reflecting, sources, indices or matter[0].eta, landed, draft=draft
+            standing, reflecting, onto_ground, indices or matter[0].eta, landed, draft=draft
         )
         leaving = None if detail is None or detail.after == 0.0 else self._details.leaving(detail, samples)
         exchange, clear = None, not any(of_kind.scatters for of_kind in matter)
@@ -197,6 +200,21 @@ class Lighting:
             model, camera, sources, quality, *placed, *looks, exchange, unscattered, refined, beams, parts, ground,
             indices,
         )  # fmt: skip
+
+    def _onto_ground(
+        self,
+        lamps: tuple[Light, ...],
+        sources: tuple[LightSource, ...],
+        model: Model,
+        clear: "tuple[ClearPart, ...]",
+        draft: bool,
+    ) -> tuple[LightSource, ...]:
+        """Return sources as a ground has them: clear parts are in lamps' way, what comes through lands."""
+        if not clear or model.whole_buffers is None:
+            return sources
+        named = [(light, Stage.LIGHT_ONTO_GROUND.of(i)) for i, light in enumerate(lamps, start=1)]
+        past = self._lamps.sources(named, model.whole, model.whole_buffers, None, draft)
+        return *past, *sources[len(lamps) :]
 
     def _matter(
         self, scene: Scene, model: Model, bodies: Bodies | None, method: Method
@@ -328,7 +346,10 @@ class Lighting:
         if not file.clear:
             return model
         buffers = MeshBuffers(self._context, joined(*file.clear))
-        return replace(model, clear=file.clear, clear_buffers=buffers, with_clear=file.whole, lift=file.lift)
+        whole = file.whole, MeshBuffers(self._context, file.whole)
+        return replace(
+            model, clear=file.clear, clear_buffers=buffers, with_clear=whole[0], whole_buffers=whole[1], lift=file.lift
+        )
 
     def _irradiances(
         self,

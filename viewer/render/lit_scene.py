@@ -47,6 +47,8 @@ class Model:
         Of all of them.
     with_clear : Mesh, optional
         The mesh with its clear parts, where it has any.
+    whole_buffers : MeshBuffers, optional
+        Of that.
     lift : float
         How far the mesh is above the lowest point of the whole, mm.
     """
@@ -57,6 +59,7 @@ class Model:
     clear: tuple[Mesh, ...] = ()
     clear_buffers: MeshBuffers | None = None
     with_clear: Mesh | None = None
+    whole_buffers: MeshBuffers | None = None
     lift: float = 0.0
 
     @property

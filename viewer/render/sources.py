@@ -23,7 +23,11 @@ from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
 MAX_IRRADIANCE = 1e9  # of a directional light
-SHADOWS = {Stage.LIGHT: Stage.LIGHT_SHADOW, Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW}
+SHADOWS = {
+    Stage.LIGHT: Stage.LIGHT_SHADOW,
+    Stage.PROBE_SOURCE: Stage.PROBE_SOURCE_SHADOW,
+    Stage.LIGHT_ONTO_GROUND: Stage.SHADOW_ONTO_GROUND,
+}
 
 
 class LampSources:

@@ -5,6 +5,7 @@ import pytest
 
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.reference.eye_paths import PARTS, LitObject, group_radiance, traced
+from milkglass.core.reference.near_lamps import NearBall, NearPanel
 from milkglass.core.reference.phase import henyey_greenstein, phase
 from milkglass.core.reference.photon_lights import Beam, Surroundings
 from tests.support.solids import ball, block, mesh_of
@@ -128,10 +129,14 @@ def test_lights_are_as_bright_from_all_around_as_their_irradiance():
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     facing = 4.0 * np.pi * np.maximum(directions @ [0.0, 0.6, 0.8], 0.0)
     lamp = Beam((0.0, 3.0, 4.0), (1.0, 2.0, 0.5), angle_deg=60.0)
-    np.testing.assert_allclose((facing[:, None] * lamp.arriving(directions)).mean(axis=0), lamp.irradiance, rtol=0.02)
+    np.testing.assert_allclose(
+        (facing[:, None] * lamp.arriving(directions, directions)).mean(axis=0), lamp.irradiance, rtol=0.02
+    )
     half = np.zeros((16, 32, 3), np.float32)
     half[:8, 16:] = 1.0  # up, and to +x: a quarter of the sphere
-    above = Surroundings(half, np.eye(3), 2.0).arriving(np.array([[0.6, 0.8, 0.0], [-0.6, 0.8, 0.0], [0.6, -0.8, 0.0]]))
+    above = Surroundings(half, np.eye(3), 2.0).arriving(
+        towards := np.array([[0.6, 0.8, 0.0], [-0.6, 0.8, 0.0], [0.6, -0.8, 0.0]]), towards
+    )
     np.testing.assert_array_equal(above[:, 0], [2.0, 0.0, 0.0])
 
 
@@ -149,3 +154,22 @@ def test_noise_is_that_of_rounds(sphere):
     assert np.all((error > 0.0) & (error < 0.2 * value))
     assert (told[0], told[-1]) == (0.0, 1.0)
     assert 1.9 < lit.collisions < 0.12 * ETA**2 * sphere.mean_chord
+
+
+def test_near_lamps_are_as_bright_at_places_as_their_solid_angle_says():
+    """Irradiance on what faces them: of a ball pi L (r / d)^2, of a panel by L cos cos / d^2 over its area."""
+    towards = np.random.default_rng(1).normal(size=(400_000, 3))
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    towards[:, 2] = np.abs(towards[:, 2])
+    place = np.tile([1.0, -2.0, 3.0], (len(towards), 1))
+    lamps = (
+        NearBall(np.array([1.0, -2.0, 23.0]), 6.0, np.array([1.0, 2.0, 0.5])),
+        NearPanel(*np.array([[1.0, -2.0, 23.0], [5.0, 0.0, 0.0], [0.0, 8.0, 0.0], [0.0, 0.0, -1.0]]), np.ones(3)),
+    )
+    x, y = np.meshgrid(*[(np.arange(100) + 0.5) / 50.0 - 1.0] * 2)
+    panel = 160.0 * np.mean(20.0**2 / (400.0 + (5.0 * x) ** 2 + (8.0 * y) ** 2) ** 2)
+    for lamp, expected in zip(lamps, (np.pi * 0.3**2 * lamps[0].radiance, panel * np.ones(3)), strict=True):
+        found = 2.0 * np.pi * np.mean(towards[:, 2:] * lamp.arriving(towards, place), axis=0)
+        np.testing.assert_allclose(found, expected, rtol=0.02)
+        assert not lamp.arriving(-towards, place).any()
+    assert not lamps[1].arriving(-towards, place + np.array([0.0, 0.0, 40.0])).any()  # its back

@@ -10,11 +10,13 @@ from milkglass.core.paths.surface import ClearPart
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer, render
 from milkglass.viewer.render.tracing import dimming
+from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import (
     CameraSettings,
     DisplaySettings,
     EnvironmentSettings,
+    GroundSettings,
     MaterialSettings,
     ModelSettings,
     TransportSettings,
@@ -55,6 +57,23 @@ def test_what_scatters_in_a_glass_is_hardly_to_be_seen_in_a_white_furnace(contex
     found = radiance_on(render(scene))
     np.testing.assert_allclose(found.mean(axis=0), 1.0, atol=error)
     assert found.std() < deviation
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("eta", "absorption", "least", "most"), [(1.0, 0.0, 0.9, 1.05), (1.5, 5.0, 0.0, 0.1)])
+def test_a_clear_part_casts_the_shadow_of_what_it_takes_away(context, few_rays, eta, absorption, least, most):
+    """A lamp from the left, and the ground on the right: of glass that bends and absorbs nothing none is to be seen."""
+    nothing, dark = MaterialSettings.clear(eta), MaterialSettings.clear(eta, (absorption,) * 3)
+    lamp = DirectionalLight((-1.0, 1.0, 0.0), (3.0, 3.0, 3.0), angle_deg=10.0)
+    black = EnvironmentSettings()
+    view = CameraSettings(elevation_deg=60.0, zoom=0.6)
+    on = GroundSettings(on=True, reflectance=0.5, gap_mm=0.1)
+    scene = tumbler(nothing, materials={"glass": dark}, environment=black, lights=(lamp,), camera=view, ground=on)
+    frame = render(scene, samples=1)
+    radiance, (height, width) = frame.radiance[..., 1], frame.alpha.shape
+    middle = radiance[height // 2 - 2 : height // 2 + 2]
+    beside, in_open = middle[:, width // 2 + 4 : width // 2 + 10], np.quantile(middle, 0.9)
+    assert least <= beside.mean() / in_open < most
 
 
 def test_pictures_depend_on_the_material_of_a_part_and_say_it(context, few_rays):

@@ -1,6 +1,6 @@
 """Panels that shine: soft boxes, windows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -39,6 +39,12 @@ class RectangleLight(AimedLight):
         roll = np.radians(self.roll_deg)
         turned_width = np.cos(roll) * width + np.sin(roll) * height
         return np.stack([turned_width, np.cross(forward, turned_width), forward])
+
+    def widened(self, angle_deg: float) -> "RectangleLight":
+        """See `Light.widened`; of the shorter side, seen from the origin."""
+        least = 2.0 * float(np.linalg.norm(self.position_mm) * np.tan(0.5 * np.radians(angle_deg)))
+        scale = max(1.0, least / min(self.size_mm))
+        return replace(self, size_mm=(scale * self.size_mm[0], scale * self.size_mm[1]))
 
     def turned(self, turn: Array) -> Self:
         """See `Light.turned`; the roll about the new normal keeps the sides where the turn takes them."""

@@ -1,6 +1,6 @@
 """Balls that shine: bulbs, lanterns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -31,6 +31,11 @@ class SphereLight(NearLight):
     def half_extent(self) -> float:
         """See `NearLight.half_extent`."""
         return self.radius_mm
+
+    def widened(self, angle_deg: float) -> "SphereLight":
+        """See `Light.widened`; seen from the origin."""
+        least = np.linalg.norm(self.position_mm) * np.sin(0.5 * np.radians(angle_deg))
+        return replace(self, radius_mm=max(self.radius_mm, float(least)))
 
     def _divided(self, count: int) -> SubLights:
         centre, radius, near = np.array(self.position_mm), self.radius_mm, count > MAX_FACING

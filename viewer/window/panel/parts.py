@@ -1,6 +1,6 @@
 """The panel's rows on parts of the model that have a material of their own."""
 
-from milkglass.core.material.library import MAX_ETA, MIN_ETA
+from milkglass.core.material.library import MAX_ETA, MIN_ETA, library
 from milkglass.viewer.assets.sources import whole_source
 from milkglass.viewer.files.model import MOST_NAMED
 from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT, Controls, Reach, Reset, explained
@@ -12,13 +12,16 @@ from milkglass.viewer.scene.scene import Change
 from milkglass.viewer.scene.settings import MaterialSettings
 from milkglass.viewer.session.session import Session
 
-SCATTERS, CLEAR = "the material", "clear"
+SCATTERS, CLEAR, OWN = "the material", "clear", "its own"
 LARGEST_SIGMA = 10.0  # 1/mm, end of the sliders
-TIP = "What this part of the model is of: the material above, or one of its own, which absorbs and refracts light."
+TIP = (
+    "What this part of the model is of: the material above, or one of its own. A clear one absorbs and refracts light; "
+    "a measured one scatters it too, in this part alone."
+)
 
 
 class PartRows:
-    """Draws which parts of the model are clear, and of what."""
+    """Draws what the parts of the model are of."""
 
     def __init__(self, session: Session, controls: Controls) -> None:
         self._session, self._controls = session, controls
@@ -35,21 +38,27 @@ class PartRows:
             return
         for names, _ in file.parts[:MOST_NAMED]:
             given = next((name for name, _ in scene.materials if name in names), None)
-            self._part(given or names[0], is_clear=given is not None)
+            self._part(given or names[0], dict(scene.materials).get(given or ""))
 
-    def _part(self, part: str, *, is_clear: bool) -> None:
+    def _part(self, part: str, given: MaterialSettings | None) -> None:
         session, controls, table = self._session, self._controls, f"{MATERIALS}.{part}"
         controls.begin_row(part)
-        chosen = controls.choice(table, CLEAR if is_clear else SCATTERS, (SCATTERS, CLEAR))
+        current, measured = SCATTERS, [material.name for material in library()]
+        if given is not None:
+            current = given.name or (OWN if any(given.resolve().sigma_s_prime) else CLEAR)
+        chosen = controls.choice(table, current, (SCATTERS, CLEAR, *measured), shown=current)
         controls.end_row(table, part, TIP)
         if chosen == CLEAR:
-            session.edit(table, eta=MaterialSettings.DEFAULT_ETA)
+            nothing = (0.0, 0.0, 0.0)
+            session.edit(table, sigma_s_prime=nothing, sigma_a=nothing, eta=MaterialSettings.DEFAULT_ETA)
         elif chosen == SCATTERS:
             left = tuple(pair for pair in session.scene.materials if pair[0] != part)
             session.change([Change(MATERIALS, "", left, MATERIALS)])
-        if not is_clear or chosen is not None:
+        elif chosen is not None:
+            session.edit(table, name=chosen)
+        if given is None or given.name is not None or chosen is not None:
             return
-        material = dict(session.scene.materials)[part].resolve()
+        material = given.resolve()
         declared = settings_of(MaterialSettings)
         reset = Reset(MaterialSettings.DEFAULT_ETA, lambda: session.edit(table, eta=MaterialSettings.DEFAULT_ETA))
         reach = Reach(MIN_ETA, MAX_ETA)
@@ -65,7 +74,7 @@ class PartRows:
             def put(value: float, channel: int = channel) -> None:
                 values = list(material.sigma_a)
                 values[channel] = value
-                session.edit(table, sigma_s_prime=(0.0, 0.0, 0.0), sigma_a=tuple(values), eta=material.eta)
+                session.edit(table, sigma_s_prime=material.sigma_s_prime, sigma_a=tuple(values), eta=material.eta)
 
             if moved is not None:
                 put(moved)
