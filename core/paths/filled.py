@@ -2,7 +2,8 @@
 
 An integral over the inside is a sum over the surface: along columns through the grid, each crossing of a face adds the
 antiderivative of what is integrated, with the sign of the face's normal along the column. Columns that pass an edge
-cross exactly one of its two faces, so that the sum has no leak; along a column it is exact.
+cross exactly one of its two faces, so that the sum has no leak; along a column it is exact. No two columns of a cell
+have one x or one y, so that sheets thinner than a cell, along the axes too, are as thick as they are.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.paths.compiled import compiled
 
-COLUMNS = 4  # along each side of a cell
+COLUMNS = 6  # along each side of a cell
 LEAST_WEIGHT = 0.03  # below it a node is too far outside for what is divided by its weight
 
 
@@ -61,14 +62,14 @@ def _cross(corners: Array, columns: int, steps: Array, tents: Array) -> None:
         if area == 0.0:
             continue
         sign = 1.0 if area > 0.0 else -1.0
-        first_row = int(np.ceil((min(a[1], b[1], c[1]) + 0.5) * columns - 0.5))
-        last_row = int(np.floor((max(a[1], b[1], c[1]) + 0.5) * columns - 0.5))
-        first_column = int(np.ceil((min(a[0], b[0], c[0]) + 0.5) * columns - 0.5))
-        last_column = int(np.floor((max(a[0], b[0], c[0]) + 0.5) * columns - 0.5))
+        first_row = int(np.ceil((min(a[1], b[1], c[1]) + 0.5) * columns - 1.0))
+        last_row = int(np.floor((max(a[1], b[1], c[1]) + 0.5) * columns))
+        first_column = int(np.ceil((min(a[0], b[0], c[0]) + 0.5) * columns - 1.0))
+        last_column = int(np.floor((max(a[0], b[0], c[0]) + 0.5) * columns))
         for i in range(max(first_row, 0), min(last_row, columns * height - 1) + 1):
-            y = (i + 0.5) / columns - 0.5
             for j in range(max(first_column, 0), min(last_column, columns * width - 1) + 1):
-                x = (j + 0.5) / columns - 0.5
+                x = (j + (i % columns + 0.5) / columns) / columns - 0.5
+                y = (i + (columns - j % columns - 0.5) / columns) / columns - 0.5
                 left = _side(a[0], a[1], b[0], b[1], x, y)
                 if left != _side(b[0], b[1], c[0], c[1], x, y) or left != _side(c[0], c[1], a[0], a[1], x, y):
                     continue

@@ -36,6 +36,16 @@ def test_filled_cells_have_the_volume_of_the_mesh(mesh):
     assert found.weight[~outside].sum() == pytest.approx(volume, rel=0.01)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_sheets_along_the_axes_and_thinner_than_a_cell_are_as_thick_as_they_are(axis):
+    sides = np.roll([0.15, 10.0, 7.0], axis)
+    mesh = mesh_of(block(tuple(sides)))
+    grid = fit_nodes(mesh.bounds, 40)
+    found = filled(mesh, grid)
+    assert found.share.sum() == pytest.approx(sides.prod() / grid.texel**3, rel=0.06)
+    assert found.weight[found.weight > 0.03].sum() == pytest.approx(sides.prod() / grid.texel**3, rel=0.06)
+
+
 def test_the_weight_of_a_node_is_what_even_points_inside_assign_to_it():
     mesh = mesh_of(ball(5.0, subdivisions=4))
     grid = fit_nodes(mesh.bounds, 12)
