@@ -1,5 +1,8 @@
 """A mask that is painted: strokes of a round brush, each undone as a whole. No OpenGL in here."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -8,6 +11,14 @@ UNDO_STEPS = 50  # strokes that can be undone
 Pixels8 = npt.NDArray[np.uint8]
 Point = tuple[float, float]  # column and row, pixels, the middle of the first pixel at 0.5
 Window = tuple[slice, slice]
+
+
+class _Step(NamedTuple):
+    """What a part of the mask was before a step, and the state of all of it then."""
+
+    window: Window
+    pixels: Pixels8
+    state: int
 
 
 class PaintedMask:
@@ -24,14 +35,20 @@ class PaintedMask:
         Grows with every finished change: what is made of the mask is outdated then.
     shown : int
         Grows with every change, those of a stroke on its way included.
+    state : int
+        Another for every other finished mask; the same again where a step is taken back.
+    noted : callable
+        Called for every step that can be undone.
     """
 
     def __init__(self, pixels: Pixels8) -> None:
         self.pixels = pixels
-        self.version = self.shown = 0
+        self.version = self.shown = self.state = 0
+        self.noted: Callable[[], object] = lambda: None
         self._before: Pixels8 | None = None  # while a stroke is on its way
         self._touched: Window | None = None
-        self._history: list[tuple[Window, Pixels8]] = []
+        self._history: list[_Step] = []
+        self._undone: list[_Step] = []
 
     @property
     def can_undo(self) -> bool:
@@ -74,19 +91,33 @@ class PaintedMask:
         before, self.pixels = self.pixels, pixels
         self._remember(everything, before)
 
-    def undo(self) -> None:
-        """Take the last step back, if there is one."""
-        if self._history:
-            window, before = self._history.pop()
-            self.pixels[window] = before
-            self.version += 1
-            self.shown += 1
+    def undo(self) -> bool:
+        """Take the last step back; False if there is none."""
+        return self._exchange(self._history, self._undone)
 
-    def _remember(self, window: Window, before: Pixels8) -> None:
-        self._history.append((window, before))
-        del self._history[:-UNDO_STEPS]
+    def redo(self) -> bool:
+        """Make the step that was taken back last again; False if there is none."""
+        return self._exchange(self._undone, self._history)
+
+    def _exchange(self, source: list[_Step], target: list[_Step]) -> bool:
+        if not source:
+            return False
+        step = source.pop()
+        target.append(_Step(step.window, self.pixels[step.window].copy(), self.state))
+        self.pixels[step.window] = step.pixels
+        self.state = step.state
         self.version += 1
         self.shown += 1
+        return True
+
+    def _remember(self, window: Window, before: Pixels8) -> None:
+        self._history.append(_Step(window, before, self.state))
+        del self._history[:-UNDO_STEPS]
+        self._undone.clear()
+        self.version += 1
+        self.shown += 1
+        self.state = self.version
+        self.noted()
 
 
 def _span(low: float, high: float, length: int) -> slice:

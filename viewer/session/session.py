@@ -75,6 +75,7 @@ class _Step:
     gesture: Hashable
     moves_camera: bool
     file: _File | None = None  # before, where the step opened another
+    apart: tuple[Callable[[], bool], Callable[[], bool]] | None = None  # undoes and redoes what is no part of the scene
 
 
 class Session:
@@ -169,6 +170,12 @@ class Session:
         self._redo.clear()
         self._set(scene)
 
+    def note(self, undo: Callable[[], bool], redo: Callable[[], bool]) -> None:
+        """Note a step that was made beside the scene; `undo` and `redo` return False where they cannot any more."""
+        step = _Step(self.scene, None, moves_camera=False, apart=(undo, redo))
+        self._undo = [*self._undo, step][-UNDO_STEPS:]
+        self._redo.clear()
+
     def frame(self, camera: CameraSettings) -> None:
         """Take the zoom and the target that frame the model, which is no change of the scene."""
         if self._saved.camera == self.scene.camera:
@@ -213,6 +220,11 @@ class Session:
         if not source:
             return
         step = source.pop()
+        if step.apart is not None:
+            target.append(step)
+            if not step.apart[source is self._redo]():
+                self._travel(source, target)
+            return
         file = None if step.file is None else _File(self.path, self._saved)
         target.append(_Step(self.scene, None, step.moves_camera, file))
         if step.file is not None:
@@ -261,7 +273,7 @@ class Session:
     def _back_to(self, scene: Scene) -> None:
         """Take back the steps since a scene, and what they opened."""
         for i in reversed(range(len(self._undo))):
-            if _is_same(self._undo[i].before, scene):
+            if self._undo[i].apart is None and _is_same(self._undo[i].before, scene):
                 file = next((step.file for step in self._undo[i:] if step.file is not None), None)
                 if file is not None:
                     self.path, self._saved = file.path, file.scene

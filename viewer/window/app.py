@@ -136,7 +136,8 @@ class App:
     @property
     def title(self) -> str:
         """Title of the window: the name of the file, with a star while the scene is not saved."""
-        return f"{self.session.file_name}{' *' if self.session.modified else ''} - milkglass"
+        is_changed = self.session.modified or any(work.unsaved() for work in self.actions.work)
+        return f"{self.session.file_name}{' *' if is_changed else ''} - milkglass"
 
     def handle(self, event: Event) -> None:
         """Take an event for the next frames."""

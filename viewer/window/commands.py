@@ -124,17 +124,6 @@ def _reset_view(space: Workspace) -> None:
         space.photo.show_all()
 
 
-def _can_undo(space: Workspace) -> bool:
-    return space.session.can_undo or (space.photo is not None and space.photo.can_undo_stroke)
-
-
-def _undo(space: Workspace) -> None:
-    if space.photo is not None and space.photo.can_undo_stroke:
-        space.photo.undo_stroke()
-    else:
-        space.session.undo()
-
-
 def _capture_object(space: Workspace) -> None:
     if space.photo is None:
         space.actions.capture_object()
@@ -228,7 +217,10 @@ COMMANDS: tuple[Command[Workspace], ...] = (
     ),
     Command("screenshot_object", "picture of the object alone, transparent", _capture_object, "Files", "Ctrl+F12"),
     Command("quit", "quit", lambda space: space.actions.quit(), "Files", "Ctrl+Q"),
-    Command("undo", "undo", _undo, "Edit", "Ctrl+Z", _can_undo, button=Button(icons.ICON_FA_ROTATE_LEFT)),
+    Command(
+        "undo", "undo", lambda space: space.session.undo(), "Edit", "Ctrl+Z",
+        lambda space: space.session.can_undo, button=Button(icons.ICON_FA_ROTATE_LEFT),
+    ),
     Command(
         "redo", "redo", lambda space: space.session.redo(), "Edit", "Ctrl+Shift+Z",
         lambda space: space.session.can_redo, button=Button(icons.ICON_FA_ROTATE_RIGHT),

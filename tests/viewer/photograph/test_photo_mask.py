@@ -38,12 +38,18 @@ def test_a_stroke_leaves_no_gaps_and_is_taken_back_as_a_whole() -> None:
     stroke(mask, (30.0, 20.0), erases=True)
     assert mask.pixels[20, 30] == 0
     assert mask.version == 2
+    after, state = mask.pixels.copy(), mask.state
     mask.undo()
     np.testing.assert_array_equal(mask.pixels, before)
+    mask.redo()
+    np.testing.assert_array_equal(mask.pixels, after)
+    assert mask.state == state
     mask.undo()
+    mask.undo()
+    assert mask.state == 0
     assert not mask.pixels.any()
     assert not mask.can_undo
-    assert mask.version == 4
+    assert mask.version == 6
 
 
 def test_a_stroke_beside_the_picture_changes_nothing() -> None:

@@ -10,6 +10,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.photograph.depth import SMOOTHING
 from milkglass.viewer.commands.cli import main
 from milkglass.viewer.commands.photograph import work_and_scene
+from milkglass.viewer.files import images
 from milkglass.viewer.files.images import read_photo, write_png
 from milkglass.viewer.files.photograph import Region, load_photo
 from milkglass.viewer.gui.events import Key, MouseButton, MouseMoved
@@ -148,6 +149,8 @@ def test_how_depth_is_read_is_undone_saved_and_opened(window, tmp_path: Path) ->
     assert shown.session.scene.photo == PhotoSettings()
     np.testing.assert_array_equal(work_of(shown).object.geometry.height, first.geometry.height)
     shown.app.workspace.open(tmp_path / "photo.toml")
+    shown.frames(2)
+    shown.key("d")  # discard what has changed since it was saved
     assert shown.session.scene.photo == PhotoSettings(depth_strength=0.4, behind="seen")
     shown.settle()
     shown.click("photo.behind.reset")
@@ -226,6 +229,37 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     assert not work.trouble
     shown.key("escape")
     assert work.tool is None
+
+
+@pytest.mark.slow
+def test_strokes_are_undone_in_their_order_marked_in_the_title_and_asked_about(window, tmp_path) -> None:
+    shown = window(masked=False)
+    shown.app.preferences.folder = str(tmp_path)
+    mask, middle = work_of(shown).mask, in_window(shown, 50.0, 50.0)
+    assert "*" not in shown.app.title
+    shown.send(MouseMoved(*middle), MouseButton("left", True), MouseButton("left", False))
+    assert "*" in shown.app.title
+    assert shown.view.subject.fading
+    assert shown.app.next_frame() <= 0.05
+    shown.settle()
+    shown.now += 2.0
+    shown.frame()
+    assert not shown.view.subject.fading  # the result is seen, not the mask
+    shown.key("escape")  # lays down the brush
+    shown.session.edit("material", name="ketchup")
+    shown.key("left_ctrl", "z")
+    assert (shown.session.scene.material.name, mask.pixels[50, 50]) == (SCENE.material.name, 255)
+    shown.key("left_ctrl", "z")
+    assert mask.pixels[50, 50] == 0
+    assert "*" not in shown.app.title
+    shown.key("left_ctrl", "left_shift", "z")
+    assert mask.pixels[50, 50] == 255
+    shown.key("left_ctrl", "q")
+    assert "mask" in shown.app.actions.questions.current.text
+    shown.key("enter")
+    shown.key("enter")  # the name that is suggested
+    assert shown.app.actions.closing
+    assert images.read_image(tmp_path / "photo-mask.png")[50, 50].max() == 255
 
 
 @pytest.mark.slow

@@ -100,11 +100,6 @@ class PhotographSection(Section):
         if controls.icon("photo.erases", icons.ICON_FA_ERASER, "The brush takes away", on=work.erases):
             work.erases = not work.erases
         imgui.same_line()
-        imgui.begin_disabled(not work.mask.can_undo)
-        if controls.icon("photo.undo", icons.ICON_FA_ROTATE_LEFT, "Take the last stroke back (Ctrl+Z while painting)"):
-            work.mask.undo()
-        imgui.end_disabled()
-        imgui.same_line()
         if controls.icon("photo.save_mask", icons.ICON_FA_FLOPPY_DISK, "Save the mask"):
             self._commands.request("save_mask")
         if work.tool == "brush":

@@ -1,5 +1,6 @@
 """What the commands of the window do where it shows a photograph."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from milkglass.viewer.photograph.geometry import read_depth
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.photograph.subject import PhotographSubject
-from milkglass.viewer.window.view.actions import Actions
+from milkglass.viewer.window.view.actions import Actions, Work
 from milkglass.viewer.window.view.area import ViewArea
 
 PNG = (".png",)
@@ -39,6 +40,11 @@ class PhotoActions:
         self._session, self._view, self._subject = session, view, subject
         self._work, self._actions = work, actions
         actions.adapt = lit_around
+        mask = work.mask
+        mask.noted = lambda: session.note(mask.undo, mask.redo)
+        self._saved_mask = mask.state
+        is_unsaved = lambda: mask.state != self._saved_mask  # noqa: E731
+        actions.work.append(Work(lambda: "The mask", is_unsaved, self._ask_where_to_save_mask))
 
     def open(self, path: Path) -> None:
         """Open a light probe, a profile or a scene, whose model and camera mean nothing here."""
@@ -50,15 +56,6 @@ class PhotoActions:
     def show_all(self) -> None:
         """Zoom out until the whole photograph shows."""
         self._subject.zoom.reset()
-
-    @property
-    def can_undo_stroke(self) -> bool:
-        """Whether the mask is being painted and has a stroke to take back."""
-        return self._work.tool is not None and self._work.mask.can_undo
-
-    def undo_stroke(self) -> None:
-        """Take the last stroke of the mask back."""
-        self._work.mask.undo()
 
     def lay_down_tool(self) -> bool:
         """Stop painting the mask, and return whether it was painted."""
@@ -85,8 +82,11 @@ class PhotoActions:
 
     def ask_where_to_save_mask(self) -> None:
         """Ask where to write the mask."""
+        self._ask_where_to_save_mask(lambda: None)
+
+    def _ask_where_to_save_mask(self, then: Callable[[], object]) -> None:
         suggested = f"{self._work.photo.path.stem}-mask.png"
-        self._actions.ask(Request("Save the mask", PNG, self.save_mask, suggested))
+        self._actions.ask(Request("Save the mask", PNG, lambda path: self.save_mask(path) and then(), suggested))
 
     def capture_picture(self) -> None:
         """Write the photograph with its object to the next free name."""
@@ -104,19 +104,24 @@ class PhotoActions:
         else:
             self._put(path, *still)
 
-    def save_mask(self, path: Path) -> None:
-        """Write the mask as PNG."""
-        self._put(path, np.ascontiguousarray(self._work.mask.pixels[..., None]), None)
+    def save_mask(self, path: Path) -> bool:
+        """Write the mask as PNG; False if that fails."""
+        mask = self._work.mask
+        if not self._put(path, np.ascontiguousarray(mask.pixels[..., None]), None):
+            return False
+        self._saved_mask = mask.state
+        return True
 
-    def _put(self, path: Path, pixels: PixelsInt, profile: bytes | None) -> None:
+    def _put(self, path: Path, pixels: PixelsInt, profile: bytes | None) -> bool:
         try:
             if path.resolve() == self._work.photo.path.resolve():
                 raise InputError(f"{path.name} is the photograph itself: choose another name")
             write_png(path, pixels, profile)
         except InputError as error:
             self._session.fail(error)
-        else:
-            self._session.say(f"wrote {path}")
+            return False
+        self._session.say(f"wrote {path}")
+        return True
 
 
 def lit_around(scene: Scene) -> Scene:

@@ -57,6 +57,11 @@ class PhotoMouse:
         elif active and not started and (io.mouse_delta.x or io.mouse_delta.y):
             self._move(box[3] - box[1])
 
+    @property
+    def paints(self) -> bool:
+        """Whether a stroke or a box is on its way."""
+        return self._last is not None
+
     def draw(self, draw: Any, to_window: Callable[[Point], Point], colour: int) -> None:
         """Draw the brush at the pointer, or the box on its way."""
         pointer = imgui.get_io().mouse_pos

@@ -33,6 +33,7 @@ from milkglass.viewer.window.view.subject import Size
 
 MASK_COLOUR = (255, 90, 40)  # of the mask while it is painted
 MASK_OPACITY = 0.45
+TINT_SECONDS, FADE_SECONDS = 1.0, 0.4  # that the mask shows after a stroke, and goes away in
 
 
 class PhotographSubject:
@@ -67,6 +68,9 @@ class PhotographSubject:
         self._size: Size = self._pass.photograph.size
         self._tint: moderngl.Texture | None = None
         self._tinted = -1  # which state of the mask
+        self._painted: tuple[str | None, int] = (None, -1)  # tool and state of the mask that were seen last
+        self._fades_at: float | None = None  # ImGui's time, s; None before a stroke of the tool
+        self._opacity = 1.0
 
     @property
     def busy(self) -> bool:
@@ -137,7 +141,10 @@ class PhotographSubject:
         if self.work.tool is None or self._session.view.show != "beauty":
             return
         left, top, right, bottom = self._drawn_at
-        draw.add_image(self._painter.show(self._mask_tint()), (left, top), (right, bottom))
+        self._opacity = self._tint_opacity()
+        colour = imgui.get_color_u32((1.0, 1.0, 1.0, self._opacity))
+        tint = self._painter.show(self._mask_tint())
+        draw.add_image(tint, (left, top), (right, bottom), (0.0, 0.0), (1.0, 1.0), colour)
         self._mouse.draw(draw, self.in_window, imgui.get_color_u32((*ACCENT, 1.0)))
 
     def wait(self, timeout: float) -> None:
@@ -179,6 +186,21 @@ class PhotographSubject:
         """Return the place in the window of one in the photograph, in its pixels."""
         (left, top, right, bottom), (h, w) = self._drawn_at, self.work.photo.size
         return left + place[0] / w * (right - left), top + place[1] / h * (bottom - top)
+
+    @property
+    def fading(self) -> bool:
+        """Whether the mask that shows goes away by itself."""
+        return self.work.tool is not None and self._fades_at is not None and self._opacity > 0.0
+
+    def _tint_opacity(self) -> float:
+        """Return how much of the mask shows: all of it until a stroke, and for a moment after that."""
+        now, seen = imgui.get_time(), (self.work.tool, self.work.mask.shown)
+        if seen[0] != self._painted[0]:
+            self._fades_at = None
+        elif seen != self._painted or self._mouse.paints:
+            self._fades_at = now + TINT_SECONDS
+        self._painted = seen
+        return 1.0 if self._fades_at is None else min(1.0, max(0.0, 1.0 - (now - self._fades_at) / FADE_SECONDS))
 
     def _mask_tint(self) -> moderngl.Texture:
         """Return the mask as a tint over the photograph, for people to see what they paint."""

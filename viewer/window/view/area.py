@@ -29,6 +29,7 @@ from milkglass.viewer.window.view.subject import Subject
 LOG = logging.getLogger("milkglass")
 SAMPLES = 4  # antialiasing of a picture at rest, as `milkglass render`
 DRAFT_UNTIL = 0.18  # seconds after the last change by a drag
+FADING_SECONDS = 0.05  # between frames of what fades
 FINE_AFTER = 0.35  # seconds after the last change
 DRAFT_MS = 60.0  # what a frame of a drag may take; more, and it is drawn smaller
 SCALES = (1.0, 0.75, 0.5)
@@ -104,6 +105,8 @@ class ViewArea:
 
     def next_change(self, now: float) -> float | None:
         """Seconds until the picture gets better by itself, None if it does not."""
+        if self.subject.fading:
+            return FADING_SECONDS
         if self.working:
             return None  # it wakes us
         if self._framed:

@@ -25,6 +25,10 @@ class Subject(Protocol):
         """Whether a worker is at something that will change the picture, beside those of `Live`."""
 
     @property
+    def fading(self) -> bool:
+        """Whether something drawn on the picture changes by itself."""
+
+    @property
     def moves_camera(self) -> bool:
         """Whether the session's camera is what sees the subject."""
 
@@ -69,7 +73,7 @@ class Subject(Protocol):
 class ModelSubject:
     """A session's model, seen by the camera that the mouse moves."""
 
-    busy, moves_camera, state = False, True, None
+    busy, fading, moves_camera, state = False, False, True, None
 
     def __init__(self, session: Session) -> None:
         self._session, self._mouse = session, ViewMouse(session)
