@@ -24,6 +24,9 @@ from milkglass.viewer.window.panel.profile import NO_PROFILE, ProfileRows, profi
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
 
 NOTHING = "nothing"
+LIBRARY_TIP = (
+    "A material of the library; type to search. The swatch is its colour under white light: click to choose another."
+)
 MIX_TIP = "A second material; coefficients and index of refraction are weighted by volume."
 SOLIDS = {
     "Apple", "Chicken1", "Chicken2", "Marble", "Potato", "Skin1", "Skin2", "Spectralon", "jade", "wax", "white-marble",
@@ -98,6 +101,7 @@ class MaterialSection(Section):
         """Draw the rows in the current ImGui window."""
         no_profile = NO_PROFILE if solves(seen.live) else None
         self._library()
+        self._profile.picker()
         if self._profile.quantities():
             self._profile.colour(CHANNELS)
         else:
@@ -120,6 +124,9 @@ class MaterialSection(Section):
         controls.begin_row("Material", resettable=True)
         side = imgui.get_frame_height()
         swatch(controls, "material.swatch", current, (side, side))
+        controls.mark("material.swatch")
+        if imgui.is_item_clicked():
+            self._profile.open_picker()
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         imgui.set_next_item_width(-side - imgui.get_style().item_inner_spacing.x)
         imgui.set_next_window_size_constraints((20.0 * imgui.get_font_size(), 0.0), (1e4, 1e4))
@@ -129,7 +136,7 @@ class MaterialSection(Section):
             if chosen is not None and session.edit("material", name=chosen.name):
                 session.origin = chosen.name
             imgui.end_combo()
-        tip = f"A material of the library; type to search. The swatch is its colour under white light.\n{RESET_HINT}"
+        tip = f"{LIBRARY_TIP}\n{RESET_HINT}"
         default = MaterialSettings(name="marble").name
         controls.end_row(
             "material.name", "Material", tip, lambda: session.edit("material", name=default), differs=name != default

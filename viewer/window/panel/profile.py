@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from milkglass.core.display import linear, srgb
 from milkglass.core.errors import InputError
 from milkglass.core.profiles.choose import reflectance
 from milkglass.core.profiles.registry import DIPOLE, TABLE
@@ -12,7 +13,7 @@ from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
 from milkglass.viewer.gui.toolkit import icons, imgui
-from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.declaration import plain, settings_of
 from milkglass.viewer.scene.material_settings import COMBINATIONS, MaterialSettings
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.panel.library import origin_of
@@ -28,6 +29,8 @@ LENGTH_KEYS = {
     COLOUR: ("mean_free_path_mm", "mean free path"),
     DIFFUSE: ("diffuse_mean_free_path_mm", "diffuse m.f.p."),
 }
+PICKER = "##material.picker"
+COLOUR_TIP = "The material's colour under white light. Click to choose it."
 PATH_ENDS = (0.001, 100.0)  # mm, of the sliders
 LONGEST_PATH = 1e6  # mm: of a channel without matter
 LEAST_ABSORBED = 1e-9  # 1 - albedo: without absorption a diffuse mean free path would be infinite
@@ -81,6 +84,25 @@ class ProfileRows:
         controls.end_row("material.way", "Given by", WAYS_TIP)
         return session.scene.material.diffuse_reflectance is not None  # which a click has changed just now
 
+    def open_picker(self) -> None:
+        """Have `picker` show the colour under white light."""
+        imgui.open_popup(PICKER)
+
+    def picker(self) -> None:
+        """Draw the picker of the colour while it is open; coefficients become a colour and a mean free path by it."""
+        if not imgui.begin_popup(PICKER):
+            return
+        material = self._session.scene.material
+        given = given_by(material, COLOUR) if material.diffuse_reflectance is None else {"eta": material.base().eta}
+        colour = material.diffuse_reflectance or given["diffuse_reflectance"]
+        flags = imgui.ColorEditFlags_.no_side_preview.value | imgui.ColorEditFlags_.float.value
+        changed, new = imgui.color_picker3(PICKER, srgb(colour).tolist(), flags)
+        self._controls.mark(PICKER)
+        if changed:
+            red, green, blue = (plain(value) for value in linear(np.array(new)).tolist())
+            self._session.edit("material", **{**given, "diffuse_reflectance": (red, green, blue)})
+        imgui.end_popup()
+
     def colour(self, channels: Sequence[tuple[str, tuple[float, float, float]]]) -> None:
         """Draw three sliders of the colour and three of the mean free path, for (letter, colour) of the channels."""
         material = self._session.scene.material
@@ -92,6 +114,12 @@ class ProfileRows:
             given = {key: getattr(origin, key) for key in (*COMBINATIONS[1], "eta", "g")}
             given |= {key: getattr(material, key) for key in ("profile", "profile_table")}
             start = given_by(MaterialSettings(**given), quantities)
+        self._controls.begin_row("Colour")
+        red, green, blue = srgb(material.diffuse_reflectance or (0.0, 0.0, 0.0)).tolist()
+        flags = imgui.ColorEditFlags_.no_tooltip.value | imgui.ColorEditFlags_.no_drag_drop.value
+        if imgui.color_button("##material.colour", (red, green, blue, 1.0), flags, (_spare(), 0.0)):
+            self.open_picker()
+        self._controls.end_row("material.colour", "Colour", COLOUR_TIP)
         for i, channel in enumerate(channels):
             value = (material.diffuse_reflectance or ())[i]
             self._slider("diffuse_reflectance", "colour", i, channel, f"{value:.3f}", start)

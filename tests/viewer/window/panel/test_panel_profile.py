@@ -17,6 +17,16 @@ def choose(driver, control, choice):
     driver.settle()
 
 
+def test_a_click_on_the_swatch_chooses_a_colour(driver):
+    before = driver.session.scene.material
+    driver.click("material.swatch")
+    left, top, right, bottom = driver.app.panel.controls.boxes["##material.picker"]
+    driver.click_at((left + 0.5 * (right - left), top + 0.3 * (bottom - top)))
+    after = driver.session.scene.material
+    assert after.diffuse_reflectance not in (None, given_by(before, COLOUR)["diffuse_reflectance"])
+    assert after.mean_free_path_mm == pytest.approx(before.base().mean_free_path)
+
+
 @pytest.mark.slow
 def test_every_profile_is_offered_and_makes_another_picture(driver):
     driver.click("material.profile")
