@@ -110,7 +110,7 @@ def draw_help(gui: Gui, groups: list[tuple[str, Rows]]) -> tuple[Box, Box]:
     if sum(widths) + gap + 2.0 * style.window_padding.x > window.x:
         columns, widths = [groups], [max(widths)]
     imgui.set_next_window_pos((0.5 * window.x, 0.5 * window.y), imgui.Cond_.always.value, (0.5, 0.5))
-    imgui.set_next_window_bg_alpha(0.95)
+    imgui.set_next_window_bg_alpha(1.0)
     width = min(window.x, sum(widths) + gap * (len(columns) - 1) + 2.0 * style.window_padding.x + style.scrollbar_size)
     imgui.set_next_window_size_constraints((width, 0.0), (width, window.y))
     flags = _float_flags() & ~imgui.WindowFlags_.no_scrollbar.value
