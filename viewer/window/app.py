@@ -5,12 +5,14 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from milkglass.viewer.files.photograph import load_photo
 from milkglass.viewer.gl.context import free_dropped
 from milkglass.viewer.gui.controls import Box, Controls
 from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Event, Focused, Invoked, Key, MouseButton
@@ -19,7 +21,7 @@ from milkglass.viewer.gui.sliders import percent
 from milkglass.viewer.gui.toolkit import Gui, imgui
 from milkglass.viewer.live.error import LiveError
 from milkglass.viewer.live.photograph_work import PhotoWork
-from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.scene import START, Scene
 from milkglass.viewer.session.autosave import Autosave, LeftBehind
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
@@ -100,26 +102,18 @@ class App:
         clock: Callable[[], float] = time.monotonic,
         photo: PhotoWork | None = None,
     ) -> None:
-        self.session = Session(scene, path)
         self.preferences = preferences or Preferences()
         self.clock = clock
         self.frames_per_second = 0.0
-        self._context = context
-        self._gui = Gui()
-        self._painter = ImguiRenderer(context)
-        graphics, clipboard = (context, self._gui, self._painter), clipboard or MemoryClipboard()
-        parts = make_contents(graphics, self.session, self.preferences, clipboard, wake, photo)
-        self.view, self.actions, photo_actions = parts
         self.help_boxes: tuple[Box, Box] | None = None
-        self._messages = Messages()
-        self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear, self.cancel)
-        self.commands = commands_of(self.workspace)
-        self.error = LiveError(context, wake)
         self.error_overlay = ErrorOverlay()
-        controls = Controls(self.session, self._gui)
-        self.panel = Panel(Tools(self.session, controls, self.commands, photo), self._gui)
-        self.profiles = ProfileView(self.session, controls, self.commands, wake)
-        self._gui.share_clipboard(self.actions.clipboard.get, self.actions.clipboard.set)
+        self._context, self._wake, self._clipboard = context, wake, clipboard or MemoryClipboard()
+        self._gui = Gui()
+        self._gui.share_clipboard(self._clipboard.get, self._clipboard.set)
+        self._painter = ImguiRenderer(context)
+        self._messages = Messages()
+        self._wanted: PhotoWork | None = None  # a photograph that the next frame shows
+        self._fill(scene, path, photo)
         self._autosave: Autosave | None = None
         self._left_behind: LeftBehind | None = None
         self._frames_due = FRAMES_AN_EVENT
@@ -127,6 +121,36 @@ class App:
         self._tooltip_due = False
         self._gestures = 0
         self._last_frame: float | None = None
+
+    def _fill(self, scene: Scene, path: Path | None, photo: PhotoWork | None) -> None:
+        """Make a session of a scene and all that shows it."""
+        self.session, wake = Session(scene, path), self._wake
+        graphics = self._context, self._gui, self._painter
+        parts = make_contents(graphics, self.session, self.preferences, self._clipboard, wake, photo)
+        self.view, self.actions, photo_actions = parts
+        self.actions.show_photograph = self._want_photograph
+        self.workspace = Workspace(self.session, self.actions, photo_actions, self._messages.clear, self.cancel)
+        self.commands = commands_of(self.workspace)
+        self.error = LiveError(self._context, wake)
+        controls = Controls(self.session, self._gui)
+        self.panel = Panel(Tools(self.session, controls, self.commands, photo), self._gui)
+        self.profiles = ProfileView(self.session, controls, self.commands, wake)
+
+    def _want_photograph(self, path: Path) -> None:
+        """Have the next frame show a photograph, whose mask is to be painted."""
+        self._wanted = PhotoWork(load_photo(path, None))
+        self.wake()
+
+    def _show_wanted(self) -> None:
+        """Show the photograph that is wanted in place of all there is, in the material that there is."""
+        work, self._wanted = self._wanted, None
+        if work is None:
+            return
+        self.leave(is_done=True)
+        self.stop()
+        self.profiles.close()
+        self._autosave = None
+        self._fill(replace(START, material=self.session.scene.material, lights=()), None, work)
 
     @property
     def messages(self) -> list[str]:
@@ -184,6 +208,7 @@ class App:
         if self._tooltip_due and now >= self._last_event + TOOLTIP_SECONDS:
             self._tooltip_due = False
             self._frames_due = max(self._frames_due, 1)  # ImGui sees that the pointer rests, then shows it
+        self._show_wanted()
         if min(self._gui.pixels) <= 0 or min(self._gui.size) <= 0:  # minimised
             return
         self._gui.begin(now)

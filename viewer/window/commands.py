@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from milkglass.viewer.files.images import PROBE_SUFFIXES
+from milkglass.viewer.files.images import PHOTO_SUFFIXES, PROBE_SUFFIXES
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui import command
 from milkglass.viewer.gui.command import Argument, Button, Command
@@ -29,7 +29,7 @@ MOUSE = (
     ("Wheel", "zoom"),
     ("Right drag", "turn the lights and the probe"),
     ("Double click", "set the point that the camera orbits"),
-    ("Drop a file", "mesh: load it; .hdr, .exr: light with it; .csv: scatter by it; .toml: open the scene"),
+    ("Drop a file", "mesh: load; .hdr, .exr: light with it; .csv: scatter by it; photograph: edit; .toml: open"),
     ("Ctrl + click on a slider", "type a number"),
     ("Right click on a control", "reset it"),
 )
@@ -140,8 +140,8 @@ def _dismiss(space: Workspace) -> None:
 
 
 def _ask_for_file(space: Workspace) -> None:
-    suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *PROFILE_SUFFIXES, *SCENE_SUFFIXES)
-    space.actions.ask(Request("Open a model, a light probe, a profile or a scene", suffixes, space.open))
+    suffixes = (*supported_suffixes(), *PROBE_SUFFIXES, *PROFILE_SUFFIXES, *PHOTO_SUFFIXES, *SCENE_SUFFIXES)
+    space.actions.ask(Request("Open a model, a light probe, a profile, a photograph or a scene", suffixes, space.open))
 
 
 def _ask_for_model(space: Workspace) -> None:

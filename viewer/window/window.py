@@ -74,7 +74,7 @@ def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, p
     window = Window(scene, path, record, photo)
     code = 1
     try:
-        with interrupts(window.app.actions.close, glfw.post_empty_event) as code_of_signal:
+        with interrupts(lambda: window.app.actions.close(), glfw.post_empty_event) as code_of_signal:
             window.loop()
             window.hide()
             code = code_of_signal()

@@ -21,7 +21,7 @@ from milkglass.viewer.photograph.edit import edit
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import START, EnvironmentSettings, PhotoSettings, apply_set
-from tests.support.driving import Driver
+from tests.support.driving import Driver, small_scene, write_knot
 from tests.support.photographing import ball_photo, small_photo, write_photo
 
 SCENE = replace(
@@ -229,6 +229,31 @@ def test_a_mask_is_painted_erased_and_taken_back(window) -> None:
     assert not work.trouble
     shown.key("escape")
     assert work.tool is None
+
+
+@pytest.mark.slow
+def test_a_photograph_dropped_on_a_model_is_edited_in_its_material(context, tmp_path) -> None:
+    photo = small_photo(tmp_path)
+    driver = Driver(small_scene(write_knot(tmp_path / "knot.ply")), WINDOW)
+    driver.session.edit("material", name="ketchup")
+    (tmp_path / "bad.png").write_bytes(b"no picture")
+    driver.drop(tmp_path / "bad.png")
+    driver.key("d")
+    assert "bad.png" in driver.app.messages[-1]
+    assert driver.app.session is driver.session
+    driver.drop(photo.path)
+    driver.key("d")  # discard the material's change to the model
+    driver.settle()
+    app = driver.app
+    assert app.session is not driver.session
+    assert app.title == "photo.png - milkglass"
+    driver.view, work = app.view, app.view.subject.work
+    work.brush = 20.0
+    driver.send(MouseMoved(*in_window(driver, 50.0, 50.0)), MouseButton("left", True), MouseButton("left", False))
+    driver.settle()
+    assert work.object is not None
+    assert app.session.scene.material.name == "Ketchup"
+    driver.close()
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from milkglass.core.errors import InputError
 from milkglass.core.profiles.registry import TABLE
-from milkglass.viewer.files.images import PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
+from milkglass.viewer.files.images import PHOTO_SUFFIXES, PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from milkglass.viewer.files.model import supported_suffixes
 from milkglass.viewer.gui.file_dialog import FileDialog, Request
 from milkglass.viewer.gui.question import Answer, Question, Questions
@@ -84,6 +84,8 @@ class Actions:
     questions : Questions
     work : list of Work
         What is asked about before it is lost, the scene first.
+    show_photograph : callable
+        Shows a photograph in place of what there is; raises InputError where it cannot be read.
     adapt : callable
         Returns what is shown of the scene of a file.
     clipboard : Clipboard
@@ -99,6 +101,7 @@ class Actions:
 
     def __init__(self, session: Session, view: ViewArea, preferences: Preferences, clipboard: Clipboard) -> None:
         self.dialog, self.questions = FileDialog(), Questions()
+        self.show_photograph: Callable[[Path], object] = lambda _: None
         self.adapt: Callable[[Scene], Scene] = lambda scene: scene
         self.clipboard = clipboard
         self.closing = False
@@ -144,7 +147,7 @@ class Actions:
         self.questions.ask(Question(f"{first.noun()} has changes that are not saved.", answers))
 
     def open(self, path: Path) -> None:
-        """Open a model, a light probe, a profile or a scene; a bad one leaves everything as it was."""
+        """Open a model, a light probe, a profile, a photograph or a scene; a bad one leaves everything as it was."""
         suffix = path.suffix.lower()
         if not path.is_file():
             self._session.fail(f"{path} is not a file; it may have been moved or deleted")
@@ -152,6 +155,9 @@ class Actions:
         self._session.gesture = None
         if suffix in SCENE_SUFFIXES:
             self._ask_about(self.work[:1], lambda: self._open_scene(path))
+            return
+        if suffix in PHOTO_SUFFIXES:
+            self._ask_about(self.work, lambda: self._open_photograph(path))
             return
         if suffix in PROBE_SUFFIXES:
             opened = self._light_by(path)
@@ -162,7 +168,7 @@ class Actions:
             changes = [Change("model", key, value, f"model.{key}") for key, value in values.items()]
             opened = self._session.change([Change("materials", "", (), "materials"), *changes])
         else:
-            known = "a mesh, a light probe (.hdr, .exr), a profile (.csv) or a scene (.toml)"
+            known = "a mesh, a light probe (.hdr, .exr), a profile (.csv), a photograph or a scene (.toml)"
             self._session.fail(f"{path.name} is none of {known} that can be opened here")
             return
         if opened:
@@ -170,6 +176,14 @@ class Actions:
 
     def _open_scene(self, path: Path) -> None:
         if self._session.open(path, self.adapt):
+            self._preferences.opened(path)
+
+    def _open_photograph(self, path: Path) -> None:
+        try:
+            self.show_photograph(path)
+        except InputError as error:
+            self._session.fail(error)
+        else:
             self._preferences.opened(path)
 
     def write_capture(self, pixels: npt.NDArray[np.uint8]) -> None:
