@@ -294,7 +294,8 @@ class Controls:
         low, high = (int(reach.low), int(reach.high)) if reach else (int(declared.low or 0), int(declared.high or 100))
         shown = int(automatic or low) if value is None else value
         text = f"{'auto: ' if value is None else ''}{shown}{UNITS.get(declared.unit, '')}"
-        return self.sliders.integer(name, shown, low, high, text)
+        new = self.sliders.integer(name, shown, low, max(high, shown), text)
+        return new if new is None or declared.high is None else min(new, int(declared.high))
 
     def _number(
         self, name: str, declared: Setting, value: float | None, reach: Reach | None, automatic: float | str | None

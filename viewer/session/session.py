@@ -97,6 +97,8 @@ class Session:
         The library's material that own coefficients started from.
     files : set of Path
         Scene files that were opened or written in this session, without links.
+    unusable : set of Path
+        Files that a scene was given up for.
     messages : list of Message
         New ones, for the window to take and show.
     """
@@ -109,6 +111,7 @@ class Session:
         self.origin = scene.material.name
         self.messages: list[Message] = []
         self.gesture: Hashable = None
+        self.unusable: set[Path] = set()
         self.files = set() if path is None else {path.resolve()}
         self._saved = scene
         self._nodes: dict[str, tuple[int | None, int | None]] = {}  # layers and resolution asked of other methods
@@ -253,6 +256,8 @@ class Session:
             return False
         self.fail(error)
         if self.scene != self._working:
+            failed, working = _files_of(self.scene), _files_of(self._working)
+            self.unusable |= failed - working
             self._back_to(self._working)
         return True
 
@@ -380,6 +385,12 @@ class Session:
             self.fail("the clipboard holds no view: copy one with Ctrl+C first, or a [camera] table")
             return
         self.edit("camera", **table)
+
+
+def _files_of(scene: Scene) -> set[Path]:
+    """Return the model, the probe and the table of a scene, as far as they are files."""
+    found = scene.model.path, scene.environment.path, scene.material.profile_table
+    return {path for path in found if path is not None}
 
 
 def _is_same(one: Scene, other: Scene) -> bool:

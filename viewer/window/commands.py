@@ -157,7 +157,7 @@ def _ask_for_profile(space: Workspace) -> None:
 
 
 def _recent(space: Workspace) -> dict[str, str]:
-    return {path: Path(path).name for path in space.actions.recent if Path(path).is_file()}
+    return {path: Path(path).name for path in space.actions.recent}
 
 
 COMMANDS: tuple[Command[Workspace], ...] = (

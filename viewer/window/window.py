@@ -305,7 +305,7 @@ def _open(size: tuple[int, int] | None) -> Any:
     handle = glfw.create_window(*size, "milkglass", None, None)
     if not handle:
         glfw.terminate()
-        raise InputError("cannot open a window with OpenGL 3.3; install a driver or use `milkglass render`")
+        raise InputError("cannot open a window with OpenGL 3.3: the graphics driver has none; install or update it")
     glfw.set_window_size_limits(handle, *SMALLEST_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
     glfw.make_context_current(handle)
     glfw.swap_interval(1)

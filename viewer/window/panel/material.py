@@ -235,6 +235,11 @@ class MaterialSection(Section):
         flags = imgui.TableFlags_.sizing_stretch_prop.value
         if not imgui.begin_table("##derived", 5, flags):
             return
+        imgui.table_next_row()
+        imgui.table_next_column()
+        for letter, colour in CHANNELS:
+            imgui.table_next_column()
+            imgui.text_colored((*colour, 1.0), letter)
         for label, values, unit, tip in rows:
             imgui.table_next_row()
             imgui.table_next_column()

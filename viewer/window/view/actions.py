@@ -114,13 +114,14 @@ class Actions:
 
     @property
     def recent(self) -> list[str]:
-        """Paths of the files opened last, the newest first."""
-        return self._preferences.recent
+        """Paths of the files opened last that can be used, the newest first."""
+        unusable = self._session.unusable
+        return [path for path in self._preferences.recent if Path(path) not in unusable and Path(path).is_file()]
 
     def ask(self, request: Request) -> None:
         """Open the file dialog in the last folder; before another's file is replaced, there is a question."""
         checked = request if not request.save_as else replace(request, done=lambda path: self._check(request, path))
-        of_scene = self._session.path if request.save_as else None
+        of_scene = (self._session.path or self._session.scene.model.path) if request.save_as else None
         self.dialog.open(checked, self._preferences.start_folder() if of_scene is None else of_scene.parent)
 
     def _check(self, request: Request, path: Path) -> None:
@@ -153,6 +154,7 @@ class Actions:
             self._session.fail(f"{path} is not a file; it may have been moved or deleted")
             return
         self._session.gesture = None
+        self._session.unusable.discard(path)
         if suffix in SCENE_SUFFIXES:
             self._ask_about(self.work[:1], lambda: self._open_scene(path))
             return

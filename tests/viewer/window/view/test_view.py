@@ -285,6 +285,17 @@ def test_what_is_typed_faster_than_frames_come_arrives(driver, tmp_path):
     assert driver.session.scene.model.path == other
 
 
+def test_a_file_that_cannot_be_read_is_not_offered_again(driver, tmp_path):
+    bad = tmp_path / "bad.ply"
+    bad.write_text("ply\nnonsense\n")
+    driver.drop(bad)
+    assert any("bad.ply" in text for text in driver.app.messages)
+    assert driver.app.actions.recent == []
+    write_knot(bad)
+    driver.drop(bad)
+    assert driver.app.actions.recent == [str(bad)]
+
+
 def test_a_model_that_is_framed_late_is_no_rest(driver):
     """Where frames take long, a picture is antialiased before it is framed; the next frame draws with the new zoom."""
     scene, view = driver.session.scene, driver.view
