@@ -36,7 +36,7 @@ from milkglass.viewer.window.status import progress_status, subject_status
 from milkglass.viewer.window.view.actions import Actions, Clipboard, MemoryClipboard
 from milkglass.viewer.window.view.area import ViewArea
 from milkglass.viewer.window.view.error_overlay import ErrorOverlay
-from milkglass.viewer.window.view.overlays import Messages, draw_help, draw_status
+from milkglass.viewer.window.view.overlays import GAP, Messages, draw_help, draw_status
 from milkglass.viewer.window.view.subject import ModelSubject
 
 
@@ -353,7 +353,7 @@ class App:
         can_cancel = self.session.can_cancel or self.error.progress is not None
         going_on = progress_status(self.view, self.session.scene, self.error_status(), can_cancel=can_cancel)
         rate = f"{self.frames_per_second:.0f} fps" if self.frames_per_second > 0.0 else ""
-        return subject_status(self.session, self.view.live), "   ".join(filter(None, (going_on, rate)))
+        return subject_status(self.session, self.view.live), GAP.join(filter(None, (going_on, rate)))
 
     def cancel(self) -> None:
         """Give up what is computed: the measurement of the error, else what has changed since the last picture."""

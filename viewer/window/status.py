@@ -5,6 +5,7 @@ from milkglass.viewer.live.live import Live
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.view.area import SAMPLES, ViewArea
+from milkglass.viewer.window.view.overlays import GAP
 
 
 def subject_status(session: Session, live: Live) -> str:
@@ -22,7 +23,7 @@ def progress_status(view: ViewArea, scene: Scene, measured: str, *, can_cancel: 
     if doing is not None:
         share = "" if doing.share is None else f": {100.0 * doing.share:.0f} %"
         escape = "Esc cancels" if can_cancel else ""
-        return "   ".join(filter(None, (f"{doing.text}{share}", _quality(live), escape)))
+        return GAP.join(filter(None, (f"{doing.text}{share}", _quality(live), escape)))
     if live.finished is None:
         return "light spreads ..." if view.working else ""
     if view.detail.draft:

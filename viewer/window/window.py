@@ -157,7 +157,7 @@ class Window:
             self._recorder.close()
         self.app.leave(is_done=is_done)
         self.app.stop()
-        if have_ended(PATIENCE):
+        if have_ended(PATIENCE if is_done else 0.0):
             self.app.close()
         glfw.destroy_window(self.handle)
         glfw.terminate()

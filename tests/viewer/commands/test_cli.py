@@ -59,6 +59,7 @@ BAD_LINES = [
     ("render --output", "option '--output' requires an argument."),
     ("render --output a.png --laers 3", "no such option: --laers; did you mean --layers"),
     ("render --output a.jpg", "a.jpg must end in .png or .exr"),
+    ("render -o a.jpg", "a.jpg must end in .png or .exr"),
     ("render --output no/a.png", "The folder no does not exist"),
     ("render --output a.png --output b.gif", "b.gif must end in .png or .exr"),
     ("render --output a.png --samples 0", "invalid value for '--samples'"),

@@ -24,7 +24,8 @@ R_D, PER_RADIUS = "R_d", "2π r R_d"
 NOT_SEEN = "The picture solves an equation, which has no profile: it is not made of these curves."
 SHARE, SMALLEST_SHARE, LARGEST_SHARE = 0.45, 0.2, 0.75  # of the view's height
 LEGEND = 27.0  # width, em
-TITLED_WIDTH, WIDE_WIDTH = 33.0, 45.0  # of the view: for words in the legend, for options beside it, em
+# Widths of the view, em: for reflectances in the legend, for words in it, for options beside it.
+NUMBERED_WIDTH, TITLED_WIDTH, WIDE_WIDTH = 26.0, 33.0, 45.0
 EDGE_HEIGHT = 6.0  # px, of the edge that is dragged
 TIPS = {
     "profiles.other": "Another profile of the same material, dashed; or the material and profile kept as B (K).",
@@ -147,7 +148,7 @@ class ProfileView:
         em, padding = imgui.get_font_size(), imgui.get_style().window_padding.x
         width = box[2] - box[0]
         top = imgui.get_cursor_pos_y()
-        self._legend(titled=width > TITLED_WIDTH * em)
+        self._legend(titled=width > TITLED_WIDTH * em, numbered=width > NUMBERED_WIDTH * em)
         below = imgui.get_cursor_pos()
         imgui.set_cursor_pos((width - padding - 2.0 * imgui.get_frame_height() - imgui.get_style().item_spacing.x, top))
         self._buttons()
@@ -159,13 +160,14 @@ class ProfileView:
         if width > WIDE_WIDTH * em:
             imgui.set_cursor_pos(below)
 
-    def _legend(self, *, titled: bool) -> None:
-        """Two lines: how a curve is drawn, whose it is, its reflectance."""
+    def _legend(self, *, titled: bool, numbered: bool) -> None:
+        """Two lines: how a curve is drawn, whose it is, its reflectance where there is room."""
         em = imgui.get_font_size()
         flags = imgui.TableFlags_.sizing_fixed_fit.value | imgui.TableFlags_.no_host_extend_x.value
-        if not imgui.begin_table("##legend", 6, flags):
+        widths = (2.4, 9.0, 5.0 if titled else 0.1, 2.8, 2.8, 2.8) if numbered else (2.4, 6.0)
+        if not imgui.begin_table("##legend", len(widths), flags):
             return
-        for width in (2.4, 9.0, 5.0 if titled else 0.1, 2.8, 2.8, 2.8):
+        for width in widths:
             imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed.value, width * em)
         profile = self._session.scene.material.profile
         for row in range(2):
@@ -178,7 +180,7 @@ class ProfileView:
                 imgui.text_unformatted(profile)
             else:
                 self._choose_second()
-            if row < len(self.named):
+            if numbered and row < len(self.named):
                 imgui.table_next_column()
                 imgui.align_text_to_frame_padding()
                 imgui.text_colored((*MUTED, 1.0), "reflectance" if titled else "")

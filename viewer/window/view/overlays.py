@@ -9,6 +9,7 @@ from milkglass.viewer.gui.toolkit import ERROR, MUTED, Gui, icons, imgui
 from milkglass.viewer.session.session import Message
 
 MESSAGE_SECONDS, ERROR_SECONDS = 4.0, 15.0
+GAP = "   "  # between parts of the status line
 LARGEST_COUNT = 4  # of messages at once
 
 
@@ -71,12 +72,20 @@ class Messages:
 
 
 def draw_status(view: Box, left: str, right: str) -> None:
-    """Write the status line at the foot of the view: progress on the right, the model on the left if it has room."""
+    """Write the status line at the foot of the view: progress on the right, the model on the left.
+
+    Where there is no room for both the model goes, and then what comes last in the progress.
+    """
     draw: Any = imgui.get_window_draw_list()
     style = imgui.get_style()
-    needed = imgui.calc_text_size(left).x + imgui.calc_text_size(right).x + 4.0 * style.window_padding.x
-    if right and needed > view[2] - view[0]:
+
+    def overflows() -> bool:
+        return bool(imgui.calc_text_size(left + GAP + right).x + 2.0 * style.window_padding.x > view[2] - view[0])
+
+    if right and overflows():
         left = ""
+    while GAP in right and overflows():
+        right = right.rpartition(GAP)[0]
     height = imgui.get_font_size()
     y = view[3] - height - style.window_padding.y
     for text, x in (
