@@ -96,7 +96,7 @@ class Window:
         self._preferences = Preferences.load()
         if path is not None:
             self._preferences.opened(path)
-        self.handle = _open(self._preferences.window_size)
+        self.handle = open_window(self._preferences.window_size)
         context = window_context()
         self._screen = context.detect_framebuffer(0)
         self._recorder = None if record is None else Recorder(record, scene.to_toml())
@@ -282,7 +282,7 @@ def key_name(code: int) -> str | None:
     return _KEYS.get(code)
 
 
-def _open(size: tuple[int, int] | None) -> Any:
+def open_window(size: tuple[int, int] | None) -> Any:
     """Open a window of a size, or of that for who has none yet, with an OpenGL 3.3 context that is current.
 
     It is smaller if the display is.
