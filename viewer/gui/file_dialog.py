@@ -19,6 +19,7 @@ class Request:
     suffixes: tuple[str, ...]
     done: Callable[[Path], object]
     save_as: str = ""  # a suggested name: the dialog writes a file
+    folder: Path | None = None  # to start in, where that is not the last one
 
 
 class FileDialog:

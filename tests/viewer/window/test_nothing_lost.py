@@ -44,6 +44,7 @@ def test_quit_asks_for_edits_but_not_for_a_turned_object(driver, tmp_path):
     assert (actions.closing, actions.questions.current) == (False, None)
     driver.send(Closed())
     answer(driver, "Save")
+    driver.app.actions.dialog.folder = tmp_path
     driver.type("kept.toml")
     driver.key("enter")
     assert actions.closing
@@ -105,12 +106,14 @@ def test_a_file_of_somebody_else_is_replaced_only_if_so_answered(driver, tmp_pat
     precious.write_text("precious = 1\n")
     driver.key("left_ctrl", "left_shift", "s")
     assert driver.app.actions.dialog.name == "knot.toml"
+    driver.app.actions.dialog.folder = tmp_path
     driver.type("precious.toml")
     driver.key("enter")
     assert driver.app.actions.questions.current is not None
     driver.key("escape")
     assert precious.read_text() == "precious = 1\n"
     assert driver.app.actions.dialog.is_open  # for another name
+    driver.app.actions.dialog.folder = tmp_path
     driver.type("precious.toml")
     driver.key("enter")
     answer(driver, "Replace")

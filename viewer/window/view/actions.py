@@ -121,8 +121,7 @@ class Actions:
     def ask(self, request: Request) -> None:
         """Open the file dialog in the last folder; before another's file is replaced, there is a question."""
         checked = request if not request.save_as else replace(request, done=lambda path: self._check(request, path))
-        of_scene = (self._session.path or self._session.scene.model.path) if request.save_as else None
-        self.dialog.open(checked, self._preferences.start_folder() if of_scene is None else of_scene.parent)
+        self.dialog.open(checked, request.folder or self._preferences.start_folder())
 
     def _check(self, request: Request, path: Path) -> None:
         """Write what was asked for, after a question where that would replace a file of somebody else."""
@@ -296,7 +295,9 @@ class Actions:
         path = self._session.path
         suggested = f"{Path(self._session.model_name).stem}.toml" if path is None else path.name
         done = lambda path: self.save_to(path) and then()  # noqa: E731
-        self.ask(Request("Save the scene", SCENE_SUFFIXES, done, suggested))
+        beside = path or self._session.scene.model.path
+        folder = None if beside is None else beside.parent
+        self.ask(Request("Save the scene", SCENE_SUFFIXES, done, suggested, folder))
 
     def save_to(self, path: Path) -> bool:
         """Write the scene to a file that `milkglass render` makes the picture on screen from; False if that fails."""

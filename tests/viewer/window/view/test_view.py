@@ -187,6 +187,7 @@ def test_saved_scene_renders_to_the_very_pixels_seen(driver, tmp_path):
     driver.drag(CENTRE, (20.0, 10.0))
     driver.key("left_ctrl", "s")
     assert driver.app.actions.dialog.is_open  # the scene has no file yet
+    driver.app.actions.dialog.folder = tmp_path
     driver.type("seen.toml")
     driver.key("enter")
     assert not driver.session.modified
