@@ -7,12 +7,13 @@ from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.light.maps import texel_solid_angles
 from milkglass.core.material.fresnel import transmittance
-from milkglass.core.paths.beams import traced
+from milkglass.core.paths.beams import Emitted, traced
 from milkglass.core.paths.deposit import collided, moments
 from milkglass.core.paths.emission import Ball, diverging, parallel, surrounding
 from milkglass.core.paths.filled import filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
 from milkglass.core.paths.surface import Surface
+from tests.core.paths.test_events import beam
 from tests.support import solids
 from tests.support.solids import ball, block, mesh_of
 
@@ -157,3 +158,13 @@ def test_most_rays_meet_a_slender_object_and_bring_what_falls_on_it(kind):
     assert met.mean() > 0.95
     assert 9_000 < met.sum() < 11_000
     assert light.power[met, 0].sum() == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(("thickness", "expected"), [(0.1, 0.0969), (0.3, 0.2631), (1.0, 0.6368)])
+def test_light_along_the_normal_of_a_plate_collides_as_often_as_it_is_sent_back(thickness, expected):
+    """(1 - e^-t) / (1 - F e^-t) of what enters, t mean free paths."""
+    surface, light = Surface.of(mesh_of(block((40.0, 40.0, 2.0))), ETA), beam(200, 1.0)
+    beams = traced(surface, Emitted(light.origins, light.directions, np.ones((200, 3), np.float32)))
+    extinction = thickness / 2.0
+    met = beams.power[:, 0] * np.exp(-extinction * beams.before[:, 0]) * -np.expm1(-extinction * beams.lengths)
+    assert met.sum() / (200.0 * float(transmittance(ETA, 1.0))) == pytest.approx(expected, rel=2e-3)
