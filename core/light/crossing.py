@@ -30,8 +30,10 @@ from milkglass.core.light.vertex_rays import (
     VERTICES_AT_A_TIME,
     Caster,
     Float16,
+    in_their_order,
     irradiance,
     representative_vertices,
+    spatial_order,
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
@@ -40,7 +42,9 @@ EVENTS = 16  # surfaces that a path meets; then it goes on to the surroundings
 # Shares of what enters, were there light all around. A hundredth changes pictures of thin parts by two or three.
 NEGLIGIBLE_SHARE = 0.01  # below which light that crosses parts is left out
 NEGLIGIBLE_CHANNEL = 0.003  # ... in a channel beside others
-MUCH, FEW_RAYS = 0.05, 32  # below, fewer rays do: their noise is 8 % of the share
+# Rays of a vertex by that share, a power of two. Of the sculpture in jade, of which 0.018 crosses, 8 leave a noise of
+# 1.0 % of what enters at the vertices, 32 of 0.5 %; rays between parts leave 6 % of a fifth to a half of it.
+RAYS_BY_SHARE, FEWEST_RAYS = 160.0, 8
 USUAL_ETA = 1.4  # of materials; the share that crosses depends little on it
 LEAST_ALBEDO = 0.02  # of a medium in which what enters matters
 REACH_STEP = 4.0  # to which lengths are rounded: paths of any length take twice as long as those that jade needs
@@ -346,9 +350,9 @@ class Needed:
             return None
         least = min(float(np.min(extinction)) for extinction in extinctions)
         longest = -np.log(LEAST_CROSSING) / max(least, 1e-6)
-        return cls(
-            float(REACH_STEP ** np.ceil(np.log(longest) / np.log(REACH_STEP))), RAYS if share > MUCH else FEW_RAYS
-        )
+        reach = float(REACH_STEP ** np.ceil(np.log(longest) / np.log(REACH_STEP)))
+        wanted = int(2 ** np.ceil(np.log2(RAYS_BY_SHARE * share)))
+        return cls(reach, min(max(wanted, FEWEST_RAYS), RAYS))
 
 
 def few_crossings(mesh: Mesh, eta: Eta = USUAL_ETA) -> Crossings:
@@ -394,20 +398,25 @@ def cast_crossings(
     faces_at = np.zeros(len(mesh.vertices), np.int64)
     faces_at[mesh.faces] = np.arange(len(mesh.faces))[:, None]
 
+    step = max(1, VERTICES_AT_A_TIME * RAYS // rays)
+
+    order = spatial_order(mesh.vertices[points])
+
     def cast(start: int) -> tuple[npt.NDArray[np.generic], ...]:
         casting.check()
-        vertices = points[start : start + VERTICES_AT_A_TIME]
+        vertices = points[order[start : start + step]]
         found = _paths(caster, follower, vertices, faces_at)
         casting.finished(len(vertices))
         return found
 
-    parts = casting.run(cast, range(0, n, VERTICES_AT_A_TIME))
+    parts = casting.run(cast, range(0, n, step))
     counts, faces, weights, lengths, left_counts, directions, left_weights, left_lengths = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
-    firsts = [np.concatenate([[0], np.cumsum(column)]) for column in (counts, left_counts)]
+    (first, of_met), (left_first, of_left) = (in_their_order(order, column) for column in (counts, left_counts))
+    met = first, faces[of_met], weights[of_met], lengths[of_met]
     return Crossings(
-        rays, eta, reach, firsts[0], faces, weights, lengths, firsts[1], directions, left_weights, left_lengths
+        rays, eta, reach, *met, left_first, directions[of_left], left_weights[of_left], left_lengths[of_left]
     )
 
 

@@ -37,8 +37,10 @@ from milkglass.core.light.vertex_rays import (
     VERTICES_AT_A_TIME,
     Caster,
     Float16,
+    in_their_order,
     irradiance,
     representative_vertices,
+    spatial_order,
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
@@ -179,29 +181,32 @@ def cast_hits(
         If `cancelled` was set.
     """
     n, caster = len(mesh.vertices), Caster(mesh, rays)
-    casting = Casting(n, progress, cancelled)
+    casting, order = Casting(n, progress, cancelled), spatial_order(mesh.vertices)
 
-    def cast(start: int) -> tuple[Ints, Float16, Int32, Float16]:
+    def cast(start: int) -> tuple[Ints, Ints, Float16, Int32, Float16]:
         casting.check()
-        vertices = np.arange(start, min(start + VERTICES_AT_A_TIME, n))
+        vertices = order[start : start + VERTICES_AT_A_TIME]
         found = _hits(caster, vertices)
         casting.finished(len(vertices))
         return found
 
     parts = casting.run(cast, range(0, n, VERTICES_AT_A_TIME))
-    counts, cosines, faces, directions = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Hits(rays, np.concatenate([[0], np.cumsum(counts)]), cosines, faces, directions)
+    counts, left, cosines, faces, directions = (np.concatenate(column) for column in zip(*parts, strict=True))
+    (first, of_met), (_, of_left) = in_their_order(order, counts), in_their_order(order, left)
+    return Hits(rays, first, cosines[of_met], faces[of_met], directions[of_left])
 
 
-def _hits(caster: Caster, vertices: Ints) -> tuple[Ints, Float16, Int32, Float16]:
-    """Return how many rays of each vertex met the mesh, (m,), and of these the rays of `Hits`, vertex by vertex."""
+def _hits(caster: Caster, vertices: Ints) -> tuple[Ints, Ints, Float16, Int32, Float16]:
+    """Return how many rays of each vertex met the mesh, and left it mirrored, (m,); of these the rays of `Hits`."""
     met = caster.met(vertices)
     normals = caster.face_normals[met.faces]
     mirrored = met.arriving + 2.0 * met.facing[:, None] * normals
     second, _ = caster.rays.first(met.places + caster.lift * normals, mirrored)
     front = np.einsum("ij,ij->i", mirrored, caster.face_normals[second]) < 0.0
+    left = np.repeat(np.arange(len(vertices)), met.counts)[second < 0]
     return (
         met.counts,
+        np.bincount(left, minlength=len(vertices)),
         np.stack([met.at_vertex, met.facing], axis=1).astype(np.float16),
         np.stack([met.faces, np.where(second < 0, LEFT, np.where(front, second, -1))], axis=1).astype(np.int32),
         mirrored[second < 0].astype(np.float16),

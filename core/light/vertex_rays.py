@@ -21,6 +21,7 @@ RAYS = 64
 GOLDEN = 0.618034  # steps of a lattice; those of a plastic number, .7549, double the error
 VERTICES_AT_A_TIME = 1024
 TEST_VERTICES, TEST_RAYS = 2000, 16  # which tell a share of the hemisphere within 0.005
+MORTON_CELLS = 1023  # along the longest side, of a curve through them
 LIFT = 2e-5  # radii off the surface at which mirrored and refracted rays start
 
 
@@ -160,6 +161,36 @@ def representative_vertices(mesh: Mesh) -> Ints:
     of_vertices = np.bincount(mesh.faces.ravel(), np.repeat(areas, 3), minlength=len(mesh.vertices))
     chosen = np.random.default_rng(0).choice(len(of_vertices), TEST_VERTICES, p=of_vertices / of_vertices.sum())
     return np.sort(chosen)
+
+
+def spatial_order(points: Float32) -> Ints:
+    """Return the indices of points (n, 3) along a Morton curve: rays from neighbours meet the same part of a mesh.
+
+    They are cast a fifth faster so than in a scan's order.
+    """
+    low = points.min(axis=0)
+    cells = ((points - low) * (MORTON_CELLS / max(float((points.max(axis=0) - low).max()), 1e-30))).astype(np.int64)
+    key = np.zeros(len(points), np.int64)
+    for bit in range(MORTON_CELLS.bit_length()):
+        for axis in range(3):
+            key |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+    return np.argsort(key, kind="stable")
+
+
+def in_their_order(order: Ints, counts: Ints) -> tuple[Ints, Ints]:
+    """Return the index of each vertex' first ray, (n + 1,), and rays vertex by vertex, that are known in another order.
+
+    Parameters
+    ----------
+    order : (n,) int
+        Vertices in the order in which rays are known.
+    counts : (n,) int
+        Rays of each, in that order.
+    """
+    of_vertex, begins = np.empty_like(counts), np.empty_like(counts)
+    of_vertex[order], begins[order] = counts, np.cumsum(counts) - counts
+    first = np.concatenate([[0], np.cumsum(of_vertex)])
+    return first, np.repeat(begins - first[:-1], of_vertex) + np.arange(first[-1])
 
 
 def irradiance(radiance: Array, vertices: Ints, count: int, rays: int) -> Float32:
