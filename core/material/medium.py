@@ -179,6 +179,11 @@ class DeltaEddington:
         return self.sigma_s / self.sigma_t if self.sigma_t > 0.0 else 0.0
 
     @property
+    def g(self) -> float:
+        """Mean cosine of all scattering, the peak's included."""
+        return self.cosine / (1.0 - self.cosine)
+
+    @property
     def turning(self) -> float:
         """What is left of the flux of light that collides, a'' g''."""
         return self.albedo * self.cosine

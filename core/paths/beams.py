@@ -50,6 +50,8 @@ class Beams:
         That they cross.
     surface : Surface, optional
         By which they were refracted and mirrored, where that is known.
+    lights : (k,) int32, optional
+        Of which of several lights each is, ascending.
     """
 
     starts: Float32
@@ -59,6 +61,7 @@ class Beams:
     power: Float32
     bodies: Int32
     surface: Surface | None = None
+    lights: Int32 | None = None
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -70,7 +73,15 @@ class Beams:
     def chosen(self, chosen: Bools) -> "Beams":
         """Return some of the chords."""
         placed = self.starts[chosen], self.ends[chosen], self.lengths[chosen], self.before[chosen]
-        return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface)
+        lights = None if self.lights is None else self.lights[chosen]
+        return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface, lights)
+
+    def by_light(self, most: int) -> "list[Beams]":
+        """Return the chords of each light, `most` in all: from the last of them on lights are taken together."""
+        if self.lights is None or len(self) == 0:
+            return [self]
+        lights = np.minimum(self.lights, most - 1)
+        return [self.chosen(lights == light) for light in np.unique(lights)]
 
     def in_matter(self, kind: int, extinctions: Float32) -> "Beams":
         """Return the chords as one kind of matter has them: ways through the others have taken their share.
@@ -177,4 +188,5 @@ def joined(parts: Sequence[Beams]) -> Beams:
         for name in ("starts", "ends", "lengths", "before", "power")
     )
     bodies = np.concatenate([part.bodies for part in parts])
-    return Beams(starts, ends, lengths, before, power, bodies, parts[0].surface)
+    lights = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
+    return Beams(starts, ends, lengths, before, power, bodies, parts[0].surface, lights)

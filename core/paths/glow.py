@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import NEGLIGIBLE_WEIGHT, Chords
+from milkglass.core.paths.events import ALL, NEGLIGIBLE_WEIGHT, NONE, Chords
 
 ALL_BODIES, NO_BODIES = (0, 1 << 30), (0, -1)
 THIN = np.float32(1e-3)  # optical thickness of a step up to which 1 - e^-x is x
@@ -16,7 +16,7 @@ THIN = np.float32(1e-3)  # optical thickness of a step up to which 1 - e^-x is x
 class Glow(NamedTuple):
     """Radiance that a unit of length inside the object scatters, at nodes; compared by identity.
 
-    Towards a unit direction w it is `nodes` + w . `flux`, at least 0.
+    Towards a unit direction w it is `nodes` + w . `flux`, at least 0, and what lobes scatter (`core.paths.lobes`).
 
     Attributes
     ----------
@@ -28,6 +28,11 @@ class Glow(NamedTuple):
         Place of the first node, mm: x, y, z.
     spacing : float
         Of the nodes, mm.
+    lobes : (m, nz, ny, nx, 3, 4) float32
+        Of light from m sources, by channel: the mean radiance a mm over all directions, and that times the mean
+        direction of the light that scatters, along x, y and z.
+    tables : (3, rows, columns) float32
+        Of R, G and B, what goes at an angle to that over the mean.
     bodies : (2,) int
         Number of the first body that it is of, and of the last one.
     """
@@ -36,6 +41,8 @@ class Glow(NamedTuple):
     flux: Float32
     origin: Float32
     spacing: float
+    lobes: Float32
+    tables: Float32
     bodies: tuple[int, int] = ALL_BODIES
 
     def __eq__(self, other: object) -> bool:
@@ -52,7 +59,26 @@ class Glow(NamedTuple):
         nodes = np.ascontiguousarray(np.moveaxis(np.asarray(volume, np.float32), 0, -1))
         none = np.empty((0, 0, 0, 3, 3), np.float32)
         along = none if flux is None else np.moveaxis(np.asarray(flux, np.float32), (1, 0), (-2, -1))
-        return cls(nodes, np.ascontiguousarray(along), np.array(origin, np.float32), float(spacing))
+        no_lobes = np.empty((0, *nodes.shape, 4), np.float32), np.ones((3, 1, 1), np.float32)
+        return cls(nodes, np.ascontiguousarray(along), np.array(origin, np.float32), float(spacing), *no_lobes)
+
+    @property
+    def is_directed(self) -> bool:
+        """Whether it is brighter one way than another."""
+        return self.flux.size > 0 or self.lobes.size > 0
+
+    def by_two_moments(self) -> "Glow":
+        """Return what lobes leave of it where all but their mean and their flux is left out, without lobes."""
+        if not self.lobes.size:
+            return self
+        sines = np.linspace(0.0, 1.0, self.tables.shape[2], dtype=np.float32)
+        cosines = self.tables[:, -1] @ (sines * (1.0 - 2.0 * sines * sines)) / (self.tables[:, -1] @ sines)
+        sums = self.lobes.sum(axis=0)
+        flux = np.moveaxis(sums[..., 1:], -1, -2) * np.asarray(3.0 * cosines, np.float32)
+        if self.flux.size:
+            flux += self.flux
+        none = self.lobes[:0]
+        return self._replace(nodes=self.nodes + sums[..., 0], flux=np.ascontiguousarray(flux), lobes=none)
 
     def add(self, chords: Chords, extinction: Float32, etas: Float32, radiance: Float32) -> None:
         """Add what chords gather, absorbed on the way, to the rows of `radiance`, (n, 3), that their sources number.
@@ -73,7 +99,7 @@ class Glow(NamedTuple):
 @compiled
 def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radiance: Float32) -> None:
     per_step, kept, weight = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    value, towards = np.empty(3, np.float32), np.empty(3, np.float32)
+    value, towards, lobe = np.empty(3, np.float32), np.empty(3, np.float32), np.empty((3, 4), np.float32)
     for i in range(len(chords.lengths)):
         body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i]
         if body >= len(etas) or body < glow.bodies[0] or body > glow.bodies[1]:
@@ -93,7 +119,7 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
             weight[channel] = chords.weights[i, channel] / (etas[body] * etas[body])
         for number in range(steps):
             along = (np.float32(number) + np.float32(0.5)) / np.float32(steps)
-            _read(glow, chords.starts[i], chords.ends[i], along, towards, value)
+            _read(glow, chords.starts[i], chords.ends[i], along, towards, value, lobe)
             largest = np.float32(0.0)
             for channel in range(3):
                 radiance[pixel, channel] += weight[channel] * per_step[channel] * value[channel]
@@ -104,7 +130,9 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
 
 
 @compiled
-def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, towards: Float32, value: Float32) -> None:
+def _read(
+    glow: Glow, start: Float32, end: Float32, along: np.float32, towards: Float32, value: Float32, lobe: Float32
+) -> None:
     """Interpolate the three channels at a share of the way from start to end; nothing is outside the nodes."""
     nodes, directed = glow.nodes, glow.flux.shape[0] > 0
     x = (start[0] + along * (end[0] - start[0]) - glow.origin[0]) / glow.spacing
@@ -127,3 +155,37 @@ def _read(glow: Glow, start: Float32, end: Float32, along: np.float32, towards: 
     if directed:
         for channel in range(3):
             value[channel] = max(value[channel], np.float32(0.0))
+    for source in range(glow.lobes.shape[0]):
+        lobe[:] = 0.0
+        for corner in range(8):
+            right, up, front = corner & 1, corner >> 1 & 1, corner >> 2
+            a, b, c = i + right, j + up, k + front
+            if a < 0 or b < 0 or c < 0 or a >= nodes.shape[2] or b >= nodes.shape[1] or c >= nodes.shape[0]:
+                continue
+            weight = np.float32(abs(1 - right - x + i) * abs(1 - up - y + j) * abs(1 - front - z + k))
+            for channel in range(3):
+                for moment in range(4):
+                    lobe[channel, moment] += weight * glow.lobes[source, c, b, a, channel, moment]
+        for channel in range(3):
+            value[channel] += _towards(lobe[channel], towards, glow.tables[channel])
+
+
+@compiled
+def _towards(lobe: Float32, towards: Float32, table: Float32) -> np.float32:
+    """Return what a lobe scatters towards a unit direction, by a table over its sharpness and half the angle's sine."""
+    if lobe[0] <= 0.0:
+        return NONE
+    size, facing = np.float32(0.0), np.float32(0.0)
+    for axis in range(3):
+        size += lobe[axis + 1] * lobe[axis + 1]
+        facing += lobe[axis + 1] * towards[axis]
+    size = np.sqrt(size)
+    if size == 0.0:
+        return np.float32(lobe[0] * table[0, 0])
+    row = min(size / lobe[0], ALL) * np.float32(table.shape[0] - 1)
+    column = np.sqrt(max(np.float32(0.5) * (ALL - facing / size), NONE)) * np.float32(table.shape[1] - 1)
+    i, j = min(int(row), table.shape[0] - 2), min(int(column), table.shape[1] - 2)
+    down, right = row - np.float32(i), column - np.float32(j)
+    upper = (ALL - right) * table[i, j] + right * table[i, j + 1]
+    lower = (ALL - right) * table[i + 1, j] + right * table[i + 1, j + 1]
+    return np.float32(lobe[0] * ((ALL - down) * upper + down * lower))

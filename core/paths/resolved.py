@@ -12,7 +12,8 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.medium import DeltaEddington, Medium
 from milkglass.core.paths.filled import LEAST_WEIGHT, Filled
 from milkglass.core.paths.glow import ALL_BODIES, NO_BODIES, Glow
-from milkglass.core.paths.resolution import resolved_share
+from milkglass.core.paths.lobes import tables
+from milkglass.core.paths.resolution import resolved_share, scaled
 from milkglass.core.threads import computed_once
 
 Volumes = Sequence[Float32 | None]  # of R, G and B, (n_layers, height, width); None of a dark one
@@ -36,6 +37,11 @@ class Scattered(NamedTuple):
         """Return power that scatters towards all directions alike."""
         return cls(power, [None] * len(power))
 
+    @classmethod
+    def together(cls, parts: "Sequence[Scattered]") -> "Scattered":
+        """Return the power of several lights as one."""
+        return cls(*([_sum(of_parts) for of_parts in zip(*column, strict=True)] for column in zip(*parts, strict=True)))
+
     @property
     def is_directed(self) -> bool:
         """Whether a channel scatters more one way than another."""
@@ -51,6 +57,27 @@ class Scattered(NamedTuple):
             if flux is not None and turned is not None:
                 flux[i] = np.float32(3.0) * density(i, turned)
         return Glow.of(radiance, origin_of(grid), grid.texel, flux)
+
+
+def lobes(
+    sources: Sequence[Scattered],
+    flights: Sequence[DeltaEddington],
+    grid: LayerGrid,
+    density: Callable[[int, Float32], Float32],
+) -> Glow:
+    """Return the radiance a mm of light that has scattered once, by all but the forward peak of its phase function.
+
+    `sources` are what its lights have scatter, each by itself; `density` as of `Scattered.glow`.
+    """
+    found = np.zeros((len(sources), *grid.shape, 3, 4), np.float32)
+    for of_source, scattered in zip(found, sources, strict=True):
+        for i, (power, turned, flight) in enumerate(zip(scattered.power, scattered.flux, flights, strict=True)):
+            if power is not None:
+                of_source[..., i, 0] = density(i, power)
+            if turned is not None:
+                of_source[..., i, 1:] = np.moveaxis(density(i, turned) / np.float32(flight.cosine), 0, -1)
+    even = Glow.of(np.zeros((3, *grid.shape)), origin_of(grid), grid.texel)
+    return even._replace(lobes=found, tables=tables([flight.g for flight in flights]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +107,8 @@ class Resolved:
     @computed_once
     def glow(self) -> Glow:
         """Return that of all light."""
-        nodes, flux = self.once.nodes + self.often.nodes, self.once.flux + self.often.flux
-        return self.once._replace(nodes=nodes, flux=flux)
+        nodes = self.once.nodes + self.often.nodes
+        return self.often._replace(nodes=nodes, lobes=self.once.lobes, tables=self.once.tables)
 
 
 def together(parts: Sequence[Resolved | None], bodies: range, first: Ints, grid: LayerGrid) -> Resolved:
@@ -102,18 +129,24 @@ def together(parts: Sequence[Resolved | None], bodies: range, first: Ints, grid:
     shape = grid.shape if lit else (0, 0, 0)
     ends = (bodies.start, bodies.stop - 1) if len(bodies) < len(parts) else ALL_BODIES
     nothing, origin = np.zeros((3, *shape)), origin_of(grid)
-    found = [Glow.of(nothing, origin, grid.texel)._replace(bodies=ends if lit else NO_BODIES) for _ in range(2)]
+    once, often = (Glow.of(nothing, origin, grid.texel)._replace(bodies=ends if lit else NO_BODIES) for _ in range(2))
     shares: tuple[float, ...] = (0.0, 0.0, 0.0)
+    for part, _ in lit:
+        assert part is not None
+        if part.often.flux.size:
+            often = often._replace(flux=np.zeros((*shape, 3, 3), np.float32))
+        if len(part.once.lobes) > len(once.lobes):
+            wider = np.zeros((len(part.once.lobes), *shape, 3, 4), np.float32)
+            once = once._replace(lobes=wider, tables=part.once.tables)
     for part, (layer, row, column) in lit:
         assert part is not None
-        if part.once.flux.size and not found[0].flux.size:
-            found = [glow._replace(flux=np.zeros((*shape, 3, 3), np.float32)) for glow in found]
         shares, (depth, height, width) = part.shares, part.once.nodes.shape[:3]
         box = slice(layer, layer + depth), slice(row, row + height), slice(column, column + width)
-        for glow, of_part in zip(found, (part.once, part.often), strict=True):
-            glow.nodes[box] += of_part.nodes
-            glow.flux[box] += of_part.flux
-    once, often = found
+        once.nodes[box] += part.once.nodes
+        often.nodes[box] += part.often.nodes
+        if part.often.flux.size:
+            often.flux[box] += part.often.flux
+        once.lobes[: len(part.once.lobes), *box] += part.once.lobes
     return Resolved(once, often, shares)
 
 
@@ -129,14 +162,21 @@ def often_scattered(
 
 
 def resolved(
-    first: Scattered, often: Scattered, gains: Sequence[float], media: Sequence[Medium], fill: Filled, grid: LayerGrid
+    first: Sequence[Scattered],
+    often: Scattered,
+    gains: Sequence[float],
+    media: Sequence[Medium],
+    fill: Filled,
+    grid: LayerGrid,
 ) -> Resolved:
     """Return what matter sends out.
 
     Parameters
     ----------
-    first, often : Scattered
-        For the first time, and for a later one.
+    first : of Scattered
+        For the first time: light by light where it scatters more one way than another, else of all together.
+    often : Scattered
+        For a later time.
     gains : of R, G and B
         Factors on the latter.
     media : R, G and B
@@ -152,10 +192,17 @@ def resolved(
 
     gained = [factor * gain for factor, gain in zip(factors, gains, strict=True)]
     once_a_mm, often_a_mm = (functools.partial(density, of_channels) for of_channels in (factors, gained))
-    directed = first.is_directed or often.is_directed
-    return Resolved(
-        first.glow(grid, once_a_mm, directed=directed), often.glow(grid, often_a_mm, directed=directed), shares
-    )
+    if any(scattered.is_directed for scattered in first):
+        once = lobes(first, [scaled(medium, grid) for medium in media], grid, once_a_mm)
+    else:
+        (all_lights,) = first
+        once = all_lights.glow(grid, once_a_mm, directed=False)
+    return Resolved(once, often.glow(grid, often_a_mm, directed=often.is_directed), shares)
+
+
+def _sum(volumes: Volumes) -> Float32 | None:
+    known = [volume for volume in volumes if volume is not None]
+    return functools.reduce(np.add, known) if known else None
 
 
 def origin_of(grid: LayerGrid) -> Float32:

@@ -70,6 +70,7 @@ class GlowTextures:
 
     def __init__(self, context: moderngl.Context, glow: "Glow | None") -> None:
         nothing = np.zeros((1, 1, 1, 3), np.float32)
+        glow = None if glow is None else glow.by_two_moments()
         nodes = nothing if glow is None else glow.nodes
         is_directed = glow is not None and glow.flux.size > 0
         placed = np.eye(4)

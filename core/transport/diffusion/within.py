@@ -23,6 +23,7 @@ from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.filled import Filled, filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
+from milkglass.core.paths.onwards import scattered_on
 from milkglass.core.paths.resolution import RESOLVED, balanced_share, met_in_ball, needs_beams, scaled, thick_gain
 from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
 from milkglass.core.paths.second import Returns, collided_again, returns
@@ -33,6 +34,8 @@ from milkglass.core.transport.diffusion.boundary import RAY_OFFSET, Boundary
 from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
 from milkglass.core.transport.diffusion.reentry import Reentry, SurfaceExchange
+
+MOST_LOBES = 4  # lights whose directions are kept apart where matter scatters forward
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +139,10 @@ class Within:
         seen = [needs_beams(medium, grid) for medium in media]
         flights = [scaled(medium, grid) for medium in media]
 
-        def once() -> Scattered:
-            extinctions = [flight.sigma_t for flight in flights]
-            turned = [used and flight.cosine > 0.0 for used, flight in zip(seen, flights, strict=True)]
-            met = moments(beams, extinctions, grid, 4 if any(turned) else 1)
+        turned = [used and flight.cosine > 0.0 for used, flight in zip(seen, flights, strict=True)]
+
+        def once(of_light: Beams) -> Scattered:
+            met = moments(of_light, [flight.sigma_t for flight in flights], grid, 4 if any(turned) else 1)
             power = [
                 np.float32(flight.albedo) * part if used and part.any() else None
                 for flight, part, used in zip(flights, met[0], seen, strict=True)
@@ -150,14 +153,20 @@ class Within:
             ]
             return Scattered(power, flux)
 
+        alone = functools.cache(lambda: Surface.of(body.mesh, eta))
+
         def sent_back() -> Returns:
             places = patches.on_surface, patches.face_normals, patches.areas
-            return returns(*places, Surface.of(body.mesh, eta), RAY_OFFSET * grid.texel, around)
+            return returns(*places, alone(), RAY_OFFSET * grid.texel, around)
 
-        first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), once)
+        def light_by_light() -> list[Scattered]:
+            return [once(of_light) for of_light in (beams.by_light(MOST_LOBES) if any(turned) else [beams])]
+
+        first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), light_by_light)
+        together = Scattered.together(first)
         followed = [medium.albedo >= RESOLVED.least_albedo for medium in media]
         source = Scattered(
-            *([part if goes_on else None for part, goes_on in zip(parts, followed, strict=True)] for parts in first)
+            *([part if goes_on else None for part, goes_on in zip(parts, followed, strict=True)] for parts in together)
         )
         if all(part is None for part in source.power):
             no_gains = [1.0] * len(media)
@@ -169,7 +178,17 @@ class Within:
         fly = functools.partial(self._flown, media=media, flights=flights, fill=fill, back=back, grid=grid)
 
         def twice() -> Scattered:
-            met = fly(source, [part is not None for part in source.flux])
+            directed = [part is not None for part in source.flux]
+            if any(directed):
+                used = [part is not None for part in source.power]
+                onwards = scattered_on(beams, flights, used, around or alone())
+                power, *flux = moments(onwards, [flight.sigma_t for flight in flights], grid, 4)
+                met = Scattered(
+                    [part if used[i] else None for i, part in enumerate(power)],
+                    [np.stack([part[i] for part in flux]) if directed[i] else None for i in range(len(power))],
+                )
+            else:
+                met = fly(source)
             return Scattered(
                 [
                     None if power is None else np.float32(flight.albedo) * power

@@ -13,7 +13,9 @@ from milkglass.core.geometry.samples import SurfaceSamples, surface_samples
 from milkglass.core.material.fresnel import transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.paths.beams import Beams, traced
+from milkglass.core.paths.deposit import collided
 from milkglass.core.paths.emission import Ball, parallel, surrounding
+from milkglass.core.paths.filled import filled
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.surface import Surface
 from milkglass.core.paths.surroundings import Surroundings
@@ -145,7 +147,7 @@ def test_orders_of_scattering_in_a_sphere(sphere, radius):
     media = [Medium(albedo * extinction, (1.0 - albedo) * extinction, ETA) for albedo in ALBEDOS]
     solution = sphere.solved(media, stages)
     assert solution.resolved.shares == (1.0, 1.0, 1.0)
-    first = stages.kept(Stage.FIRST_VOLUME)[1].power
+    first = stages.kept(Stage.FIRST_VOLUME)[1][0].power
     thickness, resolved = np.full(3, extinction), solution.resolved
     alone, all_orders = (sphere.leaving(thickness, glow, 16) / entered for glow in (resolved.once, resolved.glow))
     often, once, crossing = ORDERS[radius]
@@ -200,8 +202,26 @@ def test_forward_scattering_is_that_of_paths():
         lit_half = Object(mesh, surface, samples, beams)
         around = Surroundings.of(np.repeat(np.repeat(light, 8, axis=0), 8, axis=1))
         found[half] = lit_half.pixels(extinction, lit_half.solved(media, Stages()).resolved, around).mean(axis=0)
-    paths = [seen_halves(RADIUS * m.sigma_s_prime / (1.0 - g), RADIUS * m.sigma_a, g, ETA, 6000) for m in media]
+    paths = [seen_halves(RADIUS * m.sigma_s_prime / (1.0 - g), RADIUS * m.sigma_a, g, ETA, 40_000) for m in media]
     np.testing.assert_allclose(found.T, paths, atol=0.015)
+    np.testing.assert_allclose(found.T[2], paths[2], rtol=0.1)
+
+
+@pytest.mark.slow
+def test_without_forward_scattering_all_is_as_by_reduced_coefficients(sphere):
+    """Nothing is drawn and no light is kept apart: the volumes are the sums of before, bit for bit."""
+    media = [Medium(albedo / RADIUS, (1.0 - albedo) / RADIUS, ETA, g=0.0) for albedo in ALBEDOS]
+    flights = [medium.delta_eddington() for medium in media]
+    assert [flight.sigma_t for flight in flights] == [medium.sigma_t_prime for medium in media]
+    resolved = sphere.solved(media, Stages()).resolved
+    assert not resolved.glow.is_directed
+    assert not resolved.once.lobes.size
+    np.testing.assert_array_equal(resolved.glow.nodes, resolved.once.nodes + resolved.often.nodes)
+    grid = DiffusionTransport(resolution=NODES).grid(sphere.mesh, np.eye(3))
+    met = collided(sphere.beams, [medium.sigma_t_prime for medium in media], grid)
+    scale = np.float32(1.0 / (4.0 * np.pi * grid.texel**3)) / filled(sphere.mesh, grid).weight
+    for i, medium in enumerate(media):
+        np.testing.assert_array_equal(resolved.once.nodes[..., i], np.float32(medium.albedo) * met[i] * scale)
 
 
 @pytest.mark.slow
