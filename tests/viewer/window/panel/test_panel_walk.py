@@ -41,7 +41,8 @@ WITHOUT_CONTROL = {
 }
 
 
-INSIDE = re.compile(r"own\.|(material|mix)\.filter|import_|export_")  # of the open library: test_panel_library.py
+# Of the open library and of the picker of colours: test_panel_library.py, test_panel_profile.py.
+INSIDE = re.compile(r"own\.|(material|mix)\.filter|import_|export_|material\.(swatch|colour)|##material\.picker")
 
 
 def settings_without_control(tables: Iterable[Any], controlled: set[str]) -> set[str]:
