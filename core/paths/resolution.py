@@ -33,9 +33,7 @@ class ResolvedConstants:
     skin_gain: float = fitted(0.06, "what of it absorption leaves, which spares light next to the surface", "ball")
     thick_chord: float = fitted(11.0, "mean chord over mean free path from which on it leaves all of that", "ball")
     clear_escape: float = chosen(
-        0.2,
-        "share of directed light that leaves, from which on its gain follows from what leaves in the solution",
-        "ball",
+        0.2, "share of directed light that leaves, from which on its balance tells its gain", "ball"
     )
     little_absorbed: float = fitted(0.05, "absorbed share times that length squared, at which half is left", "ball")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32
+from milkglass.core.arrays import Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels, Spectra
@@ -75,10 +75,6 @@ class Often:
 
     end: Reached
     entered: Float32
-
-    def leaving(self, areas: Array) -> float:
-        """Return the flux that leaves patches of these areas, (n,)."""
-        return float(areas @ self.end.two_A_M) / (2.0 * self.end.channel.medium.extrapolation_factor)
 
 
 class Within:
@@ -220,13 +216,12 @@ class Within:
                 0.0 if twice is None or found is None else _total(twice) + _total(_entered(found, medium, flight))
                 for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
             ]
-            leaving = [None if found is None else found.leaving(patches.areas) for found in fluence]
             chord = body.mesh.mean_chord
             # In thin parts fluence is larger for what they let out, and so much less is lacking.
             met = [met_in_ball(chord * medium.sigma_t_prime, medium.eta) for medium in media]
             gathered = [thick_gain(chord * flight.sigma_t, flight.albedo) for flight in flights]
             thick = [gain * share for gain, share in zip(gathered, met, strict=True)]
-            often, gains = self._often(begun, second, again, leaving, chord, flights, thick, fly)
+            often, gains = self._often(begun, second, again, chord, flights, thick, fly)
             return resolved(first, often, gains, media, fill, grid)
 
         if not is_wanted():
@@ -273,7 +268,6 @@ class Within:
         begun: Sequence[float],
         second: Scattered,
         again: Volumes,
-        leaving: Sequence[float | None],
         chord: float,
         flights: Sequence[DeltaEddington],
         thick: Sequence[float],
@@ -281,9 +275,9 @@ class Within:
     ) -> tuple[Scattered, list[float]]:
         """Return what scatters twice or more, and factors on it, by which its power balances.
 
-        What scatters is what has just `begun` to and, of what scatters, all that collides again. Of directed light,
-        which knows what its direction changes, what leaves is what leaves in the solution. In thick matter either is a
-        small difference, and what is gathered near the surface lacks some light: there the factors are `thick`.
+        What scatters is what has just `begun` to and, of what scatters, all that collides again. In thick matter, or of
+        directed light where little of it leaves, that is a small difference, and what is gathered near the surface
+        lacks some light: there the factors are `thick`.
         """
         directed = [flux is not None for flux in second.flux]
         chords = [chord * flight.sigma_t for flight in flights]
@@ -301,16 +295,15 @@ class Within:
                 for turned, more, flight in zip(second.flux, met.flux, flights, strict=True)
             ]
             often, met = Scattered(again, flux), fly(Scattered(asked, flux))
-        for i, (power, stopped, out) in enumerate(zip(asked, met.power, leaving, strict=True)):
-            if power is None or stopped is None or out is None:
+        for i, (power, stopped, flight) in enumerate(zip(asked, met.power, flights, strict=True)):
+            if power is None or stopped is None:
                 continue
-            escaping = max(_total(power) - _total(stopped), 1e-30)
+            lost = _total(power) - flight.albedo * _total(stopped)
+            counted = balanced_share(chords[i])
             if directed[i]:
-                share = 2.0 * escaping / (RESOLVED.clear_escape * _total(power)) - 1.0
-                gains[i] += min(max(share, 0.0), 1.0) * (out / escaping - gains[i])
-            else:
-                lost = _total(power) - flights[i].albedo * _total(stopped)
-                gains[i] += balanced_share(chords[i]) * (begun[i] / max(lost, 1e-30) - gains[i])
+                escaping = 1.0 - _total(stopped) / _total(power)
+                counted = float(np.clip(2.0 * escaping / RESOLVED.clear_escape - 1.0, 0.0, 1.0))
+            gains[i] += counted * (begun[i] / max(lost, 1e-30) - gains[i])
         return often, gains
 
     def _fluence(
