@@ -64,11 +64,11 @@ def _half_space(albedo: float, g: float, mu: Array, weights: Array) -> Array:
     moments = (2 * orders + 1) * (g**orders - peak) / (1.0 - peak)
     legendre = np.polynomial.legendre.legvander(mu, len(orders) - 1)
     forward, back = ((legendre * moments * sign**orders) @ legendre.T for sign in (1.0, -1.0))
-    layer, same = FIRST_LAYER / mu[:, None], np.eye(len(mu))
+    layer, identity = FIRST_LAYER / mu[:, None], np.eye(len(mu))
     reflected = 0.5 * without_peak * layer * back * weights
-    crossed = same * (1.0 - layer) + 0.5 * without_peak * layer * forward * weights
+    crossed = identity * (1.0 - layer) + 0.5 * without_peak * layer * forward * weights
     for _ in range(MOST_DOUBLINGS):
-        both = np.linalg.solve(same - reflected @ reflected, np.hstack([crossed, reflected @ crossed]))
+        both = np.linalg.solve(identity - reflected @ reflected, np.hstack([crossed, reflected @ crossed]))
         down, up = both[:, : len(mu)], both[:, len(mu) :]
         reflected, crossed = reflected + crossed @ up, crossed @ down
         if crossed.max() < OPAQUE:

@@ -90,8 +90,8 @@ class Beams:
         """
         if len(extinctions) == 1:
             return self
-        others = np.arange(len(extinctions)) != kind
-        power = self.power * np.exp(-(self.before[:, others] @ extinctions[others]))
+        elsewhere = np.arange(len(extinctions)) != kind
+        power = self.power * np.exp(-(self.before[:, elsewhere] @ extinctions[elsewhere]))
         return replace(self, before=self.before[:, [kind]], power=power)
 
 

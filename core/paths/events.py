@@ -251,10 +251,10 @@ def _there(within: int, body: int, surface: Faces) -> int:
     medium = len(surface.of_media) - 1
     while not within >> medium & 1:
         medium -= 1
-    there = int(surface.of_media[medium])
-    if there >= 0:
-        return there
-    return body if surface.media[body] == medium else -1 - there
+    found = int(surface.of_media[medium])
+    if found >= 0:
+        return found
+    return body if surface.media[body] == medium else -1 - found
 
 
 @compiled

@@ -90,19 +90,19 @@ class Resolved:
         Of light that has scattered once, and of all other, times the shares.
     shares : of R, G and B
         By how much it takes the place of exitance of the surface, [0, 1].
-    others : tuple of Resolved
+    further : tuple of Resolved
         Of other kinds of matter.
     """
 
     once: Glow
     often: Glow
     shares: tuple[float, ...]
-    others: "tuple[Resolved, ...]" = ()
+    further: "tuple[Resolved, ...]" = ()
 
     @property
     def kinds(self) -> "tuple[Resolved, ...]":
         """Return that of each kind of matter."""
-        return self, *self.others
+        return self, *self.further
 
     @computed_once
     def glow(self) -> Glow:

@@ -142,8 +142,8 @@ class Surface:
         largest_first = np.argsort([-part.volume for part in (*scatter, *meshes[1:])], kind="stable")
         numbers = np.argsort(largest_first)
         media = np.concatenate([numbers[of_body], numbers[len(kinds) :]])
-        there = np.concatenate([-1 - first_bodies, scattering + np.arange(len(clear))])
-        of_media = there[largest_first]
+        bodies_found = np.concatenate([-1 - first_bodies, scattering + np.arange(len(clear))])
+        of_media = bodies_found[largest_first]
         faces = Faces(
             corners=np.array(corners, np.int32, order="C"),
             vertices=np.array(vertices, np.float32, order="C"),

@@ -89,17 +89,17 @@ NO_EQUATION = PixelEquation(
 class PixelTables:
     """Tables of either kind: factors of 0 where pixels solve an equation, `NO_EQUATION` where they do not.
 
-    `others` are those of other kinds of matter, on other bodies.
+    `further` are those of other kinds of matter, on other bodies.
     """
 
     local: LocalTerm
     equation: PixelEquation = NO_EQUATION
-    others: "tuple[PixelTables, ...]" = ()
+    further: "tuple[PixelTables, ...]" = ()
 
     @property
     def kinds(self) -> "tuple[PixelTables, ...]":
         """Return those of each kind of matter."""
-        return self, *self.others
+        return self, *self.further
 
     @property
     def solves(self) -> bool:

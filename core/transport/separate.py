@@ -194,8 +194,8 @@ class ScatteredInBodies:
         from milkglass.core.paths.resolved import together
 
         ranges = [matter.bodies for matter in self.lit.matter] or [range(len(found))]
-        first, *others = (together(found, bodies, self.atlas.first, self.grid) for bodies in ranges)
-        return replace(first, others=tuple(others))
+        first, *further = (together(found, bodies, self.atlas.first, self.grid) for bodies in ranges)
+        return replace(first, further=tuple(further))
 
     def on_layers(self) -> Float32:
         """Return the bodies' sum on the whole object's layers, (3, *grid.shape)."""

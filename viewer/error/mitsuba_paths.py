@@ -177,7 +177,7 @@ def _integrator(subject: Subject) -> Any:
     all_extinctions = np.stack([np.zeros(3), *(material.sigma_t_prime for material in subject.materials)])
     of_albedo, of_extinction = ([mi.Float(row.tolist()) for row in table.T] for table in (all_albedos, all_extinctions))
 
-    def there(within: Any) -> Any:
+    def medium_of(within: Any) -> Any:
         """Return the number of the medium of a set of media, the highest one; 0 of air."""
         return 32 - dr.lzcnt(within)
 
@@ -199,7 +199,7 @@ def _integrator(subject: Subject) -> Any:
             def fly(*state: Any) -> tuple[Any, ...]:
                 """Go on to the next scattering, or to the boundary, or out of the scene."""
                 sampler, ray, active, shares, within, untouched, scattered, again, mirrored, left = state
-                medium = there(within)
+                medium = medium_of(within)
                 albedos, extinctions = looked_up(of_albedo, medium), looked_up(of_extinction, medium)
                 sigma = of_drawn(extinctions)
                 flight = dr.select(sigma > 0.0, -dr.log(1.0 - sampler.next_1d()) / sigma, dr.largest(mi.Float))
@@ -211,7 +211,7 @@ def _integrator(subject: Subject) -> Any:
                 facing = dr.dot(ray.d, si.n)
                 bit = mi.UInt32(1) << dr.gather(mi.UInt32, medium_of_face, si.prim_index, hit)
                 arriving = dr.select(facing > 0.0, within | bit, within & ~bit)
-                near, far = there(arriving), there(arriving ^ bit)
+                near, far = medium_of(arriving), medium_of(arriving ^ bit)
                 meets = hit & (near != far)
                 eta = dr.gather(mi.Float, indices, far) / dr.gather(mi.Float, indices, near)
                 share, inner, _, _ = mi.fresnel(dr.abs(facing), eta)

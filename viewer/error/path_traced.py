@@ -212,7 +212,7 @@ def subject_of(scene: Scene, mesh: Mesh, probe: Probe | None, clear: Sequence[Me
     kinds = range(len(scattering))
     etas = [material.eta for material in scattering]
     surface = Surface.of(mesh, etas, None if mesh.kinds is None else mesh.kinds.astype(np.int32), parts, kinds)
-    by_medium = [there if there >= 0 else -1 - there for there in surface.faces.of_media.tolist()]
+    by_medium = [body if body >= 0 else -1 - body for body in surface.faces.of_media.tolist()]
     return Subject(surface, [[*scattering, *glasses][of] for of in by_medium], lamps, surrounding, view)
 
 

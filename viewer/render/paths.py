@@ -95,7 +95,7 @@ class PathParts:
             mirror = "mirror: highlights of lamps alone, without an environment"
         else:
             mirror = f"mirror: highlights ({smooth}, strength {gloss.strength:g}, model {gloss.model})"
-        told = list[str]()
+        sentences = list[str]()
         for matter, of_kind, mm in zip(lit.matter, left, thin, strict=True):
             through = "rays" if max(of_kind) >= least else "none"
             unscattered = (
@@ -103,8 +103,8 @@ class PathParts:
                 f"followed from {100.0 * least:g} % on)"
             )
             named = f"{matter.name or 'the material'}, " if len(lit.matter) > 1 else ""
-            told += [f"{named}{sentence}" for sentence in (unscattered, *_scattering(lit, matter))]
-        return cls(mirrors, bool(clear), (mirror, *told, *_clear(lit)))
+            sentences += [f"{named}{sentence}" for sentence in (unscattered, *_scattering(lit, matter))]
+        return cls(mirrors, bool(clear), (mirror, *sentences, *_clear(lit)))
 
 
 class PathStages:

@@ -190,11 +190,11 @@ class _FirstScattering:
         density = shares / np.maximum(boundary.patches.areas[patches], np.finfo(np.float64).tiny)[:, None]
         below = depths * entry.cosines[:, None]
         left = np.abs(sheet.thickness[lit, None] - below[across])
-        here = np.sum(density * parts.green(below), axis=1)
+        near_density = np.sum(density * parts.green(below), axis=1)
         coupling = sheet.share[lit] * np.sum(density[across] * parts.green(left), axis=1)
         self.rows = np.concatenate([patches, sheet.patches[lit]])
         self.sides = np.concatenate([patches, sheet.opposite[lit]])
-        self.local = np.concatenate([here, coupling])
+        self.local = np.concatenate([near_density, coupling])
 
 
 def scattering(entry: Entry, boundary: Boundary, medium: Medium, s: float) -> Scattering:

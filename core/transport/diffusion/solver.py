@@ -207,8 +207,8 @@ class DiffusionTransport:
             return pixel_tables(present, _solved(light), self.window_width(atlas.grid), on_nodes)
 
         ranges = [matter.bodies for matter in lit.matter] or [range(len(parts))]
-        first, *others = (of_kind(*kind) for kind in zip(lit.in_kinds(), ranges, strict=True))
-        return replace(first, others=tuple(others))
+        first, *further = (of_kind(*kind) for kind in zip(lit.in_kinds(), ranges, strict=True))
+        return replace(first, further=tuple(further))
 
     def in_body(self, object_mesh: Mesh, crop: Callable[[LayerGrid], LayerGrid]) -> "DiffusionTransport":
         """Return the transport in one body of an object, which shares all kernels."""
