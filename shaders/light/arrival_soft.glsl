@@ -10,7 +10,7 @@ uniform ivec2 u_part;          // the first one to be seen, and how many on is t
 uniform int u_light_shape;
 uniform vec3 u_light_axis;     // unit, the way that most light goes
 uniform vec2 u_cone;
-uniform float u_light_radius;  // of a SHAPE_SPHERE or a SHAPE_BALL, mm
+uniform float u_light_radius;  // of a SHAPE_SPHERE or a SHAPE_BALL, mm; of a SHAPE_EVEN radians, 0: no disc of known size
 
 int first_sub_light() { return u_part.x; }
 int next_sub_light(int i) { return i + u_part.y; }
@@ -29,6 +29,26 @@ float emission(vec3 position, vec3 to_light, float distance2) {
     vec3 to_centre = u_light_vector - position;
     float centre2 = max(dot(to_centre, to_centre), u_light_radius * u_light_radius);
     return 2.0 / (1.0 + sqrt(1.0 - u_light_radius * u_light_radius / centre2)) / centre2;
+}
+
+// The disc that a light shows, of even radiance; a radius of 0 where it shows none.
+struct Disc {
+    vec3 to_centre;
+    float radius;    // radians
+    vec3 radiance;
+};
+
+Disc disc_of_light(vec3 position) {
+    if (u_light_kind != LIGHT_POINT) {
+        float solid_angle = 2.0 * PI * (1.0 - cos(u_light_radius));
+        return Disc(u_light_vector, u_light_radius, u_light_colour / max(solid_angle, 1e-20));
+    }
+    vec3 to_centre = u_light_vector - position;
+    float distance = length(to_centre);
+    if (u_light_shape == SHAPE_FACE || u_light_shape == SHAPE_CONE || distance <= u_light_radius)
+        return Disc(vec3(0.0), 0.0, vec3(0.0));
+    float face = PI * u_light_radius * u_light_radius;
+    return Disc(to_centre / distance, asin(u_light_radius / distance), u_light_colour / max(face, 1e-20));
 }
 
 Arrival unshadowed(int i, vec3 position) {

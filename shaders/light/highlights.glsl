@@ -10,11 +10,18 @@ uniform float u_surround_strength;  // factor on the lobe's mean radiance
 uniform bool u_fresnel;
 uniform sampler2D t_highlights;     // mean radiance of an environment in the lobe about every direction
 
+const float DISC_FROM = 1.5, DISC_WHOLE = 3.0;  // radii of discs that show, over u_edge
+
 float mirroring_eta;  // of the surface at this pixel
 
 float mirrored(vec3 normal, vec3 to_eye) {
     // abs: interpolated normals may turn from the eye at a silhouette
     return u_fresnel ? 1.0 - fresnel_transmittance(mirroring_eta, abs(dot(normal, to_eye))) : 1.0;
+}
+
+// The tanh approximation of Page 1977.
+float normal_distribution(float x) {
+    return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));
 }
 
 vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
@@ -27,12 +34,30 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
     return weight * pow(lobe, exponent) * arrival.irradiance;
 }
 
+#ifdef SOFT
+uniform float u_edge;  // radians, deviation of the edges of discs that are mirrored; 0: lights have lobes alone
+
+// Highlight of a light that shows a disc wider than the edges of what is mirrored: its image. `seen` and `whole` are the
+// highlights of its sub-lights, with what is in the way and without: by their ratio it is visible. A lobe is nearly
+// normal with a variance of 1 / n, so that across a straight edge there is the normal distribution.
+vec3 disc_highlight(vec3 position, vec3 normal, vec3 to_eye, vec3 seen, vec3 whole) {
+    if (u_edge == 0.0) return seen;
+    Disc disc = disc_of_light(position);
+    float as_disc = smoothstep(DISC_FROM, DISC_WHOLE, disc.radius / u_edge);
+    if (as_disc == 0.0) return seen;
+    vec3 ray = reflect(-to_eye, normal);
+    float angle = 2.0 * asin(0.5 * length(ray - disc.to_centre));
+    float inside = normal_distribution((disc.radius - angle) / u_edge);
+    float weight = u_lamp_strength * 2.0 * PI / (u_shininess + 1.0) * mirrored(normal, to_eye);
+    vec3 image = weight * inside * disc.radiance * seen / max(whole, vec3(1e-20));
+    return mix(seen, image, as_disc);
+}
+#endif
+
 // Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees,
-// over the same from -90 degrees; nearly the normal distribution, by its tanh approximation (Page 1977).
-// Within 0.014 for n >= 1.
+// over the same from -90 degrees; nearly the normal distribution. Within 0.014 for n >= 1.
 float above_horizon(float sine) {
-    float x = asin(clamp(sine, -1.0, 1.0)) * sqrt(u_shininess + 0.5);
-    return 0.5 + 0.5 * tanh(clamp(0.7978846 * x * (1.0 + 0.044715 * x * x), -10.0, 10.0));
+    return normal_distribution(asin(clamp(sine, -1.0, 1.0)) * sqrt(u_shininess + 0.5));
 }
 
 // lobe: what is visible of it, see highlights_vertices.vert.

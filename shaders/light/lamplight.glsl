@@ -13,6 +13,7 @@ float brightness(vec3 colour) { return colour.r + colour.g + colour.b; }
 // shading: normal that light meets, and what relief leaves of it.
 Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float body) {
     Lamplight sum = Lamplight(vec3(0.0), vec3(0.0), 0.0, Behind(vec3(0.0), 0.0, 0.0));
+    vec3 whole = vec3(0.0);  // highlight without what is in the way
     for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i)) {
         Arrival arrival = arrive(i, position, normal);
         float cosine = dot(normal, arrival.to_light);
@@ -22,6 +23,9 @@ Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float
             sum.irradiance += irradiance;
             sum.cosine += brightness(irradiance) * cosine;
             sum.specular += above * lamp_highlight(arrival, shading.xyz, to_eye);
+#ifdef SOFT
+            if (u_edge > 0.0) whole += lamp_highlight(unshadowed(i, position), shading.xyz, to_eye);
+#endif
         } else if (u_sheet_reach > 0.0) {
             Behind one = light_behind(i, position, normal, arrival.to_light, body);
             float weight = brightness(one.irradiance);
@@ -30,6 +34,9 @@ Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float
             sum.behind.cosine += weight * one.cosine;
         }
     }
+#ifdef SOFT
+    sum.specular = disc_highlight(position, shading.xyz, to_eye, sum.specular, whole);
+#endif
     // Where nothing enters they multiply nothing, but 0/0 would become NaN.
     sum.cosine /= max(brightness(sum.irradiance), 1e-20);
     float weight = max(brightness(sum.behind.irradiance), 1e-20);

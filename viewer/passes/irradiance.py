@@ -21,6 +21,7 @@ from milkglass.viewer.scene.camera import Camera
 from milkglass.viewer.scene.settings import Gloss
 
 # Times sub-lights: what about 50 ms are enough for without a GPU.
+SMOOTH_EDGE = 0.004  # radians: what a smooth surface mirrors of lamps has edges as wide as a pixel or less
 SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
 
 
@@ -112,6 +113,8 @@ class PixelIrradiancePass:
                 **highlights.uniforms(),
                 "t_highlights": highlights.environment,
             }
+            if source.is_soft:
+                values["u_edge"] = highlights.edge
             tests = source.sub_lights // samples or 1 if source.is_soft else 0
             width, height = framebuffer.size
             rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, tests))))
@@ -151,8 +154,15 @@ class Highlights:
         """Factor on what rays of sight find mirrored."""
         return self.gloss.strength if self.by_rays else 0.0
 
+    @property
+    def edge(self) -> float:
+        """Deviation of the edges of discs of light that are mirrored, radians; 0 where they have lobes alone."""
+        if not self.gloss.normalized:
+            return 0.0
+        return SMOOTH_EDGE if self.gloss.is_smooth else float(self.gloss.shininess**-0.5)
+
     def uniforms(self) -> dict[str, object]:
-        """Return the values for highlights.glsl."""
+        """Return the values for highlights.glsl, but for what lights with a size need."""
         gloss = self.gloss
         integral = 2.0 * np.pi / (gloss.shininess + 1.0)  # of cos^n over the hemisphere about the mirrored eye ray
         surround = gloss.strength if gloss.normalized else gloss.strength * integral

@@ -48,7 +48,7 @@ class Gloss:
 
     @property
     def is_smooth(self) -> bool:
-        """Whether the surface mirrors as a smooth one does, by rays in place of a lobe, where rays are followed."""
+        """Whether the surface mirrors as a smooth one does: discs with edges, and by rays where these are followed."""
         return self.normalized and self.strength > 0.0 and self.shininess >= SMOOTH_SHININESS
 
 

@@ -193,6 +193,35 @@ def test_the_highlight_of_a_disc_is_whole_and_smooth(renderer_of, model, shinine
     assert not len(rises) or not len(falls) or rises.max() < falls.min()
 
 
+@pytest.mark.parametrize(
+    ("light", "radiance"),
+    [
+        (DirectionalLight((0.3, 0.4, 1.0), (1.0,) * 3, angle_deg=30.0), 1.0 / (np.pi * np.sin(np.radians(15.0)) ** 2)),
+        (SphereLight((18.0, 24.0, 40.0), (1e3,) * 3, radius_mm=12.0), 1e3 / (np.pi * 12.0**2)),
+    ],
+)
+def test_a_smooth_surface_mirrors_a_disc_of_light_with_its_edge(renderer_of, light, radiance):
+    scene = scene_of("specular.model=normalized", "camera.orthographic=true", lights=(light,))
+    frame = renderer_of("ball").render(scene, samples=1)
+    seen = inside(frame)
+    points, normals = frame.position[seen].astype(float), frame.normal[seen].astype(float)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    to_eye = np.asarray(renderer_of("ball").light(scene).camera.eye[:3], float)
+    cosine = normals @ to_eye
+    rays = 2.0 * cosine[:, None] * normals - to_eye
+    near = isinstance(light, SphereLight)
+    to_centre = np.array(light.position_mm) - points if near else np.array([light.direction])
+    distance = np.linalg.norm(to_centre, axis=1)
+    radius = np.arcsin(light.radius_mm / distance) if near else np.radians(15.0)
+    angle = np.arccos(np.clip(np.sum(rays * to_centre, axis=1) / distance, -1.0, 1.0))
+    whole, none = angle < radius - 0.02, (angle > radius + 0.02) & (cosine > 0.5)  # rims mirror the object
+    mirrored = frame.specular[seen][:, 0]
+    assert whole.sum() > 50
+    expected = (1.0 - transmittance(scene.material.resolve().eta, cosine)) * radiance
+    np.testing.assert_allclose(mirrored[whole], expected[whole], rtol=0.02)
+    assert mirrored[none].max() < 1e-3 * expected[whole].mean()
+
+
 @pytest.mark.parametrize("name", SIZED)
 def test_reports_cast_rays_to_all_of_a_light(renderer_of, shapes, name):
     """What the error of a picture is measured against has the light that pictures have."""

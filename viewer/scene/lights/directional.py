@@ -63,7 +63,8 @@ class DirectionalLight(Light):
         red, green, blue = (rim_gain * channel for channel in self.irradiance)
         cell = float(2.0 * np.sin(0.5 * half) / np.sqrt(count))
         x, y, z = towards.tolist()
-        return SubLights(DIRECTIONAL, (x, y, z), cosine[:, None] * towards + offsets, (red, green, blue), cell)
+        vectors = cosine[:, None] * towards + offsets
+        return SubLights(DIRECTIONAL, (x, y, z), vectors, (red, green, blue), cell, radius=float(half))
 
     def seen(self) -> Lamp:
         """See `Light.seen`."""

@@ -43,7 +43,7 @@ class SubLights:
     cone : 2 floats
         Cosines to the axis where a SHAPE_CONE is dark, and from where on it is not dimmed.
     radius : float
-        Of a SHAPE_SPHERE or a SHAPE_BALL, mm.
+        Of a SHAPE_SPHERE or a SHAPE_BALL, mm; of a SHAPE_EVEN that is a disc, radians, else 0.
     """
 
     kind: int
