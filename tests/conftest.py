@@ -1,6 +1,9 @@
 """Fixtures that several test files share."""
 
+import contextlib
+import ctypes
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -49,6 +52,15 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))
         patch.setattr("milkglass.viewer.assets.ray_cache.cache_folder", lambda: folder / "milkglass")
         yield folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def freed_memory() -> Iterator[None]:
+    """Hand what tests have freed back to the system: the C library keeps gigabytes of it in each process."""
+    yield
+    if sys.platform == "linux":
+        with contextlib.suppress(AttributeError, OSError):  # of a C library that is not GNU's
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 @pytest.fixture(scope="session")
