@@ -155,7 +155,8 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
 
 
 def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
-    """Return `PixelEquation.bending`: spread over the nodes by area."""
-    flat = np.zeros(len(boundary.patches))
-    excess = [flat if medium.is_black else boundary.bending(medium) - 1.0 for medium in media]
-    return boundary.means(np.stack(excess, axis=-1))
+    """Return `PixelEquation.bending`: harmonic means of b of the patches near each node, by area."""
+    flat = np.ones(len(boundary.patches))
+    inverse = [flat if medium.is_black else 1.0 / boundary.bending(medium) for medium in media]
+    # Less 1: nodes without a patch near have 0, which is b = 1.
+    return 1.0 / (1.0 + boundary.means(np.stack(inverse, axis=-1) - 1.0)) - 1.0

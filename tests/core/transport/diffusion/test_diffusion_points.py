@@ -83,7 +83,9 @@ def test_a_film_beside_a_thick_part_keeps_its_light():
         expected = found.exitance(channel)
         size = np.sqrt(np.average(expected**2, weights=patches.areas))
         error = np.sqrt(np.average((at_points[:, channel] - expected) ** 2, weights=patches.areas))
-        assert error < 0.04 * size  # where flange and axle meet points see less of how light leaves than patches
+        # Where flange and axle meet, within a node, points see less of how light leaves than patches; of skim milk more
+        # than half crosses the flange, beside an axle that none does.
+        assert error < (0.13 if channel == 1 else 0.04) * size
         assert at_points[:, channel].min() > 0.02 * size
 
 
