@@ -14,7 +14,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
 from milkglass.viewer.files.formats import PICTURE_FORMATS, check_picture_output, format_of
-from milkglass.viewer.scene.scene import Scene, default_scene
+from milkglass.viewer.scene.scene import Scene, default_scene, first_look
 
 if TYPE_CHECKING:
     from milkglass.viewer.render.picture import Frame, Still
@@ -72,7 +72,7 @@ def default(
 
 
 @app.command()
-@partial(scene_options, extra_flags=PHOTO_FLAGS)
+@partial(scene_options, start=first_look(), extra_flags=PHOTO_FLAGS)
 def view(
     scene: Scene,
     context: typer.Context,
@@ -83,7 +83,7 @@ def view(
     photo: Annotated[str | None, typer.Option(metavar="FILE", help="Photograph whose object is edited.")] = None,
     mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
-    """Show a model in a window, or the object of a photograph in another material."""
+    """Show a model in a window, at first in jade on a ground, or the object of a photograph in another material."""
     if any(context.params[name] is not None for name in ("photo", "mask", *(flag.parameter for flag in PHOTO_FLAGS))):
         from milkglass.viewer.commands import photograph as photo_command
 

@@ -198,14 +198,19 @@ def _checked_materials(given: PartMaterials | Mapping[str, MaterialSettings]) ->
     return pairs
 
 
-def default_scene() -> Scene:
-    """Return what a newcomer sees: the sculpture in jade on a dark ground, a warm key behind it, a cool fill beside."""
+def first_look() -> Scene:
+    """Return what a window shows a model in at first: jade, on a dark ground, under the lights where none are given."""
     return Scene(
         material=MaterialSettings(name="jade"),
-        lights=(DEFAULT_LIGHTS[0], DirectionalLight((0.9, 0.5, 0.3), (1.6, 1.8, 2.0), angle_deg=20.0)),
         ground=GroundSettings(on=True, color=(0.8, 0.9, 1.0), reflectance=0.15),
         display=DisplaySettings(key=0.5, background="#2a2d30"),
     )
+
+
+def default_scene() -> Scene:
+    """Return what a newcomer sees: the sculpture in its first look, a warm key behind it, a cool fill beside."""
+    fill = DirectionalLight((0.9, 0.5, 0.3), (1.6, 1.8, 2.0), angle_deg=20.0)
+    return replace(first_look(), lights=(DEFAULT_LIGHTS[0], fill))
 
 
 class Change(NamedTuple):

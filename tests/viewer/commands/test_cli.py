@@ -199,8 +199,13 @@ def test_window_where_there_is_a_display(variable, monkeypatch):
     monkeypatch.setattr("milkglass.viewer.window.window.run", lambda scene, **_: shown.append(scene))
     monkeypatch.setenv(variable, ":99")
     assert cli.main([]) == 0
-    assert cli.main(["view", "--material", "jade"]) == 0
-    assert [scene.material.name for scene in shown] == ["jade", "jade"]
+    assert cli.main(["view", "ball.ply"]) == 0
+    assert cli.main(["view", "ball.ply", "--material", "wax", "--environment", "probe.hdr"]) == 0
+    assert [scene.material.name for scene in shown] == ["jade", "jade", "wax"]
+    first, viewed, probed = shown
+    assert (viewed.ground, viewed.display) == (first.ground, first.display)
+    assert viewed.all_lights()
+    assert not probed.all_lights()
 
 
 def test_bench_passes_its_options(monkeypatch):
