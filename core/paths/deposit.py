@@ -10,6 +10,7 @@ from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.compiled import compiled
 
 SHORTEST = np.float32(1e-20)  # chord, mm
+NEGLIGIBLE = np.float32(1e-5)  # of the mean power of chords: less is left out
 
 
 def collided(beams: Beams, extinctions: Sequence[float], grid: LayerGrid) -> Float32:
@@ -35,7 +36,8 @@ def moments(beams: Beams, extinctions: Sequence[float], grid: LayerGrid, count: 
     """
     volume = np.zeros((*grid.shape, count, 3), np.float32)
     chords = beams.starts, beams.ends, beams.lengths, np.ascontiguousarray(beams.before[:, 0]), beams.power
-    _deposit(*chords, np.asarray(extinctions, np.float32), *affine(grid), volume)
+    least = NEGLIGIBLE * np.float32(beams.power.mean()) if len(beams) else SHORTEST
+    _deposit(*chords, np.asarray(extinctions, np.float32), *affine(grid), least, volume)
     found: Float32 = np.ascontiguousarray(volume.transpose(3, 4, 0, 1, 2))
     return found
 
@@ -56,6 +58,7 @@ def _deposit(  # noqa: PLR0913  (arrays of a compiled loop)
     extinctions: Float32,
     scale: Float32,
     shift: Float32,
+    least: np.float32,
     volume: Float32,
 ) -> None:
     """Walk along the chords in steps of a cell; what collides within a step does so at a random point of it."""
@@ -76,6 +79,8 @@ def _deposit(  # noqa: PLR0913  (arrays of a compiled loop)
             fall[i] = -np.expm1(-extinctions[i] * lengths[k] / np.float32(count))
         random = np.uint32(k) * np.uint32(747796405) + np.uint32(2891336453)
         for n in range(count):
+            if max(power[0], power[1], power[2]) <= least:
+                break
             random = np.uint32(random * np.uint32(1664525) + np.uint32(1013904223))
             t = (np.float32(n) + np.float32(random >> np.uint32(8)) * np.float32(2.0**-24)) / np.float32(count)
             for i in range(3):
