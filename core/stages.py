@@ -185,6 +185,7 @@ class Stage(StrEnum):
     FILLED = "filled cells", Part.TRANSPORT
     RETURNS = "light that the surface sends back", Part.TRANSPORT
     FIRST_VOLUME = "first scattering", Part.TRANSPORT
+    ONWARDS = "rays of light that has scattered once", Part.TRANSPORT
     SECOND_VOLUME = "second scattering", Part.TRANSPORT
     FLUENCE = "fluence within", Part.TRANSPORT
     RESOLVED = "glow within", Part.TRANSPORT

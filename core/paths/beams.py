@@ -5,7 +5,7 @@ that are the same for all its coefficients and that no ray is cast for again.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class Beams:
         By which they were refracted and mirrored, where that is known.
     lights : (k,) int32, optional
         Of which of several lights each is, ascending.
+    unattenuated : (k, 3) float32, optional
+        The power without what matter of other kinds has taken, where that is taken off.
     """
 
     starts: Float32
@@ -62,9 +64,15 @@ class Beams:
     bodies: Int32
     surface: Surface | None = None
     lights: Int32 | None = None
+    unattenuated: Float32 | None = None
 
     def __len__(self) -> int:
         return len(self.lengths)
+
+    @property
+    def emitted(self) -> Float32:
+        """Return the power at the start without any attenuation, (k, 3)."""
+        return self.power if self.unattenuated is None else self.unattenuated
 
     def of_body(self, body: int) -> "Beams":
         """Return the chords that cross one body."""
@@ -74,7 +82,8 @@ class Beams:
         """Return some of the chords."""
         placed = self.starts[chosen], self.ends[chosen], self.lengths[chosen], self.before[chosen]
         lights = None if self.lights is None else self.lights[chosen]
-        return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface, lights)
+        emitted = None if self.unattenuated is None else self.unattenuated[chosen]
+        return Beams(*placed, self.power[chosen], self.bodies[chosen], self.surface, lights, emitted)
 
     def by_light(self, most: int) -> "list[Beams]":
         """Return the chords of each light, `most` in all: from the last of them on lights are taken together."""
@@ -92,7 +101,7 @@ class Beams:
             return self
         elsewhere = np.arange(len(extinctions)) != kind
         power = self.power * np.exp(-(self.before[:, elsewhere] @ extinctions[elsewhere]))
-        return replace(self, before=self.before[:, [kind]], power=power)
+        return replace(self, before=self.before[:, [kind]], power=power, unattenuated=self.emitted)
 
 
 def traced(surface: Surface, light: Emitted) -> Beams:
@@ -126,6 +135,10 @@ class Courses:
     bodies: Int32
     sources: Int32
     events: Int32
+
+    def chosen(self, chosen: Bools) -> "Courses":
+        """Return some of the chords."""
+        return Courses(*(getattr(self, item.name)[chosen] for item in fields(self)))
 
 
 def followed(

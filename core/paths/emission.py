@@ -128,7 +128,7 @@ def _surrounding(latlong: Floats, to_probe: Array, ball: Ball, count: int) -> Em
     total = np.cumsum(solid_angles * radiance.sum(axis=1))
     chosen = np.searchsorted(total, (np.arange(count) + 0.5) / count * total[-1]).clip(0, len(total) - 1)
     row, column = np.divmod(chosen, width)
-    x, y, u, v = _sequence(4, count)
+    x, y, u, v = sequence(4, count)
     towards = latlong_to_direction(np.stack([(column + x) / width, (row + y) / height], axis=1)) @ to_probe.T
     first, second = across(towards)
     r, angle = ball.radius * np.sqrt(u), 2.0 * np.pi * v
@@ -146,7 +146,7 @@ def _strata(count: int) -> tuple[Array, Array]:
     return (row + random[0]) / side, (column + random[1]) / side
 
 
-def _sequence(dimensions: int, count: int) -> Array:
+def sequence(dimensions: int, count: int) -> Array:
     """Return a Kronecker sequence of the generalised golden ratio: (dimensions, count) in [0, 1)."""
     ratio = 1.0
     for _ in range(32):

@@ -4,76 +4,125 @@ Where matter scatters forward, two moments of what scatters lie about where it g
 true goes on across a beam, collides near the surface, and comes back. Rays are drawn by the whole phase function
 instead, and followed as beams are: mirrored and refracted, out of the object and in again.
 
-R, G and B share rays. Beams send as many as they have scatter; where on a chord, and which way, is drawn for one of the
-three, and counts for each by its share of the densities with which all three would have drawn it (balance heuristic:
-Veach and Guibas 1995). So all rays have one power, however different the channels' free paths.
+Rays depend on beams and phase functions alone. How far along its way light scatters, of which coefficients tell, is
+drawn by 1 / s beyond some length, which is alike for all free paths: whatever these are, the weights that they give
+rays are as good as even, with a variance of a quarter of ln(longest way / that length) where light scatters within the
+object. So other coefficients cast no ray, and what they change has no noise of its own.
+
+R, G and B share rays. Each weighs them by its own density over that with which they were drawn.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from milkglass.core.arrays import Array, Ints
 from milkglass.core.geometry.normals import across
 from milkglass.core.material.medium import DeltaEddington
-from milkglass.core.paths.beams import Beams, followed
+from milkglass.core.paths.beams import Beams, Courses, followed
+from milkglass.core.paths.emission import sequence
 from milkglass.core.paths.lobes import density, turned
 from milkglass.core.paths.surface import Surface
 
-RAYS = 1 << 16
+RAYS = 3 << 15
 EVENTS = 16  # that are followed: much of the light is totally reflected, often again and again
+NEAR = 1.0 / 32.0  # of the beams' mean chord: nodes resolve no free path that is much shorter
 
 
-def scattered_on(beams: Beams, flights: Sequence[DeltaEddington], used: Sequence[bool], surface: Surface) -> Beams:
-    """Return the beams that other beams make by scattering once.
+@dataclass(frozen=True, eq=False)
+class Onwards:
+    """Ways on from n places on beams, whatever scatters there.
+
+    Attributes
+    ----------
+    chords : (n,) int64
+        Chord of the beams that each is on.
+    travelled : (n,) float64
+        From where the beam began to cross matter of this kind, mm.
+    cosines : (n,) float64
+        Between the beam and the way on.
+    odds : (n,) float64
+        Reciprocal of the density with which it was drawn, of all n together: mm, over directions all alike.
+    courses : Courses
+        Of rays from there.
+    surface : Surface
+        At which they are mirrored and refracted.
+    """
+
+    chords: Ints
+    travelled: Array
+    cosines: Array
+    odds: Array
+    courses: Courses
+    surface: Surface
+
+    def scattered(self, beams: Beams, flights: Sequence[DeltaEddington], used: Sequence[bool]) -> Beams:
+        """Return the beams that other beams make by scattering once.
+
+        Parameters
+        ----------
+        beams : Beams
+            Unscattered light in matter of one kind, of which some scatters.
+        flights : of R, G and B
+        used : of R, G and B
+            Whether its light is asked for.
+        """
+        extinction = np.array([flight.sigma_t for flight in flights])
+        scattering = np.array([flight.sigma_s * of for flight, of in zip(flights, used, strict=True)])
+        power = beams.power[self.chords] * scattering * np.exp(-extinction * self.travelled[:, None])
+        power *= np.stack([density(self.cosines, flight.g) for flight in flights], axis=1) * self.odds[:, None]
+        met = np.exp(-extinction * beams.before) * -np.expm1(-extinction * beams.lengths[:, None])
+        albedo = np.array([flight.albedo * of for flight, of in zip(flights, used, strict=True)])
+        total = albedo * (beams.power * met).sum(axis=0, dtype=np.float64)
+        drawn = power.sum(axis=0)
+        power *= np.divide(total, drawn, out=np.zeros(3), where=drawn > 0.0)
+        courses = self.courses
+        placed = courses.starts, courses.ends, courses.lengths, courses.before
+        sent = courses.weights * power.astype(np.float32)[courses.sources]
+        return Beams(*placed, sent, courses.bodies, self.surface)
+
+
+def sent_on(beams: Beams, cosines: Sequence[float], surface: Surface) -> Onwards:
+    """Return where beams go on from, and how.
 
     Parameters
     ----------
     beams : Beams
-        Unscattered light in matter of one kind, of which some scatters.
-    flights : of R, G and B
-    used : of R, G and B
-        Whether its light is asked for.
+        Unscattered light in matter of one kind.
+    cosines : of R, G and B
+        Mean cosine of scattering, [0, 1).
     surface : Surface
-        Of matter of that kind, at which they are mirrored and refracted.
+        Of matter of that kind, at which what goes on is mirrored and refracted.
     """
-    rng, g = np.random.default_rng(0), [flight.g for flight in flights]
-    extinction = np.array([flight.sigma_t for flight in flights])
-    albedo = np.array([flight.albedo * of for flight, of in zip(flights, used, strict=True)])
-    reached = beams.power * np.exp(-extinction * beams.before)
-    scattered = albedo * reached * -np.expm1(-extinction * beams.lengths[:, None])
-    so_far = np.cumsum(scattered.sum(axis=1))
-    places = (np.arange(RAYS) + rng.random(RAYS)) / RAYS * so_far[-1]
-    chord = np.searchsorted(so_far, places).clip(0, len(so_far) - 1)
-    power, length = scattered[chord], beams.lengths[chord].astype(np.float64)
-    channel = _drawn(power, rng)
-    collided = -np.expm1(-extinction[channel] * length) * rng.random(RAYS)
-    along = np.minimum(-np.log1p(-collided) / extinction[channel], length)
-    # Densities along the chord of the channels' power, but for exp(-sigma s) of the least sigma, which all have.
-    fall = np.exp(-(extinction - extinction.min()) * along[:, None]) * extinction
-    power *= np.divide(fall, -np.expm1(-extinction * length[:, None]), out=np.zeros_like(power), where=power > 0.0)
-    cosine = turned(rng.random(RAYS), _drawn(power, rng), g)
-    power *= np.stack([density(cosine, of) for of in g], axis=1)
-    power *= so_far[-1] / RAYS / power.sum(axis=1, keepdims=True)
-    axes = (beams.ends[chord] - beams.starts[chord]) / length[:, None]
-    origins, directions = beams.starts[chord] + along[:, None] * axes, _around(axes, cosine, rng)
+    light, (u, v, w, t) = beams.emitted.astype(np.float64), sequence(4, RAYS)
+    share = light.sum(axis=1)
+    near = NEAR * float(share @ beams.lengths) / float(share.sum())
+    start = beams.before[:, 0] + near
+    so_far = np.cumsum(share * np.log1p(beams.lengths / start))
+    places = (np.arange(RAYS) + 0.5) / RAYS * so_far[-1]
+    chords = np.searchsorted(so_far, places).clip(0, len(so_far) - 1)
+    length, start = beams.lengths[chords].astype(np.float64), start[chords].astype(np.float64)
+    along = start * np.expm1(u * np.log1p(length / start))
+    turns = turned(v, _drawn(light[chords], w), cosines)
+    towards = np.stack([density(turns, g) for g in cosines], axis=1)
+    odds = so_far[-1] / RAYS * (start + along) / (light[chords] * towards).sum(axis=1)
+    axes = (beams.ends[chords] - beams.starts[chords]) / length[:, None]
+    origins, directions = beams.starts[chords] + along[:, None] * axes, _around(axes, turns, 2.0 * np.pi * t)
     courses = followed(surface, origins.astype(np.float32), directions.astype(np.float32), 1, EVENTS, inside=True)
-    sent = courses.weights * power.astype(np.float32)[courses.sources]
-    placed = courses.starts, courses.ends, courses.lengths, courses.before
-    found = Beams(*placed, sent, courses.bodies, surface)
-    return found.chosen(courses.bodies < surface.scattering)
+    courses = courses.chosen(courses.bodies < surface.scattering)
+    return Onwards(chords, start - near + along, turns, odds, courses, surface)
 
 
-def _drawn(power: Array, rng: np.random.Generator) -> Ints:
-    """Return a channel for each row of power (n, 3), as often as its share of it, (n,)."""
+def _drawn(power: Array, random: Array) -> Ints:
+    """Return a channel for each row of power (n, 3), as often as its share, by numbers (n,) uniform in [0, 1)."""
     so_far = np.cumsum(power, axis=1)
-    found: Ints = (rng.random(len(power))[:, None] * so_far[:, -1:] >= so_far).sum(axis=1).clip(0, 2)
+    found: Ints = (random[:, None] * so_far[:, -1:] >= so_far).sum(axis=1).clip(0, 2)
     return found
 
 
-def _around(axes: Array, cosine: Array, rng: np.random.Generator) -> Array:
-    """Return unit directions at cosines (n,) to unit axes (n, 3), in azimuths all alike."""
-    turn, sine = 2.0 * np.pi * rng.random(len(cosine)), np.sqrt(np.maximum(0.0, 1.0 - cosine * cosine))
-    first, second = across(axes)
-    aside = (sine * np.cos(turn))[:, None] * first + (sine * np.sin(turn))[:, None] * second
+def _around(axes: Array, cosine: Array, azimuths: Array) -> Array:
+    """Return unit directions at cosines (n,) to unit axes (n, 3)."""
+    sine, (first, second) = np.sqrt(np.maximum(0.0, 1.0 - cosine * cosine)), across(axes)
+    aside = (sine * np.cos(azimuths))[:, None] * first + (sine * np.sin(azimuths))[:, None] * second
     return np.asarray(cosine[:, None] * axes + aside)

@@ -10,7 +10,7 @@ back, through another place of the surface or mirrored there.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -102,16 +102,11 @@ def returns(
         courses = followed(surface, starts, inwards, 1, EVENTS)
         share, onwards = internal_moment(eta, 1), (number + count) % len(number)
     else:
-        courses = _in_matter(followed(around, starts, -inwards, 1, EVENTS, inside=True), around.scattering)
+        courses = followed(around, starts, -inwards, 1, EVENTS, inside=True)
+        courses = courses.chosen(courses.bodies < around.scattering)
         share, onwards = 1.0, number
     flux = np.full(SIDES * count, np.pi * share * total / (SIDES * count))
     return Returns(flux, _across(surface, starts, inwards, onwards.astype(np.int32)), courses, around is None)
-
-
-def _in_matter(courses: Courses, scattering: int) -> Courses:
-    """Return the chords that cross bodies that scatter."""
-    chosen = courses.bodies < scattering
-    return Courses(*(getattr(courses, item.name)[chosen] for item in fields(Courses)))
 
 
 def _across(surface: Surface, starts: Float32, directions: Float32, sources: Int32) -> Chords:

@@ -3,7 +3,12 @@
 import sys
 import tracemalloc
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import FrameType
+from unittest.mock import patch
+
+from milkglass.core.arrays import Floats
+from milkglass.core.geometry.rays import RayMesh
 
 
 def calls(work: Callable[[], object]) -> int:
@@ -31,3 +36,22 @@ def peak_bytes(work: Callable[[], object]) -> int:
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def rays_cast(work: Callable[[], object]) -> int:
+    """Rays that any thread casts against meshes during some work."""
+    count = 0
+
+    def counted(cast: Callable[..., object]) -> Callable[..., object]:
+        def run(mesh: RayMesh, origins: Floats, *arguments: object, **named: object) -> object:
+            nonlocal count
+            count += len(origins)
+            return cast(mesh, origins, *arguments, **named)
+
+        return run
+
+    with ExitStack() as patched:
+        for name in ("first", "places", "occluded"):
+            patched.enter_context(patch.object(RayMesh, name, counted(getattr(RayMesh, name))))
+        work()
+    return count

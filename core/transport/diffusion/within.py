@@ -23,7 +23,7 @@ from milkglass.core.paths.beams import Beams
 from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.filled import Filled, filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
-from milkglass.core.paths.onwards import scattered_on
+from milkglass.core.paths.onwards import Onwards, sent_on
 from milkglass.core.paths.resolution import RESOLVED, balanced_share, met_in_ball, needs_beams, scaled, thick_gain
 from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
 from milkglass.core.paths.second import Returns, collided_again, returns
@@ -173,12 +173,18 @@ class Within:
         index = eta if around is None else index_of(back.reflected())
         fly = functools.partial(self._flown, media=media, flights=flights, fill=fill, back=back, grid=grid)
 
+        phases = [medium.g for medium in media]
+
+        def goes_on() -> Onwards:
+            return sent_on(beams, phases, around or alone())
+
         def twice() -> Scattered:
             directed = [part is not None for part in source.flux]
             if any(directed):
                 used = [part is not None for part in source.power]
-                onwards = scattered_on(beams, flights, used, around or alone())
-                power, *flux = moments(onwards, [flight.sigma_t for flight in flights], grid, 4)
+                key = body.mesh, beams.starts, beams.emitted, eta, around, *phases
+                scattered = stages.run(Stage.ONWARDS, key, goes_on).scattered(beams, flights, used)
+                power, *flux = moments(scattered, [flight.sigma_t for flight in flights], grid, 4)
                 met = Scattered(
                     [part if used[i] else None for i, part in enumerate(power)],
                     [np.stack([part[i] for part in flux]) if directed[i] else None for i in range(len(power))],

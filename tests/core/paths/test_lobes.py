@@ -5,14 +5,13 @@ import pytest
 
 from milkglass.core.grid.layers import fit_nodes
 from milkglass.core.material.medium import Medium
-from milkglass.core.paths import onwards
 from milkglass.core.paths.beams import traced
 from milkglass.core.paths.deposit import collided
 from milkglass.core.paths.emission import Ball, parallel
 from milkglass.core.paths.events import Chords
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.lobes import density, tables, turned
-from milkglass.core.paths.onwards import scattered_on
+from milkglass.core.paths.onwards import sent_on
 from milkglass.core.paths.surface import Surface
 from tests.support.solids import ball, mesh_of
 
@@ -65,18 +64,38 @@ def test_a_chord_gathers_what_lobes_send_along_it():
         np.testing.assert_allclose(found[0], expected, rtol=0.01)
 
 
-def test_what_goes_on_is_what_has_scattered_however_much_the_channels_differ(monkeypatch):
-    monkeypatch.setattr(onwards, "RAYS", 1 << 13)
+@pytest.fixture(scope="module")
+def across():
+    """Beams through a ball of 10 mm, and their ways on."""
     mesh = mesh_of(ball(10.0, subdivisions=3))
     surface, grid = Surface.of(mesh, 1.33), fit_nodes(mesh.bounds, 24)
     beams = traced(surface, parallel((0.0, 0.0, 1.0), (1.0, 2.0, 3.0), Ball.around(mesh), 2000))
-    media = Medium(0.01, 0.01, 1.33, g=0.9), Medium(0.1, 0.02, 1.33, g=0.6), Medium(0.5, 0.0, 1.33)
-    flights = [medium.delta_eddington() for medium in media]
-    used = True, True, False
-    found = scattered_on(beams, flights, used, surface)
+    return beams, grid, sent_on(beams, (0.9, 0.6, 0.0), surface)
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 10.0])
+def test_what_goes_on_is_what_has_scattered_whatever_the_coefficients(across, factor):
+    """All of it, from where on its way and along the way on that matter has it scatter; of channels that differ."""
+    beams, grid, rays = across
+    absorbed, scattered, cosines = (0.01, 0.02, 0.0), (0.01, 0.1, 0.5), (0.9, 0.6, 0.0)
+    media = [Medium(factor * s, factor * a, 1.33, g=g) for s, a, g in zip(scattered, absorbed, cosines, strict=True)]
+    flights, used = [medium.delta_eddington() for medium in media], (True, True, False)
+    found = rays.scattered(beams, flights, used)
     first = found.before[:, 0] == 0.0
-    scattered = collided(beams, [flight.sigma_t for flight in flights], grid).sum(axis=(1, 2, 3))
-    expected = [flight.albedo * power * of for flight, power, of in zip(flights, scattered, used, strict=True)]
+    met = collided(beams, [flight.sigma_t for flight in flights], grid).sum(axis=(1, 2, 3))
+    expected = [flight.albedo * power * of for flight, power, of in zip(flights, met, used, strict=True)]
     np.testing.assert_allclose(found.power[first].sum(axis=0), expected, rtol=0.02)
-    again = scattered_on(beams, flights, used, surface)
-    np.testing.assert_array_equal(found.starts, again.starts)
+    sent, axis = found.power[first].astype(float), found.ends[first] - found.starts[first]
+    turns = (axis / found.lengths[first, None])[:, 2]
+    for i, flight in enumerate(flights[:2]):
+        # Along the axis of a ball beams go nearly straight on; of all they lose what they bend by.
+        light = sent[:, i] / sent[:, i].sum()
+        extinction, lengths = flight.sigma_t, beams.lengths.astype(float)
+        reached = beams.power[:, i] * np.exp(-extinction * beams.before[:, 0])
+        mean = 1.0 / extinction - lengths / np.expm1(extinction * lengths)
+        share = reached * -np.expm1(-extinction * lengths)
+        begun = beams.starts[rays.chords[rays.courses.sources[first]]]
+        along = np.linalg.norm(found.starts[first] - begun, axis=1)
+        assert light @ along == pytest.approx(share @ mean / share.sum(), rel=0.03)
+        heading = ((beams.ends - beams.starts)[:, 2] / lengths) @ share / share.sum()
+        assert light @ turns == pytest.approx(flight.cosine * heading, abs=0.02)

@@ -13,6 +13,7 @@ from milkglass.core.paths.surface import Surface
 from milkglass.viewer.render.beams import lamp_beams
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, as_kind
 from milkglass.viewer.scene.scene import apply_set
+from tests.support.counting import rays_cast
 from tests.support.rendering import inside, scene_of
 from tests.support.solids import ball, mesh_of
 
@@ -57,3 +58,22 @@ def test_beams_are_cast_where_a_light_moves_and_by_no_material(renderer_of, monk
     cast(scene)
     monkeypatch.setattr(LayerConvolver, "convolve", lambda *_: pytest.fail("a product has run"))
     assert cast(apply_set(scene, ["camera.azimuth_deg=100", "camera.zoom=1.3"])) == set()
+
+
+@pytest.mark.gl
+@pytest.mark.slow
+def test_a_slider_of_matter_that_scatters_forward_casts_no_ray(renderer_of):
+    """Neither for what collides first nor for what does again; an index of refraction casts all."""
+    renderer = renderer_of("ball")
+    size = float(np.ptp(renderer.model.mesh.bounds, axis=0).max())
+    settings = [f"model.size_mm={size}", "transport.resolution=24", "display.image_size=[48,48]"]
+    forward = [*MURKY, "material.g=[0.9,0.7,0.5]"]
+    scene = scene_of("transport.method=diffusion", *settings, *forward, method="ewald", lights=(SUN,))
+
+    def cast(*settings: str) -> int:
+        return rays_cast(lambda: renderer.scatter(renderer.light(apply_set(scene, settings))))
+
+    assert cast() > 0
+    assert cast("material.sigma_a=[0.001,0.002,0.003]") == 0
+    assert cast("material.sigma_s_prime=[0.3,0.05,0.01]") == 0
+    assert cast("material.eta=1.4") > 0
