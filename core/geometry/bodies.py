@@ -153,6 +153,13 @@ def components(mesh: Mesh) -> tuple[Ints, int]:
     return rank[component], count
 
 
+def has_volumes(mesh: Mesh) -> bool:
+    """Whether every component of a closed mesh encloses a positive volume: none is a cavity or inside out."""
+    component, count = components(mesh)
+    volumes = np.einsum("ij,ij->i", mesh.vertices[mesh.faces[:, 0]], face_cross(mesh.vertices, mesh.faces))
+    return bool((np.bincount(component, volumes, count) > 0.0).all())
+
+
 class _Components:
     """Components of a welded mesh: vertices (n, 3) about the origin, faces (m, 3), component (m,) of each face."""
 

@@ -37,6 +37,9 @@ class Mesh:
     faces : (m, 3) int32, counter-clockwise seen from outside
     closed : bool
         Whether the mesh is closed by construction, so that nobody needs to measure it; False says nothing.
+    outward : bool
+        Whether it is known that only front faces are seen from outside: every component is closed, wound
+        consistently, and of a positive volume.
     kinds : (m,) int, optional
         Matter behind each face, numbered from 0, where it is not all of one kind.
     """
@@ -45,6 +48,7 @@ class Mesh:
     normals: npt.NDArray[np.float32]
     faces: npt.NDArray[np.int32]
     closed: bool = False
+    outward: bool = False
     kinds: Ints | None = None
 
     def __post_init__(self) -> None:

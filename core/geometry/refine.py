@@ -155,7 +155,8 @@ def refined(mesh: Mesh, longest: float) -> Refined:
         levels.append(Level(faces, first, (long @ _BITS).astype(np.uint8)))
         faces = pieces
     levels.append(Level(faces, np.arange(len(faces)), np.empty(0, np.uint8)))
-    return Refined(mesh if len(levels) == 1 else Mesh(vertices, normals, faces), sources, tuple(levels))
+    fine = mesh if len(levels) == 1 else Mesh(vertices, normals, faces, outward=mesh.outward)
+    return Refined(fine, sources, tuple(levels))
 
 
 def _split(six: Int32, long: npt.NDArray[np.bool_]) -> tuple[Int32, npt.NDArray[np.int64]]:

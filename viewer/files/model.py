@@ -199,7 +199,8 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
 def builtin_model(size_mm: float, up: str = "y") -> Mesh:
     """Place the built-in sculpture in world space; parameters as in `load_model`."""
     vertices, faces, normals = sculpture()
-    return Mesh.of(place_in_world(vertices, size_mm, up), normals @ up_rotation(up).T, faces)
+    mesh = Mesh.of(place_in_world(vertices, size_mm, up), normals @ up_rotation(up).T, faces)
+    return replace(mesh, outward=True)
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:

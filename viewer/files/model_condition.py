@@ -7,6 +7,7 @@ import numpy as np
 
 from milkglass.core.arrays import Array, Ints
 from milkglass.core.errors import InputError
+from milkglass.core.geometry.bodies import has_volumes
 from milkglass.core.geometry.mesh import (
     Flaws,
     Mesh,
@@ -48,8 +49,8 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
     if len(faces) == 0:
         raise InputError(all_degenerate(path))
     has_normals = np.isfinite(normals[faces]).all(axis=(1, 2))
+    sound = found.closed and found.non_manifold_edges == 0 and found.inconsistent_edges == 0
     if has_normals.any():
-        sound = found.closed and found.non_manifold_edges == 0 and found.inconsistent_edges == 0
         before = faces[:, 0].copy()
         faces[has_normals], normals = _reconcile(vertices, normals, faces[has_normals], sound=sound)
         corners = np.where((faces[:, 0] != before)[:, None], corners[:, ::-1], corners)
@@ -66,7 +67,8 @@ def condition(path: Path, vertices: Array, normals: Array, faces: Ints, corners:
         np.concatenate([part[1] for part in parts]),
         np.concatenate([part[2] + offset for part, offset in zip(parts, offsets, strict=False)]),
     )
-    return mesh, np.concatenate([corners[has_normals], corners[~has_normals]]), _warning(path, found)
+    rows = np.concatenate([corners[has_normals], corners[~has_normals]])
+    return replace(mesh, outward=sound and has_volumes(mesh)), rows, _warning(path, found)
 
 
 def _reconcile(vertices: Array, normals: Array, faces: Ints, *, sound: bool) -> tuple[Ints, Array]:

@@ -1,21 +1,44 @@
 """Vertex buffers of a mesh and of its surface samples: uploaded once, drawn by several passes."""
 
 import moderngl
+import numpy as np
+import numpy.typing as npt
 
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.morton import morton_order
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.viewer.gl.context import leave_framebuffer
 from milkglass.viewer.gl.program import Program
 
 
 class MeshBuffers:
-    """Vertices, normals and faces of a mesh on the GPU."""
+    """Vertices, normals and faces of a mesh on the GPU, the faces in Morton order.
+
+    Drivers shade the vertices of a run of faces once: in the order of a file every vertex several times.
+
+    Attributes
+    ----------
+    faces : buffer
+        Three int32 a face.
+    """
 
     def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
-        self._context = context
+        self._context, self._mesh = context, mesh
         self._positions = context.buffer(mesh.vertices)
         self._normals = context.buffer(mesh.normals)
-        self._faces = context.buffer(mesh.faces)
+        order = morton_order(mesh.vertices[mesh.faces].mean(axis=1))
+        self.faces = context.buffer(np.ascontiguousarray(mesh.faces[order]))
+
+    def culling(self, world_to_clip: npt.NDArray[np.float64]) -> int:
+        """Return the flag that culls back faces where a matrix (4, 4), row vectors, shows none of them, else 0.
+
+        They may be seen of open surfaces, and where the near plane cuts the mesh.
+        """
+        if not self._mesh.outward:
+            return 0
+        near = world_to_clip[:, 2] + world_to_clip[:, 3]  # z + w > 0 before the near plane, of the bounding sphere too
+        is_whole = near[3] > self._mesh.radius * np.linalg.norm(near[:3])
+        return moderngl.CULL_FACE if is_whole else 0
 
     def positions(self, program: Program, bodies: moderngl.Buffer | None = None) -> moderngl.VertexArray:
         """Bind a program that reads ``a_position``, and ``a_body`` if given: one float a vertex."""
@@ -45,7 +68,7 @@ class MeshBuffers:
     ) -> moderngl.VertexArray:
         if bodies is not None:
             content.append((bodies, "1f", "a_body"))
-        return self._context.vertex_array(program.program, content, self._faces)
+        return self._context.vertex_array(program.program, content, self.faces)
 
 
 class SampleBuffers:

@@ -91,7 +91,6 @@ class GBufferPass:
         """
         target.framebuffer.use()
         target.framebuffer.clear(depth=1.0)
-        self._context.enable_only(moderngl.DEPTH_TEST)
         program = self._program if bodies is None else self._bodies_program
         if occlusion is not None:
             program = self._visible_program
@@ -106,7 +105,7 @@ class GBufferPass:
             )
         else:
             vertices = buffers.positions_and_normals(program, bodies)
-        drawn = [(program, vertices)]
+        drawn = [(program, vertices, buffers.culling(world_to_clip))]
         if clear is not None:
             program = self._visible_program if occlusion is not None else self._bodies_program
             all_seen = {
@@ -115,8 +114,10 @@ class GBufferPass:
                 "a_lobe": (self._no_lobe, "4f/i"),
             }
             of_bodies = {"a_body": (clear.bodies, "1f")}
-            drawn.append((program, clear.mesh.with_values(program, all_seen | of_bodies if occlusion else of_bodies)))
-        for program, vertices in drawn:
+            of_clear = clear.mesh.with_values(program, all_seen | of_bodies if occlusion else of_bodies)
+            drawn.append((program, of_clear, 0))
+        for program, vertices, culling in drawn:
+            self._context.enable_only(moderngl.DEPTH_TEST | culling)
             program.set({"u_world_to_clip": world_to_clip})
             vertices.render()
             vertices.release()

@@ -74,7 +74,7 @@ class ReentryPass:
         """Draw what `upload` returned over its mesh, through a world-to-clip matrix (4, 4), row vectors."""
         target.framebuffer.use()
         target.framebuffer.clear(depth=1.0)
-        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.enable_only(moderngl.DEPTH_TEST | surface.buffers.culling(world_to_clip))
         content = {name: (buffer, "3f") for name, buffer in zip(("a_irradiance", "a_behind"), values, strict=True)}
         vertices = surface.buffers.with_values(self._program, content)
         self._program.set({"u_world_to_clip": world_to_clip})
