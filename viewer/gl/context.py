@@ -207,6 +207,29 @@ def free_dropped(context: moderngl.Context) -> None:
             dropped.release()
 
 
+def bind_cleared(framebuffer: moderngl.Framebuffer, depth: float = 1.0) -> None:
+    """Bind a framebuffer and clear it: its colours to 0, its depth to `depth`.
+
+    Clearing a framebuffer that is not bound, moderngl keeps to the scissor of the one that is.
+    """
+    framebuffer.use()
+    framebuffer.clear(depth=depth)
+
+
+@contextmanager
+def band(framebuffer: moderngl.Framebuffer, low: int, rows: int) -> Iterator[None]:
+    """Bind a framebuffer, and draw into its rows from `low` on alone, until the block ends.
+
+    A context's scissor is that of whichever framebuffer is bound, which between the steps of a stage may be any.
+    """
+    framebuffer.use()
+    framebuffer.scissor = 0, low, framebuffer.width, rows
+    try:
+        yield
+    finally:
+        framebuffer.scissor = None  # type: ignore[assignment]  # as moderngl allows
+
+
 def driver_name(context: moderngl.Context) -> str:
     """Name of the renderer, such as ``llvmpipe (LLVM 15.0.6, 256 bits)``."""
     return str(context.info["GL_RENDERER"])

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.texture import COLOUR, Texture
-from milkglass.viewer.gl.context import checked, driver_name, float_targets
+from milkglass.viewer.gl.context import bind_cleared, checked, driver_name, float_targets
 from milkglass.viewer.gl.program import Program
 
 SRGB8 = 0x8C41  # OpenGL's internal format
@@ -76,8 +76,7 @@ class DetailPass:
         self, buffers: DetailBuffers, world_to_clip: npt.NDArray[np.float64], strength: float, target: DetailBuffer
     ) -> None:
         """Draw the mesh through a world-to-clip matrix (4, 4), row vectors; slopes of relief are times `strength`."""
-        target.framebuffer.use()
-        target.framebuffer.clear(depth=1.0)
+        bind_cleared(target.framebuffer)
         self._context.enable_only(moderngl.DEPTH_TEST)
         attributes = ("a_position", "a_normal", "a_coordinates", "a_colour", "a_tangent")
         content = [(buffers.vertices, "3f 3f 2f 3f 4f", *attributes)]

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from milkglass.viewer.gl.buffers import MeshBuffers
-from milkglass.viewer.gl.context import checked, float_targets
+from milkglass.viewer.gl.context import bind_cleared, checked, float_targets
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import Drawn
 from milkglass.viewer.passes.occlusion import Occlusion
@@ -89,8 +89,7 @@ class GBufferPass:
         is one; of it, `behind` and `lobes` (`viewer.passes.highlights`) where they are wanted. `clear` parts are drawn
         with it.
         """
-        target.framebuffer.use()
-        target.framebuffer.clear(depth=1.0)
+        bind_cleared(target.framebuffer)
         program = self._program if bodies is None else self._bodies_program
         if occlusion is not None:
             program = self._visible_program

@@ -9,7 +9,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.light.ground import SIDE, GroundPlane
 from milkglass.core.stages import Steps
 from milkglass.core.threads import computed_once
-from milkglass.viewer.gl.context import float_targets
+from milkglass.viewer.gl.context import band, bind_cleared, float_targets
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.irradiance import PIXELS_A_STEP
 from milkglass.viewer.passes.light_source import LightSource
@@ -114,16 +114,14 @@ class GroundPass:
         values[:, :3] = plane.places(LAMPS_SIDE)
         places.write(values)
         framebuffer = context.framebuffer([lit, open_])
-        framebuffer.use()
-        framebuffer.clear()
+        bind_cleared(framebuffer)
         for source in sources:
             program, triangle = self._soft if source.is_soft else self._sharp
             rows = max(8, PIXELS_A_STEP // (LAMPS_SIDE * source.sub_lights))
             for low in range(0, LAMPS_SIDE, rows):
                 program.set({**_uniforms(source), "t_place": places})
-                context.scissor = (0, low, LAMPS_SIDE, rows)
-                self._add(framebuffer, triangle)
-                context.scissor = None
+                with band(framebuffer, low, rows):
+                    self._add(triangle)
                 yield None
         return LampMaps(lit, open_)
 
@@ -147,10 +145,9 @@ class GroundPass:
                 "u_size": targets.placing.size,
             }
         )
-        for framebuffer in (targets.placing, targets.lighting):
-            framebuffer.use()
-            framebuffer.clear()
-        self._add(targets.placing, triangle)
+        bind_cleared(targets.placing)
+        self._add(triangle)
+        bind_cleared(targets.lighting)
         program, triangle = self._map
         program.set(
             {
@@ -164,11 +161,11 @@ class GroundPass:
                 "u_last": plane.last,
             }
         )
-        self._add(targets.lighting, triangle)
+        self._add(triangle)
         program, triangle = self._sharp
         for source in light.sharp:
             program.set({**_uniforms(source), "t_place": targets.place})
-            self._add(targets.lighting, triangle)
+            self._add(triangle)
         program, triangle = self._radiance
         program.set(
             {
@@ -183,8 +180,7 @@ class GroundPass:
         self._context.enable_only(moderngl.NOTHING)
         triangle.render(vertices=3)
 
-    def _add(self, framebuffer: moderngl.Framebuffer, triangle: moderngl.VertexArray) -> None:
-        framebuffer.use()
+    def _add(self, triangle: moderngl.VertexArray) -> None:
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE
         triangle.render(vertices=3)

@@ -11,7 +11,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.stages import Steps, exhausted
 from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import SampleBuffers
-from milkglass.viewer.gl.context import draw_over_object, float_targets, over_object
+from milkglass.viewer.gl.context import band, bind_cleared, draw_over_object, float_targets, over_object
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import entering_uniforms
 from milkglass.viewer.passes.gather import Gather
@@ -92,8 +92,7 @@ class PixelIrradiancePass:
         A step of a light with a size is a band of the picture.
         """
         framebuffer, drawn = target.framebuffer, 0
-        framebuffer.use()
-        framebuffer.clear()
+        bind_cleared(framebuffer)
         for source, kind in itertools.product(sources, gather.kinds):
             program, triangle = self._drawn_with(soft=source.is_soft, detail=gbuffer.detail is not None)
             values = {
@@ -124,11 +123,9 @@ class PixelIrradiancePass:
                     yield None
                     drawn = 0
                 drawn += cost
-                framebuffer.use()
-                self._context.scissor = None if rows >= height else (0, low, width, rows)
                 program.set(values)
-                draw_over_object(self._context, triangle, has_depth=framebuffer.depth_attachment is not None)
-                self._context.scissor = None
+                with band(framebuffer, low, rows):
+                    draw_over_object(self._context, triangle, has_depth=framebuffer.depth_attachment is not None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from milkglass.core.arrays import Float32
 from milkglass.core.threads import computed_once
-from milkglass.viewer.gl.context import checked, float_targets
+from milkglass.viewer.gl.context import bind_cleared, checked, float_targets
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.light_source import LightSource
 from milkglass.viewer.passes.refined import RefinedSurface
@@ -72,8 +72,7 @@ class ReentryPass:
         target: ReentryTargets,
     ) -> None:
         """Draw what `upload` returned over its mesh, through a world-to-clip matrix (4, 4), row vectors."""
-        target.framebuffer.use()
-        target.framebuffer.clear(depth=1.0)
+        bind_cleared(target.framebuffer)
         self._context.enable_only(moderngl.DEPTH_TEST | surface.buffers.culling(world_to_clip))
         content = {name: (buffer, "3f") for name, buffer in zip(("a_irradiance", "a_behind"), values, strict=True)}
         vertices = surface.buffers.with_values(self._program, content)

@@ -8,7 +8,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.stages import Steps
 from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import MeshBuffers
-from milkglass.viewer.gl.context import checked, float_texture, leave_framebuffer
+from milkglass.viewer.gl.context import bind_cleared, checked, float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
 
 
@@ -54,8 +54,7 @@ class DepthTiles:
             program, body_texture = self._bodies_program, float_texture(self._context, texture.size, 1)
             colours = [body_texture]
         framebuffer = self._context.framebuffer(colours, texture)
-        framebuffer.use()
-        framebuffer.clear(depth=1.0)
+        bind_cleared(framebuffer)
         vertices = buffers.positions(program, bodies)
         for i, matrix in enumerate(matrices):
             if i > 0:

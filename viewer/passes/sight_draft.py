@@ -10,6 +10,7 @@ from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import (
+    bind_cleared,
     checked,
     clamped_texture,
     draw_over_object,
@@ -130,8 +131,7 @@ class SightDraftPass:
         self, buffers: MeshBuffers, mesh: Mesh, clip: Array, camera: Camera, gbuffer: GBuffer, target: Back
     ) -> None:
         """Draw the nearest of the surface that turns away, behind a G-buffer seen through a world-to-clip matrix."""
-        target.framebuffer.use()
-        target.framebuffer.clear(depth=1.0)
+        bind_cleared(target.framebuffer)
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._context.cull_face = "front"
         vertices = buffers.positions_and_normals(self._back)
@@ -148,8 +148,7 @@ class SightDraftPass:
         self, gbuffer: GBuffer, back: Back, camera: Camera, mesh: Mesh, drafted: Drafted, target: SightDraftTargets
     ) -> None:
         """Draw all pixels that show the mesh."""
-        target.framebuffer.use()
-        target.framebuffer.clear()
+        bind_cleared(target.framebuffer)
         low, high = mesh.bounds
         self._program.set(
             {

@@ -8,7 +8,7 @@ import numpy as np
 from milkglass.core.arrays import Float32, Floats, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.stages import exhausted
-from milkglass.viewer.gl.context import checked, float_texture, read_rgba
+from milkglass.viewer.gl.context import bind_cleared, checked, float_texture, read_rgba
 from milkglass.viewer.passes.composite import CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
@@ -77,7 +77,8 @@ class SurfaceExitance:
             visible = pixels(found(occlusion.surface, occlusion.shares), behind)
         # With depth, as of a picture: the driver would compile shaders anew for targets without.
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
-        self._context.framebuffer([], depth).clear(depth=0.0)
+        nothing = self._context.framebuffer([], depth)
+        bind_cleared(nothing, depth=0.0)
         targets = self._irradiance.targets(size, depth)
         sources = lit.sources
         if (reentry := gather.reentry) is not None:
@@ -88,7 +89,7 @@ class SurfaceExitance:
         exhausted(self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, PARTS))
         # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
         composite = self._composite.targets(size, parts=False, depth=depth)
-        composite.framebuffer.clear()
+        bind_cleared(composite.framebuffer)
         self._composite.render(gbuffer, targets, gather.bare(), no_highlights, lit.camera, 1.0, composite)
         exitance = read_rgba(composite.textures["radiance"])[::-1].reshape(-1, 4)[:n, :3]
         if lit.detail is not None and lit.detail.after > 0.0:

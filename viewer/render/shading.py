@@ -12,7 +12,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages, Steps
-from milkglass.viewer.gl.context import checked, latlong_texture, read_rgba
+from milkglass.viewer.gl.context import bind_cleared, checked, latlong_texture, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass
@@ -284,7 +284,7 @@ class Shading:
             sources = *sources, gather.reentry.source
         gbuffer = replace(gbuffer, detail=detail, reentry=again)
         if sample.number == 0:
-            targets.framebuffer.clear()
+            bind_cleared(targets.framebuffer)
         highlights = Highlights(scene.gloss, self._no_probe, by_rays=True) if mirrors else self._highlights(scene, lit)
         yield from self._irradiance.steps(
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing

@@ -148,3 +148,25 @@ def test_only_a_lack_of_memory_is_called_one(raises):
     full = SimpleNamespace(error="GL_OUT_OF_MEMORY", objects=deque())
     with pytest.raises(InputError, match=r"^the GPU has no memory left for a volume; ask for fewer"):
         gl.checked(full, allocate, "a volume")
+
+
+def test_a_framebuffer_is_cleared_whole_whatever_is_bound_with_whichever_scissor(context):
+    cut, cleared = (context.framebuffer(gl.float_targets(context, (4, 4), 1)) for _ in range(2))
+    gl.bind_cleared(cleared)
+    cleared.clear(1.0, 1.0, 1.0, 1.0)
+    cut.use()
+    cut.scissor = 1, 1, 1, 1
+    gl.bind_cleared(cleared)
+    assert not gl.read_rgba(cleared.color_attachments[0]).any()
+
+
+def test_rows_of_a_framebuffer_are_drawn_alone_and_all_of_them_after_an_error(context):
+    framebuffer = context.framebuffer(gl.float_targets(context, (4, 4), 1))
+    gl.bind_cleared(framebuffer)
+    with gl.band(framebuffer, 1, 2):
+        framebuffer.clear(1.0, 1.0, 1.0, 1.0)
+    np.testing.assert_array_equal(gl.read_rgba(framebuffer.color_attachments[0])[:, 0, 0], [0.0, 1.0, 1.0, 0.0])
+    with pytest.raises(KeyError), gl.band(framebuffer, 1, 2):
+        raise KeyError
+    framebuffer.clear(1.0, 1.0, 1.0, 1.0)
+    assert gl.read_rgba(framebuffer.color_attachments[0]).all()

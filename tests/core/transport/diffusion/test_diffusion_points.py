@@ -92,8 +92,8 @@ def test_a_film_beside_a_thick_part_keeps_its_light():
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["ball", "plate"])
 @pytest.mark.parametrize("method", ["ewald", "layered"])
-def test_points_are_the_pixels_of_dipoles(context, shapes, shape, method):
+def test_points_are_the_pixels_of_dipoles(renderer_of, shape, method):
     scene = scene_of("material.name=marble", "display.image_size=[256, 256]", method=method, lights=LAMPS)
-    found, expected = both(MeshRenderer(context, shapes[shape]), scene)
+    found, expected = both(renderer_of(shape), scene)
     size = np.sqrt(np.square(expected).mean(axis=0))
     assert (np.sqrt(np.square(found - expected).mean(axis=0)) < 0.01 * size).all()
