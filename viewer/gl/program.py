@@ -13,8 +13,6 @@ import numpy as np
 from milkglass.viewer.gl.constants import CONSTANTS
 
 SHADER_SUFFIXES = (".glsl", ".vert", ".frag")
-SAMPLER_UNIT = 15
-
 
 INCLUDE = re.compile(r'#include "([\w.]+)"')
 # `#line` numbers the lines of file k from k FILE_LINES on: Mesa forgets a source string's number within expressions.
@@ -145,14 +143,12 @@ class Program:
         for name, value in values.items():
             uniform = self.program[name]
             assert isinstance(uniform, moderngl.Uniform)
-            if isinstance(value, moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray):
+            if isinstance(value, moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray | moderngl.Sampler):
+                # A sampler stays bound, and overrides what later textures of its unit say of themselves.
+                self.program.ctx.clear_samplers(unit, unit + 1)
                 value.use(unit)
                 uniform.value = unit
                 unit += 1
-            elif isinstance(value, moderngl.Sampler):
-                # A sampler overrides what textures of its unit say of themselves: it gets a unit of its own.
-                value.use(SAMPLER_UNIT)
-                uniform.value = SAMPLER_UNIT
             elif isinstance(value, np.ndarray):
                 # NumPy's row-major rows arrive as GLSL's columns: v @ M becomes M * v.
                 uniform.write(np.ascontiguousarray(value, np.float32).tobytes())

@@ -242,3 +242,37 @@ def test_textures_of_one_call_get_units_of_their_own(context):
     composite.set(values)
     assert len(samplers) >= 5
     assert sorted(composite.program[name].value for name in samplers) == list(range(len(samplers)))
+
+
+def drawn_values(context, program, textures):
+    """What a program puts into one pixel, (4,)."""
+    target = context.framebuffer([float_texture(context, (1, 1))])
+    target.use()
+    context.enable_only(moderngl.NOTHING)
+    program.set(textures)
+    context.vertex_array(program.program, []).render(vertices=3)
+    return np.frombuffer(target.read(components=4, dtype="f4"), np.float32)
+
+
+def test_neither_samplers_nor_textures_share_a_unit_or_leave_one_behind(context, tmp_path, monkeypatch):
+    """A sampler overrides what textures of its unit say of themselves, in this draw and in those after it."""
+    n = 16  # units that every driver has
+    names = [f"t_{i}" for i in range(n)]
+    declared = "".join(f"uniform sampler2D {name};\n" for name in names)
+    read = [f"texture({name}, vec2(0.5)).r" for name in names]
+    first, rest = " + ".join(read[: n - 3]), ", ".join(read[n - 3 :])
+    text = f"#version 330 core\n{declared}out vec4 o_values;\nvoid main() {{ o_values = vec4({first}, {rest}); }}\n"
+    triangle = SOURCES["fullscreen.vert"]
+    write_shaders(tmp_path, monkeypatch, fullscreen_vert=triangle, read_frag=text)
+    program = gl.Program(context, "fullscreen.vert", "read.frag")
+    texture = context.texture((2, 1), 1, np.array([0.0, 1.0], np.float32), dtype="f4")
+    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    nearest = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST), texture=texture)
+    linear = context.sampler(filter=(moderngl.LINEAR, moderngl.LINEAR), texture=texture)
+    both = {**dict.fromkeys(names, texture), names[-2]: nearest, names[-1]: linear}
+    filtered = drawn_values(context, program, both) == [0.5 * (n - 3), 0.5, 0.5, 0.5]
+    np.testing.assert_array_equal(filtered, [True, True, False, True])
+    for name in names:
+        drawn_values(context, program, {**both, name: nearest})
+    filtered = drawn_values(context, program, dict.fromkeys(names, texture))
+    np.testing.assert_array_equal(filtered, [0.5 * (n - 3), 0.5, 0.5, 0.5])
