@@ -37,20 +37,23 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
 #ifdef SOFT
 uniform float u_edge;  // radians, deviation of the edges of discs that are mirrored; 0: lights have lobes alone
 
-// Highlight of a light that shows a disc wider than the edges of what is mirrored: its image. `seen` and `whole` are the
-// highlights of its sub-lights, with what is in the way and without: by their ratio it is visible. A lobe is nearly
-// normal with a variance of 1 / n, so that across a straight edge there is the normal distribution.
-vec3 disc_highlight(vec3 position, vec3 normal, vec3 to_eye, vec3 seen, vec3 whole) {
-    if (u_edge == 0.0) return seen;
+// Image of a light that is mirrored as a disc, and how far it is one: 0 of a light that has a lobe alone.
+struct Image {
+    vec3 radiance;
+    float share;
+};
+
+// Of a light that shows a disc wider than the edges of what is mirrored, all of it seen. A lobe is nearly normal with a
+// variance of 1 / n, so that across a straight edge there is the normal distribution.
+Image image_of_light(vec3 position, vec3 normal, vec3 to_eye) {
+    if (u_edge == 0.0) return Image(vec3(0.0), 0.0);
     Disc disc = disc_of_light(position);
-    float as_disc = smoothstep(DISC_FROM, DISC_WHOLE, disc.radius / u_edge);
-    if (as_disc == 0.0) return seen;
+    float share = smoothstep(DISC_FROM, DISC_WHOLE, disc.radius / u_edge);
     vec3 ray = reflect(-to_eye, normal);
     float angle = 2.0 * asin(0.5 * length(ray - disc.to_centre));
-    float inside = normal_distribution((disc.radius - angle) / u_edge);
+    float inside = share > 0.0 ? normal_distribution((disc.radius - angle) / u_edge) : 0.0;
     float weight = u_lamp_strength * 2.0 * PI / (u_shininess + 1.0) * mirrored(normal, to_eye);
-    vec3 image = weight * inside * disc.radiance * seen / max(whole, vec3(1e-20));
-    return mix(seen, image, as_disc);
+    return Image(weight * inside * disc.radiance, share);
 }
 #endif
 

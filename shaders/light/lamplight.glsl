@@ -13,7 +13,11 @@ float brightness(vec3 colour) { return colour.r + colour.g + colour.b; }
 // shading: normal that light meets, and what relief leaves of it.
 Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float body) {
     Lamplight sum = Lamplight(vec3(0.0), vec3(0.0), 0.0, Behind(vec3(0.0), 0.0, 0.0));
-    vec3 whole = vec3(0.0);  // highlight without what is in the way
+#ifdef SOFT
+    Image image = image_of_light(position, shading.xyz, to_eye);
+    bool shows = any(greaterThan(image.radiance, vec3(0.0)));
+    vec3 whole = vec3(0.0);  // highlight without what is in the way, by which the image is visible
+#endif
     for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i)) {
         Arrival arrival = arrive(i, position, normal);
         float cosine = dot(normal, arrival.to_light);
@@ -24,7 +28,7 @@ Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float
             sum.cosine += brightness(irradiance) * cosine;
             sum.specular += above * lamp_highlight(arrival, shading.xyz, to_eye);
 #ifdef SOFT
-            if (u_edge > 0.0) whole += lamp_highlight(unshadowed(i, position), shading.xyz, to_eye);
+            if (shows) whole += lamp_highlight(unshadowed(i, position), shading.xyz, to_eye);
 #endif
         } else if (u_sheet_reach > 0.0) {
             Behind one = light_behind(i, position, normal, arrival.to_light, body);
@@ -35,7 +39,7 @@ Lamplight lamplight(vec3 position, vec3 normal, vec4 shading, vec3 to_eye, float
         }
     }
 #ifdef SOFT
-    sum.specular = disc_highlight(position, shading.xyz, to_eye, sum.specular, whole);
+    sum.specular = mix(sum.specular, image.radiance * sum.specular / max(whole, vec3(1e-20)), image.share);
 #endif
     // Where nothing enters they multiply nothing, but 0/0 would become NaN.
     sum.cosine /= max(brightness(sum.irradiance), 1e-20);
