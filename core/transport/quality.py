@@ -153,12 +153,16 @@ class Quality:
 
     @property
     def warning(self) -> str | None:
-        """Return a sentence where the target cannot be met."""
+        """Return a sentence where the target cannot be met, by the keys of a scene file."""
+        return self.missed_target("transport.error_target", "transport.resolution")
+
+    def missed_target(self, error_target: str, resolution: str) -> str | None:
+        """Return a sentence where the target cannot be met; `error_target` and `resolution` are named so in it."""
         if self.error_target is None or self.predicted_error is None or self.predicted_error <= self.error_target:
             return None
-        fix = "set transport.error_target to let it take longer, or transport.resolution"
+        fix = f"set {error_target} to let it take longer, or {resolution}"
         if self.asked_for:
-            fix = "set transport.resolution for more"
+            fix = f"set {resolution} for more"
         return (
             f"{self.resolution} nodes along the object are too coarse for this material and shape to meet an error of "
             f"{percent(self.error_target)}: {self.expected}; {fix}"

@@ -1,6 +1,7 @@
 """Drives the window's contents without a display: injected mouse, keys and files, frames in a framebuffer."""
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
@@ -148,6 +149,15 @@ class Driver(Headless):
             if self.view.at_rest() and self.app.next_frame() != 0.0:
                 break
         return ran
+
+
+@contextmanager
+def driven(model: Path, size: tuple[int, int], folder: Path) -> Iterator[Driver]:
+    """Give a window that shows a model and saves into a folder, until the block ends."""
+    driver = Driver(small_scene(model), size)
+    driver.app.preferences.folder = str(folder)
+    yield driver
+    driver.close()
 
 
 def headless_picture(scene: Scene, size: tuple[int, int]) -> npt.NDArray[np.uint8]:

@@ -11,7 +11,8 @@ from milkglass.core.transport.methods import Method
 from milkglass.viewer.scene.scene import Scene
 
 ONE_MATERIAL = (
-    "a material of its own that scatters light takes transport diffusion, a part for itself; drawn of the material"
+    "a part with a material of its own that scatters light needs transport diffusion and separate bodies; it is drawn"
+    " in the scene's material"
 )
 
 

@@ -95,8 +95,8 @@ def untold_parts(scene: Scene, lit: LitScene) -> str | None:
     if asked == ALL or quality.facts.follows_sight:
         return None
     return (
-        f'transport.light_paths is "{asked}", and {quality.method}, which draws this surface, tells no light inside '
-        "apart: all of it is often, and unscattered and once are black"
+        f'the light paths "{asked}" are asked for, and {quality.method}, which draws this surface, tells no light '
+        "inside apart: all of it is often, and unscattered and once are black"
     )
 
 

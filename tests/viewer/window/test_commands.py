@@ -13,7 +13,7 @@ from milkglass.viewer.window import commands
 from milkglass.viewer.window.commands import COMMANDS, NO_ERROR, NO_PHOTO, cheat_sheet, keys_markdown
 from milkglass.viewer.window.replay import play
 from milkglass.viewer.window.view.overlays import draw_help
-from tests.support.driving import Driver, small_scene, write_knot
+from tests.support.driving import Driver, driven, small_scene, write_knot
 from tests.support.paths import ROOT
 from tests.support.photographing import small_photo
 
@@ -31,10 +31,8 @@ IDS = {
 
 @pytest.fixture
 def driver(context, model, tmp_path):
-    driver = Driver(small_scene(model), SIZE)
-    driver.app.preferences.folder = str(tmp_path)
-    yield driver
-    driver.close()
+    with driven(model, SIZE, tmp_path) as driver:
+        yield driver
 
 
 def test_ids_stay_and_neither_ids_nor_keys_are_taken_twice():

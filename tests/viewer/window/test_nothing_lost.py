@@ -6,17 +6,15 @@ import pytest
 
 from milkglass.viewer.gui.events import Closed
 from milkglass.viewer.scene.scene import Scene
-from tests.support.driving import Driver, small_scene
+from tests.support.driving import Driver, driven
 
 SIZE = (320, 240)
 
 
 @pytest.fixture
 def driver(context, model, tmp_path):
-    driver = Driver(small_scene(model), SIZE)
-    driver.app.preferences.folder = str(tmp_path)
-    yield driver
-    driver.close()
+    with driven(model, SIZE, tmp_path) as driver:
+        yield driver
 
 
 def answer(driver: Driver, label: str) -> None:

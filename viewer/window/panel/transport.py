@@ -17,6 +17,7 @@ from milkglass.viewer.window.panel.section import Section, Seen
 
 NEW_LIGHT: tuple[AnyStage, ...] = (Stage.DEPOSIT, Stage.CONVOLUTION)
 NEW_MATERIAL: tuple[AnyStage, ...] = (Stage.SPECTRA, Stage.CONVOLUTION)
+TARGET, RESOLUTION = "Error target", "Resolution"
 SOLVED_FOR = (*SOURCES, Stage.SOLUTION)  # likewise, with `diffusion`
 ASSIGNMENT_OFF = "It means nothing to this transport, which spreads light with quadratic B-splines always."
 
@@ -36,10 +37,10 @@ class TransportSection(Section):
         lit = live.finished.lit
         quality, expects = lit.quality, lit.quality.predicted_error is not None
         controls.setting("transport.layers", "Layers", lit.grid.n_layers)
-        controls.setting("transport.resolution", "Resolution", quality.resolution)
+        controls.setting("transport.resolution", RESOLUTION, quality.resolution)
         if expects or solves(live):
             off = ASSIGNMENT_OFF if solves(live) else None
-            controls.setting("transport.error_target", "Error target", quality.error_target or DEFAULT_ERROR_TARGET)
+            controls.setting("transport.error_target", TARGET, quality.error_target or DEFAULT_ERROR_TARGET)
             controls.setting("transport.assignment", "Assignment", quality.assignment, off=off)
         exchanges = quality.facts.exchanges
         controls.setting("transport.exchange", "Light between parts", "on" if exchanges else "off")
@@ -49,7 +50,7 @@ class TransportSection(Section):
             if quality.fallback is not None:
                 controls.note(quality.fallback, warning=True)
             if expects:
-                controls.note(quality.warning or quality.expected)
+                controls.note(quality.missed_target(TARGET, RESOLUTION) or quality.expected)
             if quality.facts.solves:
                 controls.note(solved(live.finished.scattered, complete=live.finished.complete))
             controls.note(chosen(live.finished, live.stage_times))

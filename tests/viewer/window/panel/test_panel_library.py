@@ -5,7 +5,7 @@ import pytest
 from milkglass.core.material import library as materials
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.scene import Scene, apply_set
-from tests.support.driving import Driver, small_scene
+from tests.support.driving import driven
 
 SIZE = (760, 640)  # the material and what is below it in a short list
 MILKY = ["material.name=regular milk", "material.water=0.5"]
@@ -16,10 +16,8 @@ def driver(context, model, monkeypatch, tmp_path):
     """A small window, and a data folder with one material."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     own_materials.save("candle", materials.lookup("wax"))
-    driver = Driver(small_scene(model), SIZE)
-    driver.app.preferences.folder = str(tmp_path)
-    yield driver
-    driver.close()
+    with driven(model, SIZE, tmp_path) as driver:
+        yield driver
 
 
 def names():

@@ -1,8 +1,12 @@
 """The list of the panel's sections: what shows, what unfolds, and how little a new one is."""
 
+from dataclasses import replace
+
 import pytest
 
 from milkglass.viewer.live.photograph_work import PhotoWork
+from milkglass.viewer.scene.scene import apply_set
+from milkglass.viewer.scene.settings import TransportSettings
 from milkglass.viewer.window.panel import panel
 from milkglass.viewer.window.panel.panel import SECTIONS
 from milkglass.viewer.window.panel.section import Section, Seen
@@ -34,6 +38,20 @@ def test_a_section_is_a_class_and_a_line_of_the_list(context, model, monkeypatch
     assert driver.session.scene.display.key != before
     driver.click("section.Weather", 0.3)
     assert "display.key" not in driver.app.panel.controls.boxes
+    driver.close()
+
+
+@pytest.mark.slow
+def test_notes_name_controls_and_no_keys_of_scene_files(context, model, monkeypatch):
+    """Spectralon's mean free path is too short for its nodes."""
+    scene = replace(small_scene(model), transport=TransportSettings(method="ewald"))
+    scene = apply_set(scene, ["material.name=spectralon"])
+    driver, notes = Driver(scene, (640, 900)), set[str]()
+    note = driver.app.panel.controls.note
+    monkeypatch.setattr(driver.app.panel.controls, "note", lambda text, **more: (notes.add(text), note(text, **more)))
+    driver.settle()
+    assert any("too coarse" in text and "set Error target" in text for text in notes), notes
+    assert not any("transport." in text for text in notes), notes
     driver.close()
 
 
