@@ -138,6 +138,7 @@ class SightDraftPass:
         self._back.set({"u_world_to_clip": clip, "t_position": gbuffer.position, "u_depth": depth_of(camera, mesh)})
         vertices.render()
         vertices.release()
+        self._context.cull_face = "back"  # as other passes take for granted
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer) -> SightDraftTargets:
         """Allocate textures of (width, height) pixels; `depth` of the G-buffer."""

@@ -212,6 +212,16 @@ def test_a_draft_of_a_clear_ball_loses_no_light(renderer, mesh):
     np.testing.assert_allclose(drafted["radiance"], 1.0, atol=1e-3)
 
 
+def test_after_a_draft_the_next_view_shows_the_front_of_the_surface(renderer, mesh):
+    """Of closed surfaces others draw the front alone, and a draft the back."""
+    scene = white(replace(mesh, outward=True), *CLEAR)
+    drafted_and_followed(renderer, scene)
+    frame = renderer.render(replace(scene, camera=replace(scene.camera, azimuth_deg=70.0)), samples=1)
+    eye = model_camera(replace(scene.camera, azimuth_deg=70.0), mesh, (96, 96)).eye
+    seen = inside(frame)
+    assert (np.einsum("ij,ij->i", frame.normal[seen], eye[:3] - eye[3] * frame.position[seen]) > 0.0).all()
+
+
 def test_a_draft_of_a_convex_ball_is_what_rays_find(renderer, mesh):
     """It sees all there is to see of it; rays that are nearly trapped take other ways, near the outline."""
     sky = np.ones((32, 64, 3), np.float32) * np.linspace(2.0, 0.5, 32)[:, None, None].astype(np.float32)
