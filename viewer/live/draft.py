@@ -7,10 +7,10 @@ from milkglass.core.transport.quality import Quality
 from milkglass.viewer.scene.scene import Scene
 
 SMALLEST_DRAFT = 32  # texels
-PATH_STEPS = 4, 2, 1  # pixels along squares that share rays of sight, one picture after another
-DRAFTED_STEPS = 0, 1  # likewise, after a draft of what rays would find, beside which squares look coarse
+PATH_STEPS = 4, 2, 1  # pixels along squares of which as many rays of sight are followed, one picture after another
+DRAFTED_STEPS = 0, 1  # likewise, after a draft of what rays would find, beside which few of them look coarse
 DRAWN = "while something moves: light through the object is drawn from its front and back at each pixel"
-FEW_RAYS = "while something moves: rays of a pixel in 16, of what the surface mirrors or parts within parts show"
+FEW_RAYS = "while something moves: one ray for 16 pixels, most where what is mirrored or seen through parts differs"
 STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
 STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
 

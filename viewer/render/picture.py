@@ -41,7 +41,7 @@ class PictureRequest:
     develop : bool
         Whether radiance gets exposure and tone map; a photograph has its own.
     path_step : int
-        Side of the squares of pixels that share the rays of sight of one of them, where a scene needs any; 0 for none.
+        Side of the squares of pixels of which as many rays of sight are followed, where a scene needs any; 0 for none.
     drafts_sight : bool
         Whether a draft of what rays of sight would find is drawn in place of following them.
     ground : bool

@@ -1,7 +1,7 @@
 """Rays of sight traced for the pixels of a G-buffer, batch by batch."""
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from itertools import chain
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 FINE_RAYS = 2**19  # of sight in a picture of several samples, up to which each has further rays
 MOST_RAYS = 32  # of a pixel, likewise
 RESUME = 1e-5  # radii behind a face at which rays that look for the next one start
+ALIKE = 0.05  # contrast of rays between which others are interpolated
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
 
@@ -140,33 +141,28 @@ class Tracing:
             pixels, sight = seen_first(gbuffer, camera.eye)
         if len(pixels) == 0:
             return None
-        chosen, of_pixel = in_squares(pixels, width, followed.step)
-        radiance, counts = np.zeros((len(SEEN), len(chosen), 3), np.float32), np.zeros(len(chosen), np.float32)
         superseded = threading.Event()
 
-        def parts() -> "Iterator[tuple[Ints, Sight]]":
-            for start in range(0, len(chosen), RAYS_A_STEP):
-                rays = chosen[start : start + RAYS_A_STEP]
-                yield np.arange(start, start + len(rays)), sight.part(rays)
+        def in_turn(rays: Ints) -> "Iterator[tuple[Ints, Sight]]":
+            for start in range(0, len(rays), RAYS_A_STEP):
+                part = rays[start : start + RAYS_A_STEP]
+                yield np.arange(start, start + len(part)), sight.part(part)
+
+        def beside() -> "Iterator[tuple[Ints, Sight]]":
             # By the mesh alone, which has no relief.
             for other in followed.beside(offset, width * height) if gbuffer.detail is None else ():
                 yield seen_beside(tree, pixels, (width, height), jittered(camera, other, (width, height)))
 
-        def begun(rays: "Sight") -> "Future[Found]":
-            return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())
+        def found(parts: "Iterator[tuple[Ints, Sight]]", count: int) -> Steps[Float32]:
+            return self._found(tree, parts, count, superseded)
 
         try:
-            left = parts()
-            shown, rays = next(left)
-            following = begun(rays)
-            for after in chain(left, [None]):
-                yield following
-                found, numbers = following.result(), shown
-                if after is not None:
-                    shown, following = after[0], begun(after[1])
-                for layer, values in zip(radiance, tree.lit(found), strict=True):
-                    layer[numbers] += values
-                counts[numbers] += 1.0
+            if followed.step == 1:
+                radiance = yield from found(chain(in_turn(np.arange(len(pixels))), beside()), len(pixels))
+            else:
+                radiance = yield from _by_few(
+                    lambda rays: found(in_turn(rays), len(rays)), pixels, width, followed.step, sight
+                )
         finally:
             superseded.set()
         textures = self._run(
@@ -174,9 +170,30 @@ class Tracing:
         )
         for texture, values in zip(textures, radiance, strict=True):
             of_pixels = np.zeros((height * width, 3), np.float32)
-            of_pixels[pixels] = values[of_pixel] / counts[of_pixel, None]
+            of_pixels[pixels] = values
             texture.write(of_pixels)
         return Traced(textures)
+
+    def _found(
+        self, tree: "Tree", parts: "Iterator[tuple[Ints, Sight]]", count: int, superseded: threading.Event
+    ) -> Steps[Float32]:
+        """Return the mean radiance of `count` places by rays, part by part: (kinds, count, 3)."""
+        radiance, counts = np.zeros((len(SEEN), count, 3), np.float32), np.zeros(count, np.float32)
+
+        def begun(rays: "Sight") -> "Future[Found]":
+            return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())
+
+        shown, rays = next(parts)
+        following = begun(rays)
+        for after in chain(parts, [None]):
+            yield following
+            found, numbers = following.result(), shown
+            if after is not None:
+                shown, following = after[0], begun(after[1])
+            for layer, values in zip(radiance, tree.lit(found), strict=True):
+                layer[numbers] += values
+            counts[numbers] += 1.0
+        return radiance / counts[:, None]
 
     def draft(self, tree: "Tree", lit: LitScene, gbuffer: GBuffer, depth: moderngl.Renderbuffer, clip: Array) -> Traced:
         """Draw a draft of what rays of all pixels would find in one kind of matter, in place of following them.
@@ -211,7 +228,7 @@ class Followed(NamedTuple):
     samples : int
         Of a pixel, all of which have rays.
     step : int
-        Side of the squares of pixels that share the rays of one of them.
+        Side of the squares of pixels of which as many rays are followed, each where it tells most.
     """
 
     tree: "Tree"
@@ -241,17 +258,52 @@ def _of_parts(tree: "Tree", resolved: "Resolved | None", shown: LightPaths) -> "
     return replace(tree, inside=Inside(shown.unscattered, glows, shown.often))
 
 
-def in_squares(pixels: Ints, width: int, step: int) -> tuple[Ints, Ints]:
-    """Return which of some pixels stands for those in its square, (m,), and the number among these for each, (k,).
+def _by_few(
+    follow: "Callable[[Ints], Steps[Float32]]", pixels: Ints, width: int, step: int, sight: "Sight"
+) -> Steps[Float32]:
+    """Return the radiance of all k pixels by as many rays as there are squares with a side of `step`, (kinds, k, 3).
 
-    `pixels` (k,) are numbered row by row, `width` in a row; squares have a side of `step`.
+    A quarter of them is spread evenly. Half as far apart again and again, down to pixels, rays are then interpolated
+    between, and followed where those around differ most, half of those that are left each time.
+
+    Parameters
+    ----------
+    follow : callable
+        Gives the radiance of rays, of the pixels' numbers.
+    pixels, width, sight
+        As of `core.paths.nearby.nearby`.
+    step : int
+    """
+    from milkglass.core.paths.nearby import nearby
+
+    apart = 2 * step
+    chosen = first_in_squares(pixels, width, apart)
+    left = len(first_in_squares(pixels, width, step)) - len(chosen)
+    radiance = yield from follow(chosen)
+    while apart > 1:
+        closer = first_in_squares(pixels, width, apart // 2)
+        shown, differ = nearby(radiance, chosen, closer, pixels, width, apart, sight)
+        known = np.searchsorted(closer, chosen)
+        shown[:, known], differ[known] = radiance, 0.0
+        most = left if apart == 2 else left // 2
+        unlike = np.sort(np.argsort(-differ, kind="stable")[:most])
+        unlike = unlike[differ[unlike] > ALIKE]
+        if len(unlike):
+            shown[:, unlike] = yield from follow(closer[unlike])
+        apart, chosen, radiance, left = apart // 2, closer, shown, left - len(unlike)
+    return radiance
+
+
+def first_in_squares(pixels: Ints, width: int, step: int) -> Ints:
+    """Return which of some pixels is the first in its square, ascending, (m,).
+
+    `pixels` (k,) are numbered row by row, `width` in a row, ascending; squares have a side of `step`.
     """
     columns = -(-width // step)
     squares = pixels // width // step * columns + pixels % width // step
     first = np.full(squares.max(initial=-1) + 1, -1)
     first[squares[::-1]] = np.arange(len(pixels))[::-1]
-    used = first >= 0
-    return first[used], (np.cumsum(used) - 1)[squares]
+    return np.sort(first[first >= 0])
 
 
 def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[Ints, "Sight"]:

@@ -7,7 +7,8 @@ import pytest
 
 from milkglass.core.light.probe import Probe
 from milkglass.core.paths.surface import ClearPart
-from milkglass.viewer.render.picture import Frame
+from milkglass.core.paths.tree import Tree
+from milkglass.viewer.render.picture import Frame, PictureRequest, read_image
 from milkglass.viewer.render.renderer import Renderer, render
 from milkglass.viewer.render.tracing import dimming
 from milkglass.viewer.scene.lights import DirectionalLight
@@ -85,6 +86,31 @@ def test_pictures_depend_on_the_material_of_a_part_and_say_it(context, few_rays)
     assert red > 0.98
     assert blue < 0.8 * green < 0.9 * red
     assert any("clear parts: glass (eta 1.5, absorption 0, 0.1, 0.5 /mm)" in sentence for sentence in tinted.parts)
+
+
+@pytest.mark.slow
+def test_few_rays_of_sight_show_a_glass_without_blocks(context, few_rays, monkeypatch):
+    """They are followed where it differs, and so few as squares of pixels would have, each of one colour."""
+    size, side, renderer, followed = 128, 4, Renderer(context), list[int]()
+    juice = MaterialSettings.clear(1.33, (0.005, 0.02, 0.05))
+    around = EnvironmentSettings(builtin="window")
+    scene = tumbler(juice, environment=around, display=DisplaySettings(image_size=(size, size)))
+    find = Tree.find
+    monkeypatch.setattr(
+        Tree, "find", lambda tree, sight, *rest: followed.append(len(sight.points)) or find(tree, sight, *rest)
+    )
+    lit = renderer.light(scene)
+    gather = renderer.gather(lit, renderer.scatter(lit))
+
+    def picture(step: int) -> np.ndarray:
+        followed.clear()
+        return read_image(renderer.shade(scene, lit, gather, PictureRequest(path_step=step))).astype(float)
+
+    whole, squares = picture(1), followed[0] / side**2
+    few = picture(side)
+    assert sum(followed) < 1.5 * squares  # along outlines squares have few pixels
+    blocks = np.repeat(np.repeat(whole[::side, ::side], side, axis=0), side, axis=1)
+    assert np.abs(few - whole).mean() < 0.5 * np.abs(blocks - whole).mean()
 
 
 def test_a_transport_that_follows_no_rays_says_that_it_leaves_clear_parts_out(context, few_rays):
