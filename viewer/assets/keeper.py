@@ -71,11 +71,16 @@ class Assets:
                 kept.move_to_end(source)
                 return cast(T, kept[source])
         asset = source.load(self)
+        self.take(source, asset)
+        return asset
+
+    def take(self, source: Source[T], asset: T) -> None:
+        """Keep an asset that was loaded elsewhere."""
         with self._lock:
+            kept = self._kept.setdefault(type(source), OrderedDict())
             kept[source] = asset
             while len(kept) > self._keep:
                 kept.popitem(last=False)
-        return asset
 
     def has(self, source: Source[object]) -> bool:
         """Tell whether `get` would return at once."""

@@ -35,8 +35,9 @@ from milkglass.core.transport.quality import Quality, choose_quality, survey_spa
 from milkglass.viewer.assets.exchange import find_crossings, find_hits
 from milkglass.viewer.assets.ground import find_ground_rays
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
+from milkglass.viewer.files.builtin import builtin_model
 from milkglass.viewer.files.images import read_radiance
-from milkglass.viewer.files.model import FileModel, builtin_model, builtin_vessel, read_model
+from milkglass.viewer.files.model import FileModel, builtin_vessel, read_model
 from milkglass.viewer.files.model_look import detail_of
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
 from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
@@ -84,7 +85,7 @@ class ModelFile:
 
 @dataclass(frozen=True)
 class BuiltinModel:
-    """A shape that needs no file, see `viewer.files.model.builtin_model`."""
+    """A shape that needs no file, see `viewer.files.builtin.builtin_model`."""
 
     shape: str
     size_mm: float

@@ -44,7 +44,8 @@ from milkglass.viewer.bench.error import MATERIALS
 from milkglass.viewer.bench.lights import LIGHTS
 from milkglass.viewer.bench.schemes import DEFAULT, EWALD, FIXED_NODES, LAYERED, PAPER, Scheme
 from milkglass.viewer.bench.shapes import SHAPES
-from milkglass.viewer.files.model import builtin_model, load_model
+from milkglass.viewer.files.builtin import builtin_model
+from milkglass.viewer.files.model import load_model
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings, ModelSettings
 

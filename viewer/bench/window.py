@@ -19,7 +19,7 @@ from milkglass.viewer.passes.gbuffer import GBufferPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.scene.scene import Scene
-from milkglass.viewer.window.panel.panel import WIDTH
+from milkglass.viewer.window.layout import PANEL_WIDTH
 from milkglass.viewer.window.replay import Headless
 
 MIN_HEIGHT = 800  # of the window, px, so that it contains the sliders
@@ -54,7 +54,7 @@ class DrivenWindow(Headless):
 
     def __init__(self, scene: Scene) -> None:
         width, height = scene.display.image_size
-        super().__init__(scene, (max(width, MIN_HEIGHT) + round(WIDTH * TEXT_HEIGHT), max(height, MIN_HEIGHT)))
+        super().__init__(scene, (max(width, MIN_HEIGHT) + round(PANEL_WIDTH * TEXT_HEIGHT), max(height, MIN_HEIGHT)))
         self.app.session.view.fixed_size = True
         self._place = (0.0, 0.0)
         self.settle()

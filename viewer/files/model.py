@@ -21,7 +21,6 @@ from milkglass.core.errors import InputError
 from milkglass.core.geometry.bodies import components
 from milkglass.core.geometry.mesh import Mesh, check_size, compact, place_in_world, up_rotation
 from milkglass.core.geometry.normals import unit
-from milkglass.core.geometry.sculpture import sculpture
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.model_condition import all_degenerate, condition
@@ -194,13 +193,6 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
     mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, triangles, rows[distinct])
     warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
     return FileModel(mesh, warnings, looks.look(rows), looks.parts(rows), names)
-
-
-def builtin_model(size_mm: float, up: str = "y") -> Mesh:
-    """Place the built-in sculpture in world space; parameters as in `load_model`."""
-    vertices, faces, normals = sculpture()
-    mesh = Mesh.of(place_in_world(vertices, size_mm, up), normals @ up_rotation(up).T, faces)
-    return replace(mesh, outward=True)
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:

@@ -31,6 +31,7 @@ BOLD = FONTS / "Roboto" / "Roboto-Bold.ttf"
 ICONS = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
 TEXT_SIZE = 15.0  # px at a text scale of 1
 
+BACKGROUND = (0.085, 0.09, 0.095)  # of the window
 ACCENT = (0.40, 0.72, 0.62)  # jade
 ERROR = (0.96, 0.45, 0.40)
 WARNING = (0.95, 0.72, 0.30)

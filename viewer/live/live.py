@@ -181,7 +181,7 @@ class Live:
             if whole is not None and (detail.draft or (whole[0] > samples and whole[1] == size)):
                 samples, size = whole  # exposure moves alone
                 drawn = replace(drawn, display=replace(drawn.display, image_size=size))
-            self._whole = None
+            self._whole, is_first = None, self.picture is None
             try:
                 request = PictureRequest(
                     pixel_offsets(samples),
@@ -199,6 +199,7 @@ class Live:
                 unfinished, self.awaited = True, left.awaited
             if unfinished:
                 looks = ()
+            if unfinished or is_first:  # rays begin with the next frame
                 self._go_on()
         self._looks = looks
         self._count(self.renderer.stages.timings)
@@ -239,7 +240,8 @@ class Live:
         drawn = self._latest_ready(scene, detail)
         if drawn is None:
             return None
-        self.rays.follow(drawn)
+        if self.picture is not None:  # until then it has the processor to itself
+            self.rays.follow(drawn)
         lit = self._light(drawn, detail)
         self.current = drawn is scene and not self.spreading
         self._submit(lit)

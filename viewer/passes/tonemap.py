@@ -75,7 +75,7 @@ class TonemapPass:
         self._context.enable_only(moderngl.NOTHING)
         to_probe = np.eye(4)
         to_probe[:3, :3] = world_to_probe(background.rotation_deg)
-        kind, colour = _background(display.background)
+        kind, colour = backdrop(display.background)
         self._tonemap.set(
             {
                 "t_radiance": radiance,
@@ -119,7 +119,8 @@ class TonemapPass:
         return np.asarray(sums.sum(axis=0, dtype=np.float64))
 
 
-def _background(name: str) -> tuple[int, tuple[float, float, float]]:
+def backdrop(name: str) -> tuple[int, tuple[float, float, float]]:
+    """Return the kind of a background, and its colour, sRGB, black where it has none."""
     black = (0.0, 0.0, 0.0)
     if name == "transparent":
         return BACKGROUND_TRANSPARENT, black

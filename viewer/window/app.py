@@ -18,7 +18,7 @@ from milkglass.viewer.gui.controls import Box, Controls
 from milkglass.viewer.gui.events import Closed, Drawn, Dropped, Event, Focused, Invoked, Key, MouseButton
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.gui.sliders import percent
-from milkglass.viewer.gui.toolkit import Gui, imgui
+from milkglass.viewer.gui.toolkit import BACKGROUND, Gui, imgui
 from milkglass.viewer.live.error import LiveError
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import START, Scene
@@ -27,8 +27,9 @@ from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session
 from milkglass.viewer.window.commands import Workspace, cheat_sheet, commands_of
 from milkglass.viewer.window.curves.view import ProfileView
+from milkglass.viewer.window.layout import view_and_panel
 from milkglass.viewer.window.panel.error import walk_verdict
-from milkglass.viewer.window.panel.panel import WIDTH, Panel
+from milkglass.viewer.window.panel.panel import Panel
 from milkglass.viewer.window.panel.section import Seen, Tools
 from milkglass.viewer.window.photograph.actions import PhotoActions
 from milkglass.viewer.window.photograph.subject import PhotographSubject
@@ -63,7 +64,6 @@ FRAMES_AN_EVENT = 3  # ImGui needs a few to come to rest: one to see, one to lay
 PATIENCE = 0.06  # seconds that all but the first leave the processor to the worker that a drag waits for
 TOOLTIP_SECONDS = 0.75  # after the pointer has come to rest
 RATE_WEIGHT = 0.2  # of the newest frame in the rate that is shown
-GREY = (0.085, 0.09, 0.095)
 
 
 class App:
@@ -234,7 +234,7 @@ class App:
         if self._gui.has_events:
             self._frames_due = FRAMES_AN_EVENT
         target.use()
-        target.clear(*GREY)
+        target.clear(*BACKGROUND)
         self._painter.draw(data, target, self._gui.pixels)
         free_dropped(self._context)
         self._count(now)
@@ -280,12 +280,7 @@ class App:
 
     def boxes(self) -> tuple[Box, Box]:
         """Return the boxes of the view and of the panel in the window."""
-        width, height = self._gui.size
-        panel = 0.0
-        if self.actions.panel_shown:
-            panel = min(0.6 * width, WIDTH * imgui.get_font_size())
-        split = width - panel
-        return (0.0, 0.0, split, float(height)), (split, 0.0, float(width), float(height))
+        return view_and_panel(self._gui.size, imgui.get_font_size(), panel_shown=self.actions.panel_shown)
 
     def _keep(self, now: float) -> None:
         """Keep unsaved edits, and offer those that an earlier process left once there is a scene to go back to."""

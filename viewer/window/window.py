@@ -3,7 +3,7 @@
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from milkglass.viewer.gui import toolkit as toolkit  # first: it chooses the library of GLFW, for Wayland too
 
@@ -28,13 +28,16 @@ from milkglass.viewer.gui.events import (
     Scrolled,
     Typed,
 )
-from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.live.worker import have_ended
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.session.autosave import Autosave
 from milkglass.viewer.session.preferences import Preferences
-from milkglass.viewer.window.app import App
 from milkglass.viewer.window.interrupts import interrupts
+from milkglass.viewer.window.layout import view_and_panel
+from milkglass.viewer.window.sketch import Sketch
+
+if TYPE_CHECKING:
+    from milkglass.viewer.live.photograph_work import PhotoWork
 
 PATIENCE = 0.4  # seconds that workers may take to end with the window
 SMALLEST_SIZE = (480, 320)  # window coordinates
@@ -51,7 +54,7 @@ DEFAULT_RATE = 60.0  # frames a second, where the display does not say
 
 
 @one_blas_thread()
-def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: PhotoWork | None = None) -> int:
+def run(scene: Scene, *, path: Path | None = None, record: Path | None = None, photo: "PhotoWork | None" = None) -> int:
     """Show a scene in a window until it is closed, and return the exit code: 128 and more where a signal closed it.
 
     What is still computed then is left behind, in threads that `viewer.live.worker.have_ended` knows.
@@ -92,7 +95,7 @@ class Window:
         The window to GLFW.
     """
 
-    def __init__(self, scene: Scene, path: Path | None, record: Path | None, photo: PhotoWork | None = None) -> None:
+    def __init__(self, scene: Scene, path: Path | None, record: Path | None, photo: "PhotoWork | None" = None) -> None:
         self._preferences = Preferences.load()
         if path is not None:
             self._preferences.opened(path)
@@ -100,6 +103,11 @@ class Window:
         context = window_context()
         self._screen = context.detect_framebuffer(0)
         self._recorder = None if record is None else Recorder(record, scene.to_toml())
+        sketch = Sketch.of(context, scene) if photo is None else None
+        if sketch is not None:
+            self._show_first(sketch, scene)
+        from milkglass.viewer.window.app import App  # once there is something to look at: it takes a second
+
         self.app = App(
             context,
             scene,
@@ -109,6 +117,8 @@ class Window:
             clipboard=_WindowClipboard(),
             photo=photo,
         )
+        if sketch is not None:
+            self.app.view.begin_with(sketch)
         if photo is None and record is None:  # a recording has all that happens in itself
             self.app.keep_in(Autosave())
         self._pointers: dict[str, Any] = {}
@@ -179,6 +189,19 @@ class Window:
             self._pointer = pointer
             glfw.set_cursor(self.handle, self._cursor(pointer))
 
+    def _show_first(self, sketch: Sketch, scene: Scene) -> None:
+        """Show a sketch where the view is going to be."""
+        size, pixels = glfw.get_window_size(self.handle), glfw.get_framebuffer_size(self.handle)
+        if min(*size, *pixels) <= 0:
+            return
+        letter = toolkit.TEXT_SIZE * _text_scale(self.handle)
+        (_, _, width, height), _ = view_and_panel(size, letter)
+        scale = pixels[0] / size[0]
+        self._screen.viewport = (0, 0, *pixels)
+        self._screen.clear(*toolkit.BACKGROUND)
+        sketch.draw(scene, self._screen, (round(scale * width), round(scale * height)))
+        glfw.swap_buffers(self.handle)
+
     def _is_hidden(self) -> bool:
         """Whether it is minimised, or has no pixels."""
         iconified = bool(glfw.get_window_attrib(self.handle, glfw.ICONIFIED))
@@ -237,10 +260,8 @@ class Window:
         if min(pixels) > 0:
             self._size = (int(size[0]), int(size[1]))
             self._screen.viewport = (0, 0, int(pixels[0]), int(pixels[1]))
-        # On macOS and Wayland window coordinates are scaled already, on X11 and Windows they are pixels.
-        scaled = pixels[0] / size[0] if size[0] else 1.0
-        content = glfw.get_window_content_scale(self.handle)[0]
-        self._take(Resized((int(size[0]), int(size[1])), (int(pixels[0]), int(pixels[1])), content / max(scaled, 1e-3)))
+        text_scale = _text_scale(self.handle)
+        self._take(Resized((int(size[0]), int(size[1])), (int(pixels[0]), int(pixels[1])), text_scale))
 
 
 class _WindowClipboard:
@@ -310,6 +331,15 @@ def open_window(size: tuple[int, int] | None) -> Any:
     glfw.make_context_current(handle)
     glfw.swap_interval(1)
     return handle
+
+
+def _text_scale(handle: Any) -> float:
+    """Return how many window coordinates a letter takes, over those on a display of 96 dpi."""
+    # On macOS and Wayland window coordinates are scaled already, on X11 and Windows they are pixels.
+    width, pixels = glfw.get_window_size(handle)[0], glfw.get_framebuffer_size(handle)[0]
+    scaled = pixels / width if width else 1.0
+    content: float = glfw.get_window_content_scale(handle)[0]
+    return content / max(scaled, 1e-3)
 
 
 def _counts_pixels() -> bool:

@@ -11,7 +11,7 @@ import trimesh
 from milkglass.core.geometry.mesh import face_cross, find_flaws, half_edges, signed_volume
 from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.sculpture import sculpture
-from milkglass.viewer.files.model import builtin_model
+from milkglass.viewer.files.builtin import builtin_model
 
 Arrays = tuple[np.ndarray, np.ndarray, np.ndarray]
 

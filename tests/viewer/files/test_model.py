@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from milkglass.core.geometry.mesh import flaws
-from milkglass.viewer.files.model import builtin_model, load_model
+from milkglass.viewer.files.builtin import builtin_model
+from milkglass.viewer.files.model import load_model
 from tests.support.counting import calls, peak_bytes
 from tests.support.model_files import box, save, write_obj
 

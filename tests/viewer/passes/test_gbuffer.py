@@ -9,7 +9,8 @@ import pytest
 from milkglass.core.geometry.bodies import has_volumes
 from milkglass.core.geometry.mesh import Mesh, flaws
 from milkglass.viewer.bench.shapes import SHAPES
-from milkglass.viewer.files.model import builtin_model, joined, read_model
+from milkglass.viewer.files.builtin import builtin_model
+from milkglass.viewer.files.model import joined, read_model
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.context import current, read_rgba
 from milkglass.viewer.passes.gbuffer import GBufferPass

@@ -18,7 +18,6 @@ from milkglass.viewer.window.panel.tone_mapping import ToneMappingSection
 from milkglass.viewer.window.panel.toolbar import Toolbar
 from milkglass.viewer.window.panel.transport import TransportSection
 
-WIDTH = 25.0  # in letters' heights
 SECTIONS: tuple[type[Section], ...] = (
     PhotographSection,
     MaterialSection,

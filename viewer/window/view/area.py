@@ -10,6 +10,7 @@ import numpy as np
 
 from milkglass.core.errors import InputError
 from milkglass.core.stages import Part, Stage
+from milkglass.viewer.assets.sources import whole_source
 from milkglass.viewer.gui.controls import Box
 from milkglass.viewer.gui.renderer import ImguiRenderer
 from milkglass.viewer.gui.toolkit import Gui, imgui
@@ -21,6 +22,7 @@ from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import DisplaySettings
 from milkglass.viewer.session.session import SHOWN, Session
+from milkglass.viewer.window.sketch import Sketch
 from milkglass.viewer.window.view.drawing import checkerboard, developed, fitted
 from milkglass.viewer.window.view.labels import told_apart
 from milkglass.viewer.window.view.overlays import draw_label
@@ -81,6 +83,13 @@ class ViewArea:
         self._per_pixel = 0.0  # ms
         self.layer_map: LayerMap | None = None
         self._drawn_at: Box = (0.0, 0.0, 1.0, 1.0)
+        self._sketch: Sketch | None = None  # until there is a picture
+
+    def begin_with(self, sketch: Sketch) -> None:
+        """Show a sketch of the session's model until there is a picture, and take over what was read for it."""
+        self._sketch = sketch
+        if sketch.model is not None:
+            self.live.assets.take(whole_source(self._session.scene.model), sketch.model)
 
     def steer(self, box: Box, now: float) -> None:
         """Do what the mouse does in a box of the window, inside an ImGui window that fills the box."""
@@ -238,7 +247,7 @@ class ViewArea:
             self._frame()
             session.works(session.scene)
         if picture is not None:
-            self.picture = picture
+            self.picture, self._sketch = picture, None
             self._warn()
             self.changed = bool(self.live.renderer.stages.timings)
             self._learn(scene)
@@ -304,9 +313,12 @@ class ViewArea:
         if view.show in ("layer in", "layer out"):
             self._put_map(draw, is_incoming=view.show == "layer in", layer=view.layer)
             return
-        if self.picture is None:
-            return
         left, top, right, bottom = self._drawn_at
+        if self.picture is None:
+            if self._sketch is not None:
+                image = self._painter.show(self._sketch.picture(self.shown).color_attachments[0])
+                draw.add_image(image, (left, top), (right, bottom), (0.0, 1.0), (1.0, 0.0))
+            return
         if self.picture.transparent:
             checkerboard(draw, self._drawn_at)
         kept = self._kept_live.picture if self._kept_live is not None and view.split is not None else None

@@ -12,7 +12,7 @@ from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.solver import MOST_PRODUCTS, DiffusionTransport, Problem
-from milkglass.viewer.files.model import builtin_model
+from milkglass.viewer.files.builtin import builtin_model
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, diffuse, samples_of
 from tests.support.shapes import ball, cube, torus_knot
 from tests.support.solids import ball as part, block, mesh_of
