@@ -99,7 +99,8 @@ class Glow(NamedTuple):
 @compiled
 def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radiance: Float32) -> None:
     per_step, kept, weight = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    value, towards, lobe = np.empty(3, np.float32), np.empty(3, np.float32), np.empty((3, 4), np.float32)
+    value, towards = np.empty(3, np.float32), np.empty(3, np.float32)
+    lobes = np.empty((glow.lobes.shape[0], 3, 4), np.float32)
     for i in range(len(chords.lengths)):
         body, length, pixel = chords.bodies[i], chords.lengths[i], chords.sources[i]
         if body >= len(etas) or body < glow.bodies[0] or body > glow.bodies[1]:
@@ -119,7 +120,7 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
             weight[channel] = chords.weights[i, channel] / (etas[body] * etas[body])
         for number in range(steps):
             along = (np.float32(number) + np.float32(0.5)) / np.float32(steps)
-            _read(glow, chords.starts[i], chords.ends[i], along, towards, value, lobe)
+            _read(glow, chords.starts[i], chords.ends[i], along, towards, value, lobes)
             largest = np.float32(0.0)
             for channel in range(3):
                 radiance[pixel, channel] += weight[channel] * per_step[channel] * value[channel]
@@ -131,7 +132,7 @@ def _march(chords: Chords, glow: Glow, extinction: Float32, etas: Float32, radia
 
 @compiled
 def _read(
-    glow: Glow, start: Float32, end: Float32, along: np.float32, towards: Float32, value: Float32, lobe: Float32
+    glow: Glow, start: Float32, end: Float32, along: np.float32, towards: Float32, value: Float32, lobes: Float32
 ) -> None:
     """Interpolate the three channels at a share of the way from start to end; nothing is outside the nodes."""
     nodes, directed = glow.nodes, glow.flux.shape[0] > 0
@@ -139,7 +140,7 @@ def _read(
     y = (start[1] + along * (end[1] - start[1]) - glow.origin[1]) / glow.spacing
     z = (start[2] + along * (end[2] - start[2]) - glow.origin[2]) / glow.spacing
     i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-    value[:] = 0.0
+    value[:], lobes[:] = 0.0, 0.0
     for corner in range(8):
         right, up, front = corner & 1, corner >> 1 & 1, corner >> 2
         a, b, c = i + right, j + up, k + front
@@ -148,26 +149,19 @@ def _read(
         weight = np.float32(abs(1 - right - x + i) * abs(1 - up - y + j) * abs(1 - front - z + k))
         for channel in range(3):
             value[channel] += weight * nodes[c, b, a, channel]
-        if directed:
-            for axis in range(3):
-                for channel in range(3):
+            if directed:
+                for axis in range(3):
                     value[channel] += weight * towards[axis] * glow.flux[c, b, a, axis, channel]
+        for source in range(len(lobes)):
+            for channel in range(3):
+                for moment in range(4):
+                    lobes[source, channel, moment] += weight * glow.lobes[source, c, b, a, channel, moment]
     if directed:
         for channel in range(3):
             value[channel] = max(value[channel], np.float32(0.0))
-    for source in range(glow.lobes.shape[0]):
-        lobe[:] = 0.0
-        for corner in range(8):
-            right, up, front = corner & 1, corner >> 1 & 1, corner >> 2
-            a, b, c = i + right, j + up, k + front
-            if a < 0 or b < 0 or c < 0 or a >= nodes.shape[2] or b >= nodes.shape[1] or c >= nodes.shape[0]:
-                continue
-            weight = np.float32(abs(1 - right - x + i) * abs(1 - up - y + j) * abs(1 - front - z + k))
-            for channel in range(3):
-                for moment in range(4):
-                    lobe[channel, moment] += weight * glow.lobes[source, c, b, a, channel, moment]
+    for source in range(len(lobes)):
         for channel in range(3):
-            value[channel] += _towards(lobe[channel], towards, glow.tables[channel])
+            value[channel] += _towards(lobes[source, channel], towards, glow.tables[channel])
 
 
 @compiled
