@@ -9,7 +9,7 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Generic, Self, TypeVar, overload
@@ -19,6 +19,7 @@ from threadpoolctl import OpenBLASController, ThreadpoolController
 S = TypeVar("S")
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
+K = TypeVar("K", bound=Hashable)
 
 
 class Pool(ThreadPoolExecutor):
@@ -185,3 +186,39 @@ class computed_once(Generic[T_co]):  # noqa: N801  (a decorator)
                 kept.pop(lock, None)
             value: T_co = kept[self._name]
             return value
+
+
+class Recent(Generic[K, T]):
+    """The most recent results of some work, by what they are of; one thread does it, others that ask for it wait.
+
+    Work of different keys goes on side by side; it does without the thread pool, as that of `computed_once`.
+
+    Parameters
+    ----------
+    count : int
+        Of results that are kept.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count, self._lock = count, threading.Lock()
+        self._kept: dict[K, _Result[T]] = {}  # the newest last
+
+    def of(self, key: K, compute: Callable[[], T]) -> T:
+        """Return the result of a key, which is now the newest; it is computed unless it is kept."""
+        with self._lock:
+            result = self._kept.pop(key) if key in self._kept else _Result[T]()
+            self._kept[key] = result
+            if len(self._kept) > self._count:
+                del self._kept[next(iter(self._kept))]
+        with result.lock:
+            if not result.values:
+                with _pool.apart():
+                    result.values.append(compute())
+            return result.values[0]
+
+
+class _Result(Generic[T]):
+    """A result, or the place for one, and the lock of the thread that works on it."""
+
+    def __init__(self) -> None:
+        self.lock, self.values = threading.RLock(), list[T]()

@@ -37,7 +37,6 @@ from milkglass.core.light.vertex_rays import (
 )
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 
-EXITS, MOSTLY = 2, 0.5  # times that some of a path's light leaves; F_r from which on none does
 EVENTS = 16  # surfaces that a path meets; then it goes on to the surroundings
 # Shares of what enters, were there light all around. A hundredth changes pictures of thin parts by two or three.
 NEGLIGIBLE_SHARE = 0.01  # below which light that crosses parts is left out
@@ -188,39 +187,6 @@ class Follower:
         of_met = [np.concatenate(column) for column in zip(*met, strict=True)]
         of_left = [np.concatenate(column) for column in zip(*left, strict=True)]
         return Arrivals(*of_met, *of_left)
-
-    def within(self, places: Float32, normals: Float32, arriving: Float32) -> tuple[Float32, Float32]:
-        """Return where refracted light leaves again: lengths in matter, mm, and shares, (n, `EXITS`) each.
-
-        Of a path that is not reflected totally the rest goes on to where it meets the surface next. Nothing is left to
-        chance, so that neighbours are alike. Lengths are infinite where light does not leave within `EVENTS`, or where
-        the mesh has a hole; other arguments are those of `follow`. All matter has one index.
-        """
-        lengths, shares = np.full((len(places), EXITS), np.inf, np.float32), np.zeros((len(places), EXITS), np.float32)
-        paths, exits = np.arange(len(places)), np.zeros(len(places), np.intp)
-        along, kept = np.zeros(len(places), np.float32), np.ones(len(places), np.float32)
-        starts, directions = self._onwards(places, normals, arriving, 0 * paths, *np.zeros((2, len(places)), bool))
-        for _ in range(EVENTS):
-            face, distance = self._rays.first(starts, directions)
-            met = np.flatnonzero(face >= 0)
-            face, normals = face[met], self._normals[face[met]]
-            paths, exits, kept, directions = paths[met], exits[met], kept[met], directions[met]
-            distance32 = distance[met].astype(np.float32)
-            places, along = starts[met] + distance32[:, None] * directions, along[met] + distance32 + self._lift
-            cosine = _dot(directions, normals)
-            reflected = np.where(cosine > 0.0, self.mirrors(cosine, face, inside=True), np.float32(1.0))
-            left = np.flatnonzero(reflected < MOSTLY)
-            last = exits[left] == EXITS - 1
-            lengths[paths[left], exits[left]] = along[left]
-            shares[paths[left], exits[left]] = kept[left] * np.where(last, 1.0, 1.0 - reflected[left])
-            kept[left], exits[left] = kept[left] * reflected[left], exits[left] + 1
-            inside = np.ones(len(met), bool)
-            starts, directions = self._onwards(places, normals, directions, face, inside, inside)
-            on = exits < EXITS
-            paths, exits, kept, along, starts, directions = (
-                paths[on], exits[on], kept[on], along[on], starts[on], directions[on],
-            )  # fmt: skip
-        return lengths, shares
 
     def _onwards(
         self, places: Float32, normals: Float32, directions: Float32, faces: Ints, mirrored: Bools, inside: Bools

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from milkglass.core.grid.convolution import LayerConvolver, prepared
 from milkglass.core.grid.shape import ConvolutionShape
-from milkglass.core.threads import computed_once, one_blas_thread, pool_map, thread_pool
+from milkglass.core.threads import Recent, computed_once, one_blas_thread, pool_map, thread_pool
 
 
 def blas_threads():
@@ -132,6 +132,30 @@ def test_the_pool_may_wait_for_a_property_that_uses_it():
 
 
 # BLAS
+
+
+def test_recent_results_are_computed_once_and_the_oldest_go():
+    begun, work = Event(), []
+
+    def compute(key):
+        begun.wait(60)
+        work.append(key)
+        return [key]
+
+    recent = Recent[str, list[str]](2)
+    with ThreadPoolExecutor(4) as pool:
+        asked = [pool.submit(recent.of, "a", lambda: compute("a")) for _ in range(4)]
+        begun.set()
+        assert all(each.result() is asked[0].result() for each in asked)
+    for key in "bacba":  # a is newer than b when c comes, and gone when it is asked for last
+        recent.of(key, lambda key=key: compute(key))
+    assert "".join(work) == "abcba"
+
+
+def test_recent_results_of_different_keys_do_not_wait_for_one_another():
+    both, recent = Barrier(2, timeout=60), Recent[int, int](2)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda key: recent.of(key, both.wait), range(2)))
 
 
 def test_products_take_one_thread_in_a_block_and_in_the_pool_only():

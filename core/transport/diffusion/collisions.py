@@ -11,30 +11,30 @@ curvature of the surface counts by way of the second moment of the free path, 1 
 distance of x mean free paths, of which light comes up from within the object.
 """
 
-import threading
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from milkglass.core.arrays import Array, Bools, Float32
+from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.geometry.normals import across
-from milkglass.core.light.crossing import EXITS, Follower
+from milkglass.core.light.casting import Casting
 from milkglass.core.light.vertex_rays import GOLDEN, LIFT
-from milkglass.core.material.fresnel import transmittance
+from milkglass.core.material.fresnel import reflectance, transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import LONGEST_CHORD
+from milkglass.core.threads import Recent
 from milkglass.core.transport.diffusion.patches import Patches
 
-RAYS = 32  # of a patch, along the same directions to its normal for all
+DIRECTIONS = 64  # into the hemisphere below a patch, and out of it: of the inner ones light takes those it is bent to
+INDICES = 1.3, 1.5  # least and largest index that paths are followed for at first; one beyond has them followed anew
+EXITS, MOSTLY = 2, 0.5  # times that some of a path's light leaves; F_r from which on none does
+EVENTS = 16  # surfaces that a path meets
 DENSE = 2e-3  # share of light that crosses parts, along normals, below which all collides
 KEPT = 3  # of media, and of indices
 LEAST_SHARE = 0.2  # that collides: less counts as this
-COSINES = 1024  # of their table
-PATCHES_AT_A_TIME = 2048
-
-K = TypeVar("K")
-V = TypeVar("V")
+COSINES = 4096  # of tables of Fresnel's factors
+PATCHES_AT_A_TIME = 1024
 
 
 class Collisions(NamedTuple):
@@ -78,66 +78,181 @@ class FirstCollisions:
 
     def __init__(self, mesh: Mesh, patches: Patches, thickness: Array) -> None:
         self._mesh, self._patches, self._thickness = mesh, patches, thickness
-        self._lock = threading.Lock()
-        self._paths: dict[float, tuple[Float32, Float32, Bools]] = {}
-        self._kept: dict[tuple[float, float], Collisions | None] = {}
+        self._paths = Recent[tuple[float, float], _Paths](1)
+        self._exits, self._kept = Recent[float, _Exits](KEPT), Recent[tuple[float, float], Collisions | None](KEPT)
 
     def of(self, medium: Medium) -> Collisions | None:
         """Return what collides in a medium; None where next to all does."""
-        key = medium.eta, medium.sigma_t_prime
-        with self._lock:
-            if key not in self._kept:
-                self._kept = {**_newest(self._kept), key: self._found(medium)}
-            return self._kept[key]
+        return self._kept.of((medium.eta, medium.sigma_t_prime), lambda: self._found(medium))
 
     def _found(self, medium: Medium) -> Collisions | None:
         areas, thickness = self._patches.areas, np.where(self._thickness > 0.0, self._thickness, np.inf)
         if areas @ np.exp(-medium.sigma_t_prime * thickness) < DENSE * areas.sum():
             return None
-        if medium.eta not in self._paths:
-            self._paths = {**_newest(self._paths), medium.eta: self._cast(medium.eta)}
-        lengths, shares, meets = self._paths[medium.eta]
+        lengths, shares, meets, weights = self._exits.of(medium.eta, lambda: self._exits_of(medium.eta))
         free_paths = np.minimum(np.float32(medium.sigma_t_prime) * lengths, LONGEST_CHORD)
         left = shares * np.exp(-free_paths)
         beyond = left * (1.0 + free_paths * (1.0 + 0.5 * free_paths))
-        share, curved = (1.0 - part.sum(axis=1, dtype=np.float64) for part in (left, beyond))
-        colliding = 1.0 - np.float32(RAYS) * left.reshape(*meets.shape, EXITS).sum(axis=2)
+        share, curved = (1.0 - part.sum(axis=(0, 1), dtype=np.float64) for part in (left, beyond))
+        colliding = weights[:, None] - left.sum(axis=0)
         # Few rays that meet the object count with one of all.
-        from_object = np.einsum("ij,ij->i", meets, colliding, dtype=np.float64) + share
-        towards = from_object / np.maximum((1 + meets.sum(axis=1)) * share, np.finfo(np.float64).tiny)
+        one = 1.0 / len(weights)
+        from_object = np.einsum("ij,ij->j", meets, colliding, dtype=np.float64) + one * share
+        towards = from_object / np.maximum((one + weights @ meets) * share, np.finfo(np.float64).tiny)
         return Collisions(share, curved, towards)
 
-    def _cast(self, eta: float) -> tuple[Float32, Float32, Bools]:
-        """Return lengths in matter after which light leaves, mm, and the share that does, (n, RAYS * EXITS) each.
+    def _exits_of(self, eta: float) -> "_Exits":
+        least, most = min(eta, INDICES[0]), max(eta, INDICES[1])
+        return self._paths.of((least, most), lambda: _Paths(self._mesh, self._patches, least, most)).exits(eta)
 
-        And whether rays come from the object, (n, RAYS).
-        """
-        mesh, n, lift = self._mesh, len(self._patches), np.float32(LIFT * self._mesh.radius)
-        facing = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
-        follower, steps = Follower(mesh.rays, facing, lift, eta, np.inf), np.arange(RAYS)
-        cosines = (np.arange(COSINES) + 0.5) / COSINES
-        density = np.cumsum(cosines * transmittance(eta, cosines))
-        mu = np.interp((steps + 0.5) / RAYS, density / density[-1], cosines)
-        sine, turn = np.sqrt(1.0 - mu * mu), 2.0 * np.pi * GOLDEN * steps
-        across_first, across_second, inwards = (
-            part[:, None].astype(np.float32) for part in (sine * np.cos(turn), sine * np.sin(turn), -mu)
-        )
-        (lengths, shares), meets = np.empty((2, n, RAYS * EXITS), np.float32), np.empty((n, RAYS), bool)
-        for start in range(0, n, PATCHES_AT_A_TIME):
+
+class _Exits(NamedTuple):
+    """Where light that has entered n patches along m directions leaves, without collisions.
+
+    Attributes
+    ----------
+    lengths, shares : (EXITS, m, n) float32
+        Ways through matter, mm, and shares of the light that has entered a patch.
+    meets : (m, n) float32
+        1 where the ray outside comes from the object itself, 0 elsewhere.
+    weights : (m,) float32
+        Share of the light that takes each direction.
+    """
+
+    lengths: Float32
+    shares: Float32
+    meets: Float32
+    weights: Float32
+
+
+class _Paths:
+    """Straight paths through matter from n patches, mirrored where they meet the surface, whatever its index.
+
+    An index bends light into directions along a spiral that is cut off at the critical angle, and says how much leaves
+    at each meeting; where the paths lead is the mesh's alone. A path ends where light of the largest index has left
+    `EXITS` times, or where the mesh has a hole.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    patches : Patches
+    least, most : float
+        Indices of refraction, >= 1, between which they serve.
+    """
+
+    def __init__(self, mesh: Mesh, patches: Patches, least: float, most: float) -> None:
+        n = len(patches)
+        self._rays, self._lift = mesh.rays, np.float32(LIFT * mesh.radius)
+        self._normals = face_normals(mesh.vertices, mesh.faces).astype(np.float32)
+        self._windows = [_window(eta) for eta in (least, most)]  # cosines from which on light leaves
+        inwards, outwards = _spiral(_count(least)) * np.array([1.0, 1.0, -1.0], np.float32), _spiral(DIRECTIONS)
+        self._meets = np.empty((DIRECTIONS, n), bool)
+        starts, casting = range(0, n, PATCHES_AT_A_TIME), Casting(n, lambda _: None, None)
+
+        def cast(start: int) -> list[tuple[Int32, Float32, Float32]]:
             chosen = slice(start, start + PATCHES_AT_A_TIME)
-            normals = self._patches.face_normals[chosen]
-            first, second = (axis[:, None].astype(np.float32) for axis in across(normals))
-            places, outward = (
-                np.repeat(part.astype(np.float32), RAYS, axis=0) for part in (self._patches.on_surface[chosen], normals)
-            )
-            arriving = across_first * first + across_second * second + inwards * normals[:, None].astype(np.float32)
-            arriving = arriving.reshape(-1, 3)
-            meets[chosen] = mesh.rays.occluded(places + lift * outward, -arriving).reshape(-1, RAYS)
-            found = follower.within(places, outward, arriving)
-            lengths[chosen], shares[chosen] = (part.reshape(len(normals), -1) for part in found)
-        return lengths, shares / np.float32(RAYS), meets
+            normals, places = (part[chosen].astype(np.float32) for part in (patches.face_normals, patches.on_surface))
+            axes = [
+                axis.astype(np.float32)
+                for axis in (*across(patches.face_normals[chosen]), patches.face_normals[chosen])
+            ]
+            above = _along(outwards, axes)
+            origins = np.tile(places + self._lift * normals, (DIRECTIONS, 1))
+            self._meets[:, chosen] = self._rays.occluded(origins, above).reshape(DIRECTIONS, -1)
+            below = _along(inwards, axes)
+            return self._meetings(np.tile(places - self._lift * normals, (len(inwards), 1)), below)
+
+        self._blocks = list(zip(starts, casting.run(cast, starts), strict=True))
+
+    def _meetings(self, starts: Float32, directions: Float32) -> list[tuple[Int32, Float32, Float32]]:
+        """Return, meeting by meeting, which paths light may leave at, cosines there and lengths so far, mm."""
+        (possible, certain), found = self._windows, []
+        paths, along = np.arange(len(starts), dtype=np.int32), np.zeros(len(starts), np.float32)
+        left = np.zeros(len(starts), np.int8)
+        for _ in range(EVENTS):
+            face, distance = self._rays.first(starts, directions)
+            met = np.flatnonzero(face >= 0)
+            distance32, normals = distance[met].astype(np.float32), self._normals[face[met]]
+            paths, directions, left = paths[met], directions[met], left[met]
+            along = along[met] + distance32 + self._lift
+            cosines = np.einsum("ij,ij->i", directions, normals)
+            leaves = np.flatnonzero(cosines >= possible)
+            found.append((paths[leaves], cosines[leaves], along[leaves]))
+            left += cosines >= certain
+            on = np.flatnonzero(left < EXITS)
+            normals = normals[on]
+            starts = starts[met[on]] + distance32[on, None] * directions[on] - self._lift * normals
+            # A face seen from its wrong side, of parts that overlap or are folded, is passed.
+            directions = directions[on] - 2.0 * np.maximum(cosines[on], 0.0)[:, None] * normals
+            paths, along, left = paths[on], along[on], left[on]
+        return found
+
+    def exits(self, eta: float) -> _Exits:
+        """Return where light leaves for an index of refraction."""
+        count, n = _count(eta), self._meets.shape[1]
+        table = reflectance(1.0 / eta, np.linspace(0.0, 1.0, COSINES + 1)).astype(np.float32)
+        # Flux that enters up to the borders of each direction's share of the disc, which Fresnel's factor weights.
+        sines2 = (np.arange(COSINES) + 0.5) / COSINES
+        entering = np.cumsum(transmittance(eta, np.sqrt(1.0 - sines2)))
+        borders = np.append(eta * eta * np.arange(count) / DIRECTIONS, 1.0)
+        weights = np.diff(np.interp(borders, np.arange(COSINES + 1) / COSINES, [0.0, *entering / entering[-1]]))
+        weights = weights.astype(np.float32)
+        lengths, shares = np.empty((2, EXITS, count, n), np.float32)
+        for start, meetings in self._blocks:
+            chosen = slice(start, start + PATCHES_AT_A_TIME)
+            size = len(range(n)[chosen])
+            of_block = _left(meetings, count * size, table)
+            lengths[..., chosen], shares[..., chosen] = (part.reshape(EXITS, count, size) for part in of_block)
+        shares *= weights[:, None]
+        # What goes in has come from the opposite side.
+        inside, outside = _spiral(count)[:, :2], _spiral(DIRECTIONS)[:, :2]
+        inside *= -np.minimum(eta, 1.0 / np.linalg.norm(inside, axis=1))[:, None]
+        nearest = np.linalg.norm(inside[:, None] - outside, axis=2).argmin(axis=1)
+        return _Exits(lengths, shares, self._meets[nearest].astype(np.float32), weights)
 
 
-def _newest(kept: dict[K, V]) -> dict[K, V]:
-    """Return what was kept but for the oldest of `KEPT`."""
-    return dict(list(kept.items())[1 - KEPT :])
+def _left(meetings: list[tuple[Int32, Float32, Float32]], n: int, table: Float32) -> tuple[Float32, Float32]:
+    """Return where light of the first n paths leaves by a table of F_r from inside: lengths, shares, (EXITS, n) each.
+
+    Of a path that is not reflected totally the rest goes on to where it meets the surface next. Nothing is left to
+    chance, so that neighbours are alike. Lengths are infinite where light does not leave.
+    """
+    lengths, shares = np.full((EXITS, n), np.inf, np.float32), np.zeros((EXITS, n), np.float32)
+    kept, exits = np.ones(n, np.float32), np.zeros(n, np.intp)
+    for paths, cosines, along in meetings:
+        used = int(np.searchsorted(paths, n))
+        reflected = table[(np.minimum(cosines[:used], 1.0) * np.float32(COSINES) + np.float32(0.5)).astype(np.int32)]
+        left = np.flatnonzero((reflected < MOSTLY) & (exits[paths[:used]] < EXITS))
+        path, reflected = paths[left], reflected[left]
+        times = exits[path]
+        lengths[times, path] = along[left]
+        shares[times, path] = kept[path] * np.where(times == EXITS - 1, np.float32(1.0), 1.0 - reflected)
+        kept[path] *= reflected
+        exits[path] += 1
+    return lengths, shares
+
+
+def _count(eta: float) -> int:
+    """Return how many of `DIRECTIONS` inwards light takes that an index bends to the normal."""
+    return max(1, int(DIRECTIONS / eta**2))
+
+
+def _window(eta: float) -> float:
+    """Return the cosine inside from which on less than `MOSTLY` is reflected."""
+    cosines = np.linspace(0.0, 1.0, COSINES + 1)
+    return float(cosines[np.argmax(reflectance(1.0 / eta, cosines) < MOSTLY)]) - 0.5 / COSINES
+
+
+def _spiral(count: int) -> Float32:
+    """Return the first of `DIRECTIONS` of a density like the cosine, (count, 3): from the axis z on."""
+    steps = np.arange(count)
+    sines2, angles = np.minimum((steps + 0.5) / DIRECTIONS, 1.0), 2.0 * np.pi * GOLDEN * steps
+    sines = np.sqrt(sines2)
+    return np.stack([sines * np.cos(angles), sines * np.sin(angles), np.sqrt(1.0 - sines2)], axis=1).astype(np.float32)
+
+
+def _along(directions: Float32, axes: list[Float32]) -> Float32:
+    """Return directions, (m, 3), in the frames of patches, three axes (n, 3): (m n, 3), direction by direction."""
+    return np.asarray(
+        sum(part[:, None, None] * axis for part, axis in zip(directions.T, axes, strict=True)), np.float32
+    ).reshape(-1, 3)

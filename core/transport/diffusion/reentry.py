@@ -10,7 +10,6 @@ the layers' before it.
 """
 
 import copy
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +23,7 @@ from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.light.ground import GroundExchange, GroundReturn
 from milkglass.core.material.medium import Medium
+from milkglass.core.threads import Recent
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths
 from milkglass.core.transport.diffusion.entry import Scattering, enter, scattering
@@ -90,9 +90,8 @@ class SurfaceExchange:
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
         self.entry = enter(everywhere, self.boundary, depths, eta)
-        self._lock = threading.Lock()
-        self._sources: dict[tuple[float, float], Scattering] = {}
-        self._across: dict[tuple[float, ...], csr_array | None] = {}
+        self._sources = Recent[tuple[float, float], Scattering](KEPT_MEDIA)
+        self._across = Recent[tuple[float, ...], csr_array | None](KEPT_MEDIA)
         self.share = self._share(self._to_vertices @ np.ones(len(self.boundary.patches), np.float32))
 
     def _share(self, irradiance: Float32) -> float:
@@ -113,7 +112,8 @@ class SurfaceExchange:
         `extinctions` are those of R, G and B, each of all kinds of matter, where there are several.
         """
         other = copy.copy(self)
-        other._crossings, other._across, other._extinctions = crossings, {}, extinctions
+        other._crossings, other._extinctions = crossings, extinctions
+        other._across = Recent[tuple[float, ...], csr_array | None](KEPT_MEDIA)
         return other
 
     def irradiance(self, exitance: Array, media: Sequence[Medium]) -> Float32:
@@ -140,27 +140,15 @@ class SurfaceExchange:
     def _matrix_across(self, channel: int, medium: Medium) -> csr_array | None:
         """Return the matrix from exitance to what enters at the vertices across matter, None where that is little."""
         extinction = (medium.sigma_t_prime,) if self._extinctions is None else tuple(self._extinctions[channel])
-        if self._crossings is None:
+        crossings, n = self._crossings, len(self.boundary.patches)
+        if crossings is None:
             return None
-        with self._lock:
-            if extinction in self._across:
-                return self._across[extinction]
-        found = self._crossings.matrix(self._emitters, len(self.boundary.patches), extinction)
-        with self._lock:
-            self._across = {**dict(list(self._across.items())[1 - KEPT_MEDIA :]), extinction: found}
-        return found
+        return self._across.of(extinction, lambda: crossings.matrix(self._emitters, n, extinction))
 
     def sources(self, medium: Medium, s: float) -> Scattering:
         """Return the sources of light from all around in a medium, for a window of width s, mm; kept for the next."""
         matter = medium.sigma_s_prime, medium.sigma_a  # the boundary condition is nothing to them
-        with self._lock:
-            found = self._sources.pop(matter, None)
-        found = found or scattering(self.entry, self.boundary, medium, s)
-        with self._lock:
-            self._sources[matter] = found
-            while len(self._sources) > KEPT_MEDIA:
-                del self._sources[next(iter(self._sources))]
-        return found
+        return self._sources.of(matter, lambda: scattering(self.entry, self.boundary, medium, s))
 
     def is_negligible(self, medium: Medium) -> bool:
         """Whether so little of a channel's light enters again that no picture shows it."""
