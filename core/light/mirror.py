@@ -120,9 +120,10 @@ class Mirror:
 
     def averaged(self, irradiance: Floats, rounds: int = FEW_ROUNDS) -> Float32:
         """Return irradiance at the vertices, (n, 3), averaged over neighbours by area; caustics take `ROUNDS`."""
+        averaged = np.asarray(irradiance, np.float32)
         for _ in range(rounds):
-            irradiance = self._average @ irradiance
-        return np.asarray(irradiance, np.float32)
+            averaged = self._average @ averaged
+        return averaged
 
     @computed_once
     def _average(self) -> csr_array:
@@ -137,7 +138,7 @@ class Mirror:
         moved = areas[rows] * areas[columns] / np.maximum(around[rows], around[columns])
         kept = areas - np.bincount(rows, moved, minlength=len(areas))
         exchanged = csr_array((moved, (rows, columns)), shape=joined.shape) + diags_array(kept)
-        return csr_array(diags_array(1.0 / areas) @ exchanged)
+        return csr_array(diags_array(1.0 / areas) @ exchanged, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,13 +50,14 @@ class Met:
 
 
 class _Cast(NamedTuple):
-    """Rays cast from vertices: vertex, cosine and direction of each; those that met a face, these faces, and where."""
+    """Rays cast from vertices: vertex, cosine, direction; those that met a face, these faces, cosines there, where."""
 
     points: Ints
     cosines: Float32
     directions: Float32
     met: Ints
     faces: Ints
+    facing: Float32
     places: Float32
 
 
@@ -85,13 +86,11 @@ class Caster:
     def met(self, vertices: Ints) -> Met:
         """Return the rays of vertices that met the mesh from in front."""
         cast = self._cast(vertices)
-        met, face, places = cast.met, cast.faces, cast.places
-        arriving = cast.directions[met]
-        facing = -np.einsum("ij,ij->i", arriving, self.face_normals[face])
-        front = facing > 0.0
-        met, face, facing, arriving, places = met[front], face[front], facing[front], arriving[front], places[front]
+        front = np.flatnonzero(cast.facing > 0.0)
+        met = cast.met[front]
         counts = np.bincount(cast.points[met], minlength=len(vertices))
-        return Met(counts, cast.cosines[met], facing, face, places, arriving)
+        at_vertex, arriving = cast.cosines[met], cast.directions[met]
+        return Met(counts, at_vertex, cast.facing[front], cast.faces[front], cast.places[front], arriving)
 
     def left(self, vertices: Ints) -> tuple[Ints, Float32, Float32]:
         """Return the k rays of vertices that met nothing: whose (k,), of these; cosines (k,), directions (k, 3)."""
@@ -101,23 +100,23 @@ class Caster:
         return cast.points[free], cast.cosines[free], cast.directions[free]
 
     def _cast(self, vertices: Ints) -> "_Cast":
-        cosines, directions = self._directions(vertices)
-        cast = np.repeat(np.flatnonzero(self._normals[vertices].any(axis=1)), cosines.shape[1])
-        ray = np.arange(len(cast)) % cosines.shape[1]
-        towards = directions[cast, ray]
-        met, face, places = self._first(vertices[cast], towards, LIFTS[0])
-        backs = np.einsum("ij,ij->i", towards[met], self.face_normals[face]) >= 0.0
+        casting = np.flatnonzero(self._normals[vertices].any(axis=1))
+        cosines, directions = self._directions(vertices[casting])
+        rays = cosines.shape[1]
+        points, towards = np.repeat(casting, rays), directions.reshape(-1, 3)
+        met, face, facing, places = self._first(vertices[casting], towards, LIFTS[0])
         # Most hits of back faces: the vertex lies below a fold of the surface, and its rays start above it.
-        buried = np.bincount(cast[met], backs, minlength=len(vertices)) > 0.5 * cosines.shape[1]
+        buried = np.bincount(met // rays, facing <= 0.0, minlength=len(casting)) > 0.5 * rays
         if buried.any():
-            again = np.flatnonzero(buried[cast])
-            retried = self._first(vertices[cast[again]], towards[again], LIFTS[1])
-            kept = ~buried[cast[met]]
+            again = np.flatnonzero(np.repeat(buried, rays))
+            retried = self._first(vertices[casting[buried]], towards[again], LIFTS[1])
+            kept = ~buried[met // rays]
             met = np.concatenate([met[kept], again[retried[0]]])
             order = np.argsort(met)
             met, face = met[order], np.concatenate([face[kept], retried[1]])[order]
-            places = np.concatenate([places[kept], retried[2]])[order]
-        return _Cast(cast, cosines[cast, ray], towards, met, face, places)
+            facing = np.concatenate([facing[kept], retried[2]])[order]
+            places = np.concatenate([places[kept], retried[3]])[order]
+        return _Cast(points, cosines.ravel(), towards, met, face, facing, places)
 
     def _directions(self, vertices: Ints) -> tuple[Float32, Float32]:
         """Return cosines to the normals (m, rays) and unit directions (m, rays, 3), of a density like the cosine."""
@@ -140,13 +139,18 @@ class Caster:
             directions[flat] -= 2.0 * below[..., None] * planes[flat, None]
         return cosines, directions
 
-    def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32]:
-        """Return the indices of rays that meet a face, these faces and the points where, mm."""
+    def _first(self, vertices: Ints, directions: Float32, lift: float) -> tuple[Ints, Ints, Float32, Float32]:
+        """Return the indices of rays that meet a face, these faces, cosines there and the points where, mm.
+
+        `directions` are those of each of the vertices in turn.
+        """
         origins = self._vertices[vertices] + np.float32(lift * self._radius) * self._normals[vertices]
+        origins = np.repeat(origins, len(directions) // len(origins), axis=0)
         face, along = self.rays.first(origins, directions)
         met = np.flatnonzero(face >= 0)
-        places = origins[met] + along[met].astype(np.float32)[:, None] * directions[met]
-        return met, face[met], places
+        face, heading = face[met], directions[met]
+        places = origins[met] + along[met].astype(np.float32)[:, None] * heading
+        return met, face, -np.einsum("ij,ij->i", heading, self.face_normals[face]), places
 
 
 def _circle(turns: Floats) -> Float32:

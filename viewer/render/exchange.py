@@ -34,6 +34,7 @@ from milkglass.viewer.scene.settings import EnvironmentSettings, TransportSettin
 SUB_LIGHTS = 16  # of a lamp with a size, from which mirrored rays come
 MOST_RAYS = 1 << 15  # of a lamp
 LEAST_ENTERING = 1e-3  # of the most that a lamp has enter, below which a point is at the rim of its light
+COSINES = 2048  # of a table of Fresnel's factors
 COARSE_ROWS = 32  # of a probe that mirrored rays meet
 
 
@@ -242,20 +243,23 @@ def lamp_rays(
 ) -> tuple[Array, Array, Array, Array]:
     """Return rays from the surface to a lamp: points, normals, directions towards it, flux that arrives; (k, 3) each.
 
-    `entering` is what of it enters the samples, (m, 3), in its shadows; a ray from each goes to one of its sub-lights.
+    `entering` is what of it enters the samples, (m, 3), in its shadows; from each where any does a ray goes to one of
+    its sub-lights.
     """
     parts = light.sub_lights(1 if light.is_sharp else SUB_LIGHTS)
     step = 1 + len(samples) // MOST_RAYS  # of few samples each stands for several
-    points, normals = samples.points[::step].astype(np.float64), samples.normals[::step].astype(np.float64)
-    entering, areas = entering[::step], step * samples.areas[::step]
+    lit = step * np.flatnonzero(entering[::step].any(axis=1))
+    points, normals = samples.points[lit].astype(np.float64), samples.normals[lit].astype(np.float64)
+    entering, areas = entering[lit], step * samples.areas[lit]
     chosen = np.random.default_rng(0).integers(len(parts), size=len(points))
     entered, towards, arriving = np.zeros(len(points)), np.zeros_like(points), np.zeros(len(points))
+    let_in = transmittance(eta, np.linspace(0.0, 1.0, COSINES + 1)) / len(parts)
     for i, vector in enumerate(parts.vectors):
-        direction = np.broadcast_to(vector, points.shape) if parts.kind == DIRECTIONAL else vector - points
-        direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
-        cosines = np.maximum(np.einsum("ij,ij->i", direction, normals), 0.0)
+        direction = vector if parts.kind == DIRECTIONAL else vector - points
+        direction = direction / np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-12)
+        cosines = np.maximum((normals * direction).sum(axis=1), 0.0)
         on_surface = cosines * parts.emission(i, points)
-        entered += on_surface * transmittance(eta, cosines) / len(parts)
+        entered += on_surface * let_in[np.minimum(COSINES * cosines + 0.5, COSINES).astype(np.intp)]
         np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)
