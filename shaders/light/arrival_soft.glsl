@@ -31,13 +31,6 @@ float emission(vec3 position, vec3 to_light, float distance2) {
     return 2.0 / (1.0 + sqrt(1.0 - u_light_radius * u_light_radius / centre2)) / centre2;
 }
 
-// The disc that a light shows, of even radiance; a radius of 0 where it shows none.
-struct Disc {
-    vec3 to_centre;
-    float radius;    // radians
-    vec3 radiance;
-};
-
 Disc disc_of_light(vec3 position) {
     if (u_light_kind != LIGHT_POINT) {
         float solid_angle = 2.0 * PI * (1.0 - cos(u_light_radius));

@@ -10,8 +10,6 @@ uniform float u_surround_strength;  // factor on the lobe's mean radiance
 uniform bool u_fresnel;
 uniform sampler2D t_highlights;     // mean radiance of an environment in the lobe about every direction
 
-const float DISC_FROM = 1.5, DISC_WHOLE = 3.0;  // radii of discs that show, over u_edge
-
 float mirroring_eta;  // of the surface at this pixel
 
 float mirrored(vec3 normal, vec3 to_eye) {
@@ -33,29 +31,6 @@ vec3 lamp_highlight(Arrival arrival, vec3 normal, vec3 to_eye) {
     float weight = u_lamp_strength * mirrored(normal, to_eye) * (exponent + 1.0) / (u_shininess + 1.0);
     return weight * pow(lobe, exponent) * arrival.irradiance;
 }
-
-#ifdef SOFT
-uniform float u_edge;  // radians, deviation of the edges of discs that are mirrored; 0: lights have lobes alone
-
-// Image of a light that is mirrored as a disc, and how far it is one: 0 of a light that has a lobe alone.
-struct Image {
-    vec3 radiance;
-    float share;
-};
-
-// Of a light that shows a disc wider than the edges of what is mirrored, all of it seen. A lobe is nearly normal with a
-// variance of 1 / n, so that across a straight edge there is the normal distribution.
-Image image_of_light(vec3 position, vec3 normal, vec3 to_eye) {
-    if (u_edge == 0.0) return Image(vec3(0.0), 0.0);
-    Disc disc = disc_of_light(position);
-    float share = smoothstep(DISC_FROM, DISC_WHOLE, disc.radius / u_edge);
-    vec3 ray = reflect(-to_eye, normal);
-    float angle = 2.0 * asin(0.5 * length(ray - disc.to_centre));
-    float inside = share > 0.0 ? normal_distribution((disc.radius - angle) / u_edge) : 0.0;
-    float weight = u_lamp_strength * 2.0 * PI / (u_shininess + 1.0) * mirrored(normal, to_eye);
-    return Image(weight * inside * disc.radiance, share);
-}
-#endif
 
 // Share of a lobe above the horizon where radiance is the same all around: int cos^n from -elevation to 90 degrees,
 // over the same from -90 degrees; nearly the normal distribution. Within 0.014 for n >= 1.

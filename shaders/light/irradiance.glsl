@@ -2,6 +2,7 @@
 // Surface samples and pixels call the same function.
 #include "fresnel.glsl"
 #include "latlong.glsl"
+#include "arriving.glsl"
 
 // LIGHT_DIRECTIONAL: u_light_vector: unit, towards the light; u_light_colour: irradiance at normal incidence.
 // LIGHT_POINT: u_light_vector: position, mm; u_light_colour: radiant intensity, E = I cos / d^2, d in mm.
@@ -13,14 +14,6 @@ uniform vec3 u_light_colour;
 uniform mat3 u_environment_rotation;  // world to probe
 uniform sampler2D t_environment;
 uniform float u_eta;
-
-// What arrives from a light, or from one of the sub-lights of a light with a size.
-struct Arrival {
-    vec3 to_light;
-    vec3 irradiance;  // on a surface that faces it
-    float distance;   // to it, mm; 1 of a directional light
-    float spread;     // variance of the directions that it stands for, radians^2
-};
 
 #ifdef SOFT
 #include "arrival_soft.glsl"

@@ -5,11 +5,15 @@
 // core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a thin slab in the three alphas.
 // Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an
 // environment, its radiance under the same lobe, prefiltered (core/light/highlights.py).
+// SHARES: in o_irradiance and o_specular the visible shares of lamps, a channel each.
 // SOFT: of a light with a size, through the shadow maps of its sub-lights. DETAIL: the surface has colours or relief.
 #include "irradiance.glsl"
 #include "sheet.glsl"
 #include "entry.glsl"
 #include "highlights.glsl"
+#ifdef SOFT
+#include "highlights_discs.glsl"
+#endif
 #include "visible.glsl"
 #include "detail_entering.glsl"
 #include "lamplight.glsl"
@@ -25,6 +29,18 @@ uniform bool u_occluded_lobe;  // whether t_lobe is there
 uniform float u_clear_from;    // number of the first body that scatters no light
 uniform float u_clear_eta;     // of the surface of such
 uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towards the eye, 0) if orthographic
+
+#ifdef SHARES
+uniform vec3 u_first_lamps;  // 1 in the channel of this lamp, where it is one of them, else 0
+uniform vec3 u_last_lamps;
+
+// E of the light regardless of what is in its way.
+vec3 unshadowed_irradiance(vec3 position, vec3 normal) {
+    vec3 sum = vec3(0.0);
+    for (int i = first_sub_light(); i < sub_lights(); i = next_sub_light(i)) sum += entering(unshadowed(i, position), normal);
+    return sum;
+}
+#endif
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_specular;
@@ -81,6 +97,11 @@ void main() {
         local = texelFetch(t_sheet, ivec2(0), 0).rgb * irradiance;
         if (u_sheet_reach > 0.0) local += light_through_sheet(behind);
     }
+#ifdef SHARES
+    float share = brightness(irradiance) / max(brightness(unshadowed_irradiance(position.xyz, normal)), 1e-20);
+    irradiance = share * u_first_lamps;
+    specular += share * u_last_lamps;
+#endif
     o_irradiance = vec4(irradiance, other.r);
     o_specular = vec4(specular, other.g);
     o_local = vec4(local, other.b);

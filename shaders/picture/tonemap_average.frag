@@ -5,6 +5,7 @@
 
 uniform sampler2D t_radiance;  // rgb weighted by coverage, a coverage
 uniform ivec2 u_tile;          // pixels
+uniform int u_step;            // from one that counts to the next, in rows and columns
 uniform float u_mean;          // brightness by which a pixel has half its weight; > 0
 
 const float BRIGHTEST = 3e38;  // finite, as float32
@@ -15,8 +16,8 @@ void main() {
     ivec2 start = ivec2(gl_FragCoord.xy) * u_tile;
     ivec2 stop = min(start + u_tile, textureSize(t_radiance, 0));
     vec4 sums = vec4(0.0);
-    for (int y = start.y; y < stop.y; ++y)
-        for (int x = start.x; x < stop.x; ++x) {
+    for (int y = start.y; y < stop.y; y += u_step)
+        for (int x = start.x; x < stop.x; x += u_step) {
             vec4 radiance = texelFetch(t_radiance, ivec2(x, y), 0);
             vec3 mean = radiance.rgb / radiance.a;
             float value = max(mean.r, max(mean.g, mean.b));

@@ -1,5 +1,5 @@
 #version 330
-// BODIES and VISIBLE: see gbuffer.frag.
+// BODIES, VISIBLE and LIT: see gbuffer.frag.
 uniform mat4 u_world_to_clip;
 in vec3 a_position;
 in vec3 a_normal;
@@ -20,6 +20,17 @@ out vec3 v_behind;
 out vec4 v_lobe;
 #endif
 
+#ifdef LIT
+in vec3 a_exitance;
+in vec3 a_first_lamps;
+in vec3 a_last_lamps;
+in vec4 a_lobe;
+out vec3 v_exitance;
+out vec3 v_first_lamps;
+out vec3 v_last_lamps;
+out vec4 v_lobe;
+#endif
+
 void main() {
     v_position = a_position;
     v_normal = a_normal;
@@ -29,6 +40,12 @@ void main() {
 #ifdef VISIBLE
     v_visible = a_visible;
     v_behind = a_behind;
+    v_lobe = a_lobe;
+#endif
+#ifdef LIT
+    v_exitance = a_exitance;
+    v_first_lamps = a_first_lamps;
+    v_last_lamps = a_last_lamps;
     v_lobe = a_lobe;
 #endif
     gl_Position = u_world_to_clip * vec4(a_position, 1.0);

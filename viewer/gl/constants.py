@@ -16,6 +16,7 @@ from milkglass.viewer.scene.lights import sub_lights
 from milkglass.viewer.scene.settings import BEHIND
 
 CUBE_VIEWS = 6  # of a shadow map around a light that stands amid the object
+MOST_LAMPS = 6  # whose visible shares are known at the vertices: as many as the G-buffer has room for
 BACKGROUND_COLOUR, BACKGROUND_TRANSPARENT, BACKGROUND_ENVIRONMENT = range(3)
 
 
@@ -45,6 +46,7 @@ CONSTANTS: Mapping[str, str] = MappingProxyType(
             "SHAPE_BALL": sub_lights.SHAPE_BALL,
             "NEAREST_LIGHT": NEAREST_LIGHT,
             "CUBE_VIEWS": CUBE_VIEWS,
+            "MOST_LAMPS": MOST_LAMPS,
             "SHEET_PARALLEL": sheet.PARALLEL_COSINE,
             "SHEET_NEAR": sheet.NEAR_DISTANCE,
             "SHEET_FLAT": sheet.OFF_PLANE,

@@ -258,9 +258,14 @@ def over_object(
     return framebuffer
 
 
-def draw_over_object(context: moderngl.Context, triangle: moderngl.VertexArray, *, has_depth: bool) -> None:
-    """Add a full-screen triangle, at the far plane, where the object is: all else costs nothing if depth is known."""
-    context.enable_only(moderngl.BLEND | (moderngl.DEPTH_TEST if has_depth else 0))
+def draw_over_object(
+    context: moderngl.Context, triangle: moderngl.VertexArray, *, has_depth: bool, adds: bool = True
+) -> None:
+    """Draw a full-screen triangle, at the far plane, where the object is: all else costs nothing if depth is known.
+
+    It `adds` to what is there, or else replaces it.
+    """
+    context.enable_only((moderngl.BLEND if adds else 0) | (moderngl.DEPTH_TEST if has_depth else 0))
     context.blend_func = moderngl.ONE, moderngl.ONE
     context.depth_func = ">"
     triangle.render(vertices=3)

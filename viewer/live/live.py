@@ -29,6 +29,8 @@ from milkglass.viewer.live.dependence import (
 )
 from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import (
+    AT_VERTICES,
+    BY_PIXELS,
     DRAFTED_STEPS,
     DRAWN,
     FEW_RAYS,
@@ -41,6 +43,7 @@ from milkglass.viewer.live.draft import (
 from milkglass.viewer.live.job import Finished, TransportJob
 from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.live.worker import Worker
+from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.picture import SCATTERED, Picture, PictureRequest
 from milkglass.viewer.render.renderer import Renderer
@@ -191,6 +194,7 @@ class Live:
                     path_step=step or 1,
                     drafts_sight=step == 0,
                     ground=not detail.alone,
+                    at_vertices=detail.draft,
                 )
                 self.picture = self._developer.develop(self.renderer, drawn, lit, gather, request)
                 self._traced, self._step, self._whole = radiance, step, (samples, size)
@@ -227,11 +231,35 @@ class Live:
         if newest is not None:
             drawn, lit, finished = newest
             try:
-                self.renderer.advance(drawn, lit, finished.gather, PictureRequest(pixel_offsets(samples), show))
+                request = PictureRequest(pixel_offsets(samples), show, at_vertices=True)
+                self.renderer.advance(drawn, lit, finished.gather, request)
             except Unfinished as left:
                 done, self.awaited, self._whole = False, left.awaited, None
         self._count(self.renderer.stages.timings)
         return done
+
+    def serves_at_vertices(self, scene: Scene) -> bool:
+        """Whether the next frame of a drag is drawn from light at the vertices, which takes little at any size."""
+        found = self._shown_as(scene)
+        return found is not None and self.renderer.serves_at_vertices(*found)
+
+    @property
+    def on_a_move(self) -> str:
+        """Return a sentence on how the picture is drawn while the camera moves."""
+        found = None if self._ready is None else self._shown_as(self._ready)
+        if found is None:
+            return ""
+        why = self.renderer.pixels_alone(*found)
+        return f"{BY_PIXELS}{why}" if why else AT_VERTICES
+
+    def _shown_as(self, scene: Scene) -> tuple[Scene, LitScene, Gather] | None:
+        """Return a scene with the light that its camera sees now; None where another camera is the picture's."""
+        done = self.finished
+        if done is None or self._lit is None or self._developer.placed(scene, done.lit) is not scene:
+            return None
+        lit = done.lit if done.lit.quality.facts.solves else self._lit
+        camera = model_camera(scene.camera, lit.model.whole, scene.display.image_size)
+        return scene, replace(lit, camera=camera), done.gather
 
     def _newest(self, scene: Scene, detail: Detail) -> tuple[Scene, LitScene, Finished] | None:
         """Light the scene and keep the worker busy; returns what can be drawn now."""

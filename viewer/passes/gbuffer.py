@@ -43,6 +43,25 @@ class ClearBuffers:
     bodies: moderngl.Buffer
 
 
+@dataclass(frozen=True, eq=False)
+class LitVertices:
+    """Light at the vertices of a mesh on the GPU; compared by identity.
+
+    Attributes
+    ----------
+    mesh : MeshBuffers
+    exitance : buffer
+        M, three floats a vertex.
+    first_lamps, last_lamps : buffers
+        Visible shares of up to MOST_LAMPS lamps, three floats a vertex each.
+    """
+
+    mesh: MeshBuffers
+    exitance: moderngl.Buffer
+    first_lamps: moderngl.Buffer
+    last_lamps: moderngl.Buffer
+
+
 class GBufferPass:
     """Rasterises the mesh into a G-buffer."""
 
@@ -51,6 +70,7 @@ class GBufferPass:
         self._program = Program(context, "gbuffer.vert", "gbuffer.frag")
         self._bodies_program = Program(context, "gbuffer.vert", "gbuffer.frag", bodies=True)
         self._visible_program = Program(context, "gbuffer.vert", "gbuffer.frag", bodies=True, visible=True)
+        self._lit_program = Program(context, "gbuffer.vert", "gbuffer.frag", bodies=True, lit=True)
         # What all vertices share where nothing better is known of each.
         constant = [np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(1)]
         self._all, self._no_lobe, self._one_body = (context.buffer(values.astype("f4")) for values in constant)
@@ -115,6 +135,31 @@ class GBufferPass:
             of_bodies = {"a_body": (clear.bodies, "1f")}
             of_clear = clear.mesh.with_values(program, all_seen | of_bodies if occlusion else of_bodies)
             drawn.append((program, of_clear, 0))
+        self._draw(drawn, world_to_clip)
+
+    def render_lit(
+        self,
+        light: LitVertices,
+        world_to_clip: npt.NDArray[np.float64],
+        target: GBuffer,
+        bodies: moderngl.Buffer | None = None,
+        lobes: moderngl.Buffer | None = None,
+    ) -> None:
+        """Draw a mesh as `render` does, with the light that is known at its vertices in place of `visible`."""
+        bind_cleared(target.framebuffer)
+        values = {
+            "a_exitance": (light.exitance, "3f"),
+            "a_first_lamps": (light.first_lamps, "3f"),
+            "a_last_lamps": (light.last_lamps, "3f"),
+            "a_lobe": (self._no_lobe, "4f/i") if lobes is None else (lobes, "4f"),
+            "a_body": (self._one_body, "1f/i") if bodies is None else (bodies, "1f"),
+        }
+        vertices = light.mesh.with_values(self._lit_program, values)
+        self._draw([(self._lit_program, vertices, light.mesh.culling(world_to_clip))], world_to_clip)
+
+    def _draw(
+        self, drawn: list[tuple[Program, moderngl.VertexArray, int]], world_to_clip: npt.NDArray[np.float64]
+    ) -> None:
         for program, vertices, culling in drawn:
             self._context.enable_only(moderngl.DEPTH_TEST | culling)
             program.set({"u_world_to_clip": world_to_clip})

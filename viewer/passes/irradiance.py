@@ -11,12 +11,13 @@ from milkglass.core.arrays import Float32
 from milkglass.core.stages import Steps, exhausted
 from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import SampleBuffers
+from milkglass.viewer.gl.constants import MOST_LAMPS
 from milkglass.viewer.gl.context import band, bind_cleared, draw_over_object, float_targets, over_object
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.passes.detail_uniforms import entering_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
-from milkglass.viewer.passes.light_source import LightSource
+from milkglass.viewer.passes.light_source import LightSource, lamps_of
 from milkglass.viewer.scene.camera import Camera
 from milkglass.viewer.scene.settings import Gloss
 
@@ -58,16 +59,17 @@ class PixelIrradiancePass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._variants = {(False, False): self._variant(soft=False, detail=False)}
+        self._variants = {(False, False, False): self._variant(soft=False, detail=False, shares=False)}
 
-    def _drawn_with(self, *, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
+    def _drawn_with(self, *, soft: bool, detail: bool, shares: bool) -> tuple[Program, moderngl.VertexArray]:
         """Return the cheapest program for a light and a surface, made at its first use."""
-        if (soft, detail) not in self._variants:
-            self._variants[soft, detail] = self._variant(soft=soft, detail=detail)
-        return self._variants[soft, detail]
+        if (soft, detail, shares) not in self._variants:
+            self._variants[soft, detail, shares] = self._variant(soft=soft, detail=detail, shares=shares)
+        return self._variants[soft, detail, shares]
 
-    def _variant(self, *, soft: bool, detail: bool) -> tuple[Program, moderngl.VertexArray]:
-        program = Program(self._context, "fullscreen.vert", "irradiance_pixels.frag", soft=soft, detail=detail)
+    def _variant(self, *, soft: bool, detail: bool, shares: bool) -> tuple[Program, moderngl.VertexArray]:
+        switches = {"soft": soft, "detail": detail, "shares": shares}
+        program = Program(self._context, "fullscreen.vert", "irradiance_pixels.frag", **switches)  # type: ignore[arg-type]
         return program, self._context.vertex_array(program.program, [])
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
@@ -93,8 +95,10 @@ class PixelIrradiancePass:
         """
         framebuffer, drawn = target.framebuffer, 0
         bind_cleared(framebuffer)
+        lamps = lamps_of(sources)
         for source, kind in itertools.product(sources, gather.kinds):
-            program, triangle = self._drawn_with(soft=source.is_soft, detail=gbuffer.detail is not None)
+            detailed = gbuffer.detail is not None
+            program, triangle = self._drawn_with(soft=source.is_soft, detail=detailed, shares=target.holds_shares)
             values = {
                 **source.uniforms(kind.eta, sample, samples),
                 **source.shadow.depth_uniforms(),
@@ -112,6 +116,9 @@ class PixelIrradiancePass:
                 **highlights.uniforms(),
                 "t_highlights": highlights.environment,
             }
+            if target.holds_shares:
+                channel = np.eye(MOST_LAMPS)[lamps.index(source)] if source in lamps else np.zeros(MOST_LAMPS)
+                values |= {"u_first_lamps": tuple(channel[:3]), "u_last_lamps": tuple(channel[3:])}
             if source.is_soft:
                 values["u_edge"] = highlights.edge
             tests = source.sub_lights // samples or 1 if source.is_soft else 0
@@ -179,9 +186,12 @@ class PixelLight:
 
     `local` is the exitance of `core.transport.base.LocalTerm`, or what light adds to the equation of
     `core.transport.diffusion.pixels`; then the alphas are the same on the other side of a thin slab.
+    Where it `holds_shares`, the visible share of each lamp takes the place of E and highlights, a channel each: first
+    those of `irradiance`, then those of `specular`.
     """
 
     irradiance: moderngl.Texture
     specular: moderngl.Texture
     local: moderngl.Texture
     framebuffer: moderngl.Framebuffer
+    holds_shares: bool = False

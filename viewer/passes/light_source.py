@@ -1,6 +1,6 @@
 """A light as the irradiance passes take it: its kind, its sub-lights and its shadow."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import moderngl
@@ -107,3 +107,8 @@ def surround(
 def reentering(table: moderngl.Texture, no_shadow: ShadowMap) -> LightSource:
     """Make the source of light that left the object and enters it again; `table` is any texture."""
     return LightSource(REENTERING, (0.0, 0.0, 0.0), (1.0,) * 3, no_shadow, table, np.eye(3))
+
+
+def lamps_of(sources: Sequence[LightSource]) -> list[LightSource]:
+    """Return the sources that are lamps."""
+    return [source for source in sources if source.kind in (DIRECTIONAL, POINT)]

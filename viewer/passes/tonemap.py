@@ -9,7 +9,7 @@ import numpy.typing as npt
 from milkglass.viewer.display.base import SIDE
 from milkglass.viewer.display.registry import transform
 from milkglass.viewer.gl.constants import BACKGROUND_COLOUR, BACKGROUND_ENVIRONMENT, BACKGROUND_TRANSPARENT
-from milkglass.viewer.gl.context import float_texture, leave_framebuffer
+from milkglass.viewer.gl.context import draw_over_object, float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
 from milkglass.viewer.scene.settings import DisplaySettings
@@ -19,11 +19,16 @@ TILE_SIDE = 16  # pixels that one fragment of the reduction sums
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """The probe behind the object: a lat-long texture of radiance; any texture where another background is set."""
+    """The probe behind the object: a lat-long texture of radiance; any texture where another background is set.
+
+    It is `beside_depth` where the target's depth tells all pixels that the object has a share of: a plain one is then
+    cleared, not drawn.
+    """
 
     probe: moderngl.Texture
     rotation_deg: float
     intensity: float
+    beside_depth: bool = False
 
 
 class TonemapPass:
@@ -38,12 +43,15 @@ class TonemapPass:
         self._no_table = context.texture3d((1, 1, 1), 3, dtype="f4")
         self._tables: dict[str, moderngl.Texture3D] = {}
 
-    def log_average(self, radiance: moderngl.Texture) -> float:
-        """Return the log-average of the brightest channel over the object, as `core.display.log_average` does."""
-        _, _, total, count = self._sums(radiance, 1.0)
+    def log_average(self, radiance: moderngl.Texture, step: int = 1) -> float:
+        """Return the log-average of the brightest channel over the object, as `core.display.log_average` does.
+
+        Of pixels `step` apart, in rows and columns.
+        """
+        _, _, total, count = self._sums(radiance, 1.0, step)
         if total == 0.0:
             return 0.0
-        logs, weights, _, _ = self._sums(radiance, total / count)
+        logs, weights, _, _ = self._sums(radiance, total / count, step)
         return float(np.exp(logs / weights))
 
     def render(
@@ -72,7 +80,6 @@ class TonemapPass:
         # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
         exposure = display.exposed_key / log_average if log_average > 0.0 else 0.0
         target.use()
-        self._context.enable_only(moderngl.NOTHING)
         to_probe = np.eye(4)
         to_probe[:3, :3] = world_to_probe(background.rotation_deg)
         kind, colour = backdrop(display.background)
@@ -93,7 +100,12 @@ class TonemapPass:
                 "u_directions": directions,
             }
         )
-        self._triangle.render(vertices=3)
+        if background.beside_depth and ground is None and kind != BACKGROUND_ENVIRONMENT:
+            target.clear(*colour, 0.0 if kind == BACKGROUND_TRANSPARENT else 1.0)
+            draw_over_object(self._context, self._triangle, has_depth=True, adds=False)
+        else:
+            self._context.enable_only(moderngl.NOTHING)
+            self._triangle.render(vertices=3)
 
     def _table(self, name: str) -> moderngl.Texture3D | None:
         """Return the table of a display transform, made when first asked for; None where the shader needs none."""
@@ -104,13 +116,14 @@ class TonemapPass:
             self._tables[name] = self._context.texture3d((SIDE, SIDE, SIDE), 3, chosen.table().tobytes(), dtype="f4")
         return self._tables[name]
 
-    def _sums(self, radiance: moderngl.Texture, mean: float) -> npt.NDArray[np.float64]:
-        size = (-(-radiance.width // TILE_SIDE), -(-radiance.height // TILE_SIDE))
+    def _sums(self, radiance: moderngl.Texture, mean: float, step: int) -> npt.NDArray[np.float64]:
+        side = step * TILE_SIDE
+        size = (-(-radiance.width // side), -(-radiance.height // side))
         target = float_texture(self._context, size)
         framebuffer = self._context.framebuffer([target])
         framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
-        self._average.set({"t_radiance": radiance, "u_tile": (TILE_SIDE, TILE_SIDE), "u_mean": mean})
+        self._average.set({"t_radiance": radiance, "u_tile": (side, side), "u_step": step, "u_mean": mean})
         self._reduce.render(vertices=3)
         sums = np.frombuffer(target.read(), np.float32).reshape(-1, 4)
         leave_framebuffer(self._context)

@@ -1,13 +1,15 @@
 """Exitance at points of the surface, by the shaders of every picture."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 
 from milkglass.core.arrays import Float32, Floats, Ints
 from milkglass.core.geometry.samples import SurfaceSamples
-from milkglass.core.stages import exhausted
+from milkglass.core.stages import Steps, exhausted
 from milkglass.viewer.gl.context import bind_cleared, checked, float_texture, read_rgba
 from milkglass.viewer.passes.composite import CompositePass
 from milkglass.viewer.passes.gather import Gather
@@ -21,6 +23,15 @@ from milkglass.viewer.scene.settings import Gloss
 
 # Gives values that are known at the vertices of a refined surface, (m, k), at the points that are asked for, (n, k).
 ValuesFound = Callable[[RefinedSurface, Floats], Floats]
+
+
+class _Points(NamedTuple):
+    """Points (n, 3) of the surface with normals (n, 3) and bodies (n,), and the values of vertices at them."""
+
+    points: Floats
+    normals: Floats
+    bodies: Floats | float
+    found: ValuesFound
 
 
 class SurfaceExitance:
@@ -54,9 +65,48 @@ class SurfaceExitance:
         # The mesh's vertices are the first of a refined one.
         return self._at(samples, lambda _, values: values[vertices], lit, gather)
 
+    def of_refined(
+        self, surface: RefinedSurface | None, lit: LitScene, gather: Gather, sharing: int
+    ) -> Steps[tuple[Float32, Float32]]:
+        """Compute exitance M at all vertices of a refined surface, or of the object's mesh, and what is seen of lamps.
+
+        One part in `sharing` of a lamp's sub-lights is seen.
+
+        Returns
+        -------
+        exitance : (n, 3)
+        shares : (n, MOST_LAMPS)
+            Visible shares of lamps, in [0, 1].
+        """
+        mesh = lit.model.mesh if surface is None else surface.refined.mesh
+        bodies: Floats | float = 0.0
+        if lit.body_marks is not None:
+            of_vertex = lit.body_marks.of_vertex.astype(np.float32)
+            bodies = of_vertex if surface is None else of_vertex[surface.refined.sources]
+        length = np.maximum(np.linalg.norm(mesh.normals, axis=1, keepdims=True), 1e-6)
+        points = _Points(mesh.vertices, mesh.normals / length, bodies, lambda _, values: values)
+        exitance, irradiance, specular = yield from self._steps(points, lit, gather, sharing, holds_shares=True)
+        return exitance, np.concatenate([irradiance, specular], axis=1)
+
     def _at(self, samples: SurfaceSamples, found: ValuesFound, lit: LitScene, gather: Gather) -> Float32:
         """Return M at samples, where `found` gives the values of a refined surface's vertices: (n, 3)."""
-        n = len(samples)
+        bodies: Floats | float = 0.0
+        if lit.body_marks is not None:
+            bodies = lit.body_marks.of_vertex[lit.model.mesh.faces[samples.faces, 0]]
+        points = _Points(samples.points, samples.normals, bodies, found)
+        exitance, _, _ = exhausted(self._steps(points, lit, gather, PARTS))
+        if lit.detail is not None and lit.detail.after > 0.0:
+            detail = lit.detail.detail
+            pieces = detail.pieces(samples.points, samples.faces, samples.areas)
+            exitance = exitance * detail.colour(pieces, lit.detail.after)
+        return np.ascontiguousarray(exitance)
+
+    def _steps(
+        self, places: "_Points", lit: LitScene, gather: Gather, sharing: int, *, holds_shares: bool = False
+    ) -> Steps[tuple[Float32, Float32, Float32]]:
+        """Compute M, E and highlights, (n, 3) each, or what else `viewer.passes.irradiance.PixelLight` holds."""
+        points, normals, bodies, found = places
+        n = len(points)
         size = (int(np.ceil(np.sqrt(n))),) * 2
 
         def pixels(rgb: Floats, alpha: Floats | float) -> moderngl.Texture:
@@ -66,10 +116,7 @@ class SurfaceExitance:
             texture.write(values)
             return texture
 
-        bodies: Floats | float = 0.0
-        if lit.body_marks is not None:
-            bodies = lit.body_marks.of_vertex[lit.model.mesh.faces[samples.faces, 0]]
-        points, normals, occlusion = samples.points, samples.normals, lit.occlusion
+        occlusion = lit.occlusion
         position, normal, visible, again = pixels(points, 1.0), pixels(normals, bodies), None, None
         if occlusion is not None:
             far_side = found(occlusion.surface, occlusion.surface.behind(occlusion.shares))
@@ -79,21 +126,18 @@ class SurfaceExitance:
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
         nothing = self._context.framebuffer([], depth)
         bind_cleared(nothing, depth=0.0)
-        targets = self._irradiance.targets(size, depth)
+        targets = replace(self._irradiance.targets(size, depth), holds_shares=holds_shares)
         sources = lit.sources
         if (reentry := gather.reentry) is not None:
             near, far = (pixels(found(reentry.surface, values), 0.0) for values in (reentry.irradiance, reentry.behind))
             again, sources = ReentryTargets(near, far, targets.framebuffer), (*sources, reentry.source)
         gbuffer = GBuffer(position, normal, targets.framebuffer, visible, reentry=again)
         no_highlights = Highlights(Gloss(0.0, 1.0, "none", normalized=False), self._no_probe)
-        exhausted(self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, PARTS))
+        yield from self._irradiance.steps(gbuffer, sources, gather, no_highlights, lit.camera, targets, 0, sharing)
         # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
         composite = self._composite.targets(size, parts=False, depth=depth)
         bind_cleared(composite.framebuffer)
         self._composite.render(gbuffer, targets, gather.bare(), no_highlights, lit.camera, 1.0, composite)
-        exitance = read_rgba(composite.textures["radiance"])[::-1].reshape(-1, 4)[:n, :3]
-        if lit.detail is not None and lit.detail.after > 0.0:
-            detail = lit.detail.detail
-            pieces = detail.pieces(points, samples.faces, samples.areas)
-            exitance = exitance * detail.colour(pieces, lit.detail.after)
-        return np.ascontiguousarray(exitance)
+        textures = composite.textures["radiance"], targets.irradiance, targets.specular
+        exitance, irradiance, specular = (read_rgba(texture)[::-1].reshape(-1, 4)[:n, :3] for texture in textures)
+        return exitance, irradiance, specular

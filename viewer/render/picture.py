@@ -46,6 +46,8 @@ class PictureRequest:
         Whether a draft of what rays of sight would find is drawn in place of following them.
     ground : bool
         Whether the plane that the object stands on is drawn, where a scene has one.
+    at_vertices : bool
+        Whether light that is known at the vertices may be drawn in place of that of each pixel, where it serves.
     """
 
     offsets: tuple[Offset, ...] = pixel_offsets(1)
@@ -57,11 +59,17 @@ class PictureRequest:
     path_step: int = 1
     drafts_sight: bool = False
     ground: bool = True
+    at_vertices: bool = False
 
     @property
     def keeps_parts(self) -> bool:
         """Whether all of `viewer.passes.composite.OUTPUTS` are drawn, not radiance alone."""
         return self.parts or self.show != OUTPUTS[0]
+
+    @property
+    def may_be_at_vertices(self) -> bool:
+        """Whether light at the vertices is wanted, and enough: for radiance alone, that is developed."""
+        return self.at_vertices and self.develop and not self.keeps_parts
 
     @property
     def output(self) -> str:

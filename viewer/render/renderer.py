@@ -230,6 +230,14 @@ class Renderer:
         behind = self._lighting.probe(scene.environment) if is_seen else None
         return self._shading.shade(scene, lit, gather, request, behind, ground, paths)
 
+    def serves_at_vertices(self, scene: Scene, lit: LitScene, gather: Gather) -> bool:
+        """Whether `shade` draws a picture that may be `at_vertices` so."""
+        return self._shading.serves_at_vertices(scene, lit, gather, self._lighting.paths(scene, lit))
+
+    def pixels_alone(self, scene: Scene, lit: LitScene, gather: Gather) -> str:
+        """Return why pictures are not drawn from light at the vertices while the camera moves; empty where they are."""
+        return self._shading.pixels_alone(scene, lit, gather, self._lighting.paths(scene, lit))
+
     @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> None:
         """Draw some of the samples of a pixel ahead of `shade`.

@@ -11,15 +11,18 @@ import numpy.typing as npt
 from milkglass.core.arrays import Float32
 from milkglass.core.light.blur import blurred
 from milkglass.core.light.probe import Probe
-from milkglass.core.stages import Stage, Stages, Steps
-from milkglass.viewer.gl.context import bind_cleared, checked, latlong_texture, read_rgba
+from milkglass.core.stages import Stage, Stages, Steps, alike
+from milkglass.viewer.gl.constants import MOST_LAMPS
+from milkglass.viewer.gl.context import bind_cleared, checked, latlong_texture, over_object, read_rgba
 from milkglass.viewer.passes.composite import Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
-from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass
+from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass, LitVertices
 from milkglass.viewer.passes.ground import GroundPass, GroundTargets
 from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
+from milkglass.viewer.passes.lit_vertices import LitVerticesPass
 from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
+from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render import remarks
 from milkglass.viewer.render.bodies import bodies_warnings
@@ -30,11 +33,13 @@ from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
 from milkglass.viewer.render.picture import Picture, PictureRequest
 from milkglass.viewer.render.tracing import Followed, Tracing
+from milkglass.viewer.render.vertices import obstacle, refined_surface
 from milkglass.viewer.scene.camera import jittered
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
 
 LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
+EXPOSURE_STEP = 4  # pixels, between those that a picture is exposed for while something moves
 
 
 class Sample(NamedTuple):
@@ -72,10 +77,12 @@ class Shading:
         self._reentry = ReentryPass(context)
         self._no_probe = latlong_texture(context, np.zeros((1, 1, 3), np.float32))
         self._ground = ground
-        exitance = SurfaceExitance(context, self._irradiance, self._composite, self._no_probe)
+        self._lit = LitVerticesPass(context)
+        self._exitance = exitance = SurfaceExitance(context, self._irradiance, self._composite, self._no_probe)
         self._ground_lighting = GroundLighting(context, stages, exitance)
         self._tracing = Tracing(context, stages, self._composite, exitance, worker)
         self._seen: GBuffer | None = None
+        self._lit_by: tuple[object, ...] = ()  # what the light of the last picture depends on
 
     def shade(
         self,
@@ -111,24 +118,38 @@ class Shading:
         display, show = scene.display, request.output
         if paths is not None and ground is not None:
             paths = self._ground_lighting.below(paths, ground, lit, gather)
-        composite = self._pixels(scene, lit, gather, request, paths)
+        at_vertices = request.may_be_at_vertices and self.serves_at_vertices(scene, lit, gather, paths)
+        self._lit_by = _light_key(lit, gather)
+        if at_vertices:
+            composite = self._between_vertices(scene, lit, gather)
+        else:
+            composite = self._pixels(scene, lit, gather, request, paths)
         if not request.develop:
             return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
         why = () if paths is None else paths.why
         texture = composite.textures[show]
-        average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture))
+        step = EXPOSURE_STEP if at_vertices else 1
+        average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture, step))
         exposed = average if request.exposure_for is None else request.exposure_for
-        background = self._background(scene, behind)
+        background = replace(self._background(scene, behind), beside_depth=at_vertices or len(request.offsets) == 1)
         drawn = None
         if ground is not None and request.shows_ground:
             drawn = self._ground_pixels(scene, lit, gather, ground)
         plane = None if drawn is None else drawn.radiance
-        image = self._run(Stage.IMAGE, [display.image_size], lambda: self._image(display.image_size))
+        depth = self._depth(display.image_size)
+        image = self._run(Stage.IMAGE, [display.image_size, depth], lambda: self._image(display.image_size, depth))
         self._run(
             Stage.TONE_MAP,
             [composite, show, exposed, display, scene.environment, scene.camera, image, drawn],
             lambda: self._tonemap.render(
-                texture, exposed, display, background, lit.camera, image, directions=show == "normal", ground=plane
+                texture,
+                exposed,
+                display,
+                background,
+                lit.camera,
+                image,
+                directions=show == "normal",
+                ground=plane,
             ),
         )
         return replace(self._picture(scene, lit, gather, composite, image, average), ground=plane, parts=why)
@@ -179,6 +200,8 @@ class Shading:
         self._pixels(scene, lit, gather, request, paths)
         if ground is not None and request.shows_ground:
             self._ground_pixels(scene, lit, gather, ground)
+        if request.may_be_at_vertices and self.serves_at_vertices(scene, lit, gather, paths):
+            self._lit_vertices(lit, gather)
 
     def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
         """Return the surface at the middle of every pixel, read back from the GPU, top row first.
@@ -203,8 +226,7 @@ class Shading:
         targets, key = self._pixel_work(scene, lit, gather, request)
         shown = request.light_paths(scene)
         tree = self._tracing.tree(paths, lit, gather, shown)
-        large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
-        sharing = PARTS if request.quick and large and len(offsets) == 1 else len(offsets)
+        sharing = _sharing(lit) if request.quick and len(offsets) == 1 else len(offsets)
 
         def shade() -> Steps[Composite]:
             followed = None if tree is None else Followed(tree, len(offsets), request.path_step)
@@ -216,6 +238,64 @@ class Shading:
 
         step = 0 if tree is None or request.drafts_sight else request.path_step
         return self._stages.spread(Stage.COMPOSITE, (*key, sharing, tree, shown, step), shade)
+
+    def pixels_alone(self, scene: Scene, lit: LitScene, gather: Gather, paths: Paths | None) -> str:
+        """Return why a picture is not drawn from light at the vertices while the camera moves; empty where it is."""
+        if paths is not None and paths.tree is not None:
+            return "rays of sight are followed through it"
+        return obstacle(lit, gather, scene.display.image_size)
+
+    def serves_at_vertices(self, scene: Scene, lit: LitScene, gather: Gather, paths: Paths | None) -> bool:
+        """Whether a picture that may be is drawn from light at the vertices.
+
+        Not where light has changed since the last picture: lighting them for one takes longer than a smaller picture.
+        """
+        return alike(self._lit_by, _light_key(lit, gather)) and not self.pixels_alone(scene, lit, gather, paths)
+
+    def _between_vertices(self, scene: Scene, lit: LitScene, gather: Gather) -> Composite:
+        """Draw radiance from light that is known at the vertices, which no move of the camera changes."""
+        run, size, camera = self._run, scene.display.image_size, lit.camera
+        surface, light = refined_surface(lit, gather), self._lit_vertices(lit, gather)
+        targets, _ = self._pixel_work(scene, lit, gather, PictureRequest())
+        lobes, marks = self._occluded_lobes(scene, lit), self._marks(lit, surface)
+        depth = self._depth(size)
+        gbuffer = self._seen = run(
+            Stage.GBUFFER_TARGETS,
+            [size, True, lobes is not None, depth],
+            lambda: self._gbuffer.targets(size, occluded=True, lobes=lobes is not None, depth=depth),
+        )
+        clip = camera.world_to_clip
+        drawn = run(
+            Stage.GBUFFER,
+            [light, gbuffer, clip.tobytes(), marks, lobes],
+            lambda: self._gbuffer.render_lit(light, clip, gbuffer, marks, lobes),
+        )
+
+        def shade() -> Composite:
+            self._lit.render(gbuffer, lit.sources, gather, self._highlights(scene, lit), camera, targets)
+            return replace(targets)
+
+        return run(Stage.COMPOSITE, [targets, light, scene.gloss, lit.lobes, drawn, clip.tobytes(), lobes], shade)
+
+    def _lit_vertices(self, lit: LitScene, gather: Gather) -> LitVertices:
+        """Light the vertices, which no move of the camera does again."""
+        surface = refined_surface(lit, gather)
+
+        def light() -> Steps[LitVertices]:
+            exitance, shares = yield from self._exitance.of_refined(surface, lit, gather, _sharing(lit))
+            buffers = lit.model.buffers if surface is None else surface.buffers
+            first, last = np.split(shares, [MOST_LAMPS // 2], axis=1)
+            values = (np.ascontiguousarray(part, np.float32) for part in (exitance, first, last))
+            return LitVertices(buffers, *(self._context.buffer(part) for part in values))
+
+        return self._stages.spread(Stage.LIT_VERTICES, _light_key(lit, gather), light)
+
+    def _marks(self, lit: LitScene, surface: RefinedSurface | None) -> moderngl.Buffer | None:
+        """Return the body of each vertex of what is drawn, where there are several."""
+        if lit.body_marks is None or surface is None:
+            return None if lit.body_marks is None else lit.body_marks.buffer
+        of_vertex = lit.body_marks.of_vertex
+        return self._run(Stage.REFINED_MARKS, [of_vertex, surface], lambda: surface.bodies(self._context, of_vertex))
 
     def _ground_pixels(self, scene: Scene, lit: LitScene, gather: Gather, ground: Ground) -> GroundTargets:
         """Draw the ground at every pixel."""
@@ -234,7 +314,7 @@ class Shading:
     ) -> tuple[Composite, tuple[object, ...]]:
         """Return the targets of the pixels, and everything that these depend on."""
         size, parts = scene.display.image_size, request.keeps_parts
-        depth = self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
+        depth = self._depth(size)
         key = [size, parts, depth]
         targets = self._run(
             Stage.COMPOSITE_TARGETS, key, lambda: self._composite.targets(size, parts=parts, depth=depth)
@@ -258,7 +338,7 @@ class Shading:
         occlusion, behind = lit.occlusion, self._behind(lit, gather)
         lobes = None if mirrors else self._occluded_lobes(scene, lit)
         is_occluded, has_lobes = occlusion is not None, lobes is not None
-        depth = run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
+        depth = self._depth(size)
         gbuffer = self._seen = run(
             Stage.GBUFFER_TARGETS,
             [size, is_occluded, has_lobes, depth],
@@ -266,12 +346,8 @@ class Shading:
         )
         light = run(Stage.LIGHT_TARGETS, [size, depth], lambda: self._irradiance.targets(size, depth))
         clip = jittered(camera, offsets[sample.number], size)
-        marks = None if lit.body_marks is None else lit.body_marks.buffer
-        surface = lit.surface if gather.reentry is None else gather.reentry.surface
-        buffers = lit.model.buffers if surface is None else surface.buffers
-        if lit.body_marks is not None and surface is not None:
-            of_vertex = lit.body_marks.of_vertex
-            marks = run(Stage.REFINED_MARKS, [of_vertex, surface], lambda: surface.bodies(self._context, of_vertex))
+        surface = refined_surface(lit, gather)
+        buffers, marks = lit.model.buffers if surface is None else surface.buffers, self._marks(lit, surface)
         clear = None if followed is None else self._clear(lit)
         run(
             Stage.GBUFFER,
@@ -365,7 +441,22 @@ class Shading:
         )
         return Background(texture, environment.rotation_deg, environment.intensity)
 
-    def _image(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+    def _image(self, size: tuple[int, int], depth: moderngl.Renderbuffer) -> moderngl.Framebuffer:
         purpose = f"a picture of {size[0]} x {size[1]} pixels"
         texture = checked(self._context, lambda: self._context.texture(size, 4), purpose)
-        return self._context.framebuffer([texture])
+        return over_object(self._context, [texture], depth)
+
+    def _depth(self, size: tuple[int, int]) -> moderngl.Renderbuffer:
+        """Return the depth buffer that all that is drawn over the object shares."""
+        return self._run(Stage.DEPTH, [size], lambda: self._gbuffer.depth(size))
+
+
+def _sharing(lit: LitScene) -> int:
+    """Return among how many samples of a pixel sub-lights are shared in a picture of one of them, to be quick."""
+    large = max((source.sub_lights for source in lit.sources), default=1) >= LARGE_SUB_LIGHTS
+    return PARTS if large else 1
+
+
+def _light_key(lit: LitScene, gather: Gather) -> tuple[object, ...]:
+    """Return all that light at the vertices depends on."""
+    return refined_surface(lit, gather), lit.model, lit.body_marks, *lit.sources, *gather.key

@@ -27,6 +27,6 @@ class PerformanceSection(Section):
                 write(duration(1e-3 * live.ran.get(stage, milliseconds)))
             imgui.end_table()
         parts = () if live.picture is None else live.picture.parts
-        for sentence in filter(None, (*parts, live.while_moving)):
+        for sentence in filter(None, (*parts, live.while_moving or live.on_a_move)):
             self._controls.note(sentence)
         self._controls.note("Bright: ran for the last picture. Grey: kept from before, with the time it took then.")

@@ -79,6 +79,7 @@ class ViewArea:
         self._changed_at = -1e9
         self._dragged = False
         self._scale = 1.0
+        self._full_size = False  # whatever `_scale` is
         self._warned: tuple[str, ...] = ()
         self._per_pixel = 0.0  # ms
         self.layer_map: LayerMap | None = None
@@ -206,9 +207,16 @@ class ViewArea:
             predicted = self._per_pixel * width * height
             fitting = [scale for scale in SCALES if predicted * scale**2 <= DRAFT_MS]
             self._scale = fitting[0] if fitting else SCALES[-1]
+        self._full_size = draft and self._at_vertices(scene)
         self.detail = Detail(draft, 1 if draft or age < FINE_AFTER else self.detail.samples)
         if not draft and age >= FINE_AFTER and self.detail.samples == 1 and self._refined(scene):
             self.detail = Detail(False, SAMPLES)
+
+    def _at_vertices(self, scene: Scene) -> bool:
+        """Whether the next frame is drawn from light at the vertices: so it takes little, and is drawn at full size."""
+        sized = self.subject.scene(scene, self.size)
+        is_radiance = SHOWN[self._session.view.show] in (None, "radiance")
+        return sized is not None and is_radiance and self.live.serves_at_vertices(sized)
 
     def _refined(self, scene: Scene) -> bool:
         """Antialias a picture that has come to rest, sample by sample so that no frame waits long; True when done."""
@@ -222,7 +230,7 @@ class ViewArea:
     def _sized(self, scene: Scene) -> Scene | None:
         """Return the scene to draw, smaller while something moves; None while there is nothing to draw."""
         size = self.size
-        if self.detail.draft:
+        if self.detail.draft and not self._full_size:
             size = (max(SMALLEST, round(size[0] * self._scale)), max(SMALLEST, round(size[1] * self._scale)))
         return self.subject.scene(scene, size)
 
@@ -297,7 +305,7 @@ class ViewArea:
 
     def _learn(self, scene: Scene) -> None:
         """Remember what a pixel costs."""
-        if Stage.COMPOSITE not in self.live.renderer.stages.timings or self.live.spreading:
+        if Stage.COMPOSITE not in self.live.renderer.stages.timings or self.live.spreading or self._full_size:
             return
         pixels = scene.display.image_size[0] * scene.display.image_size[1] * self.detail.samples
         self._per_pixel = sum(self.live.stage_times.get(stage, 0.0) for stage in DRAWING) / pixels

@@ -346,3 +346,22 @@ def test_at_rest_no_frame_is_due(driver):
     assert driver.app.next_frame() is None
     driver.send(MouseMoved(*CENTRE), frames=0)
     assert driver.app.next_frame() == 0.0
+
+
+def test_an_orbit_is_drawn_at_full_size_however_slow_pixels_are(driver):
+    """From light at the vertices; where that does not serve, the picture of a drag is smaller."""
+    driver.settle()
+    view, sizes = driver.view, {}
+    middle = 0.4 * view.size[0], 0.5 * view.size[1]
+    for serves in (True, False):
+        view._per_pixel = 1.0
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr("milkglass.viewer.render.vertices.LONGEST_EDGE", 30.0 if serves else 0.0)  # pixels
+            driver.send(MouseMoved(*middle), MouseButton("left", True))
+            driver.send(MouseMoved(middle[0] + 20.0, middle[1]), MouseMoved(middle[0] + 30.0, middle[1]), frames=1)
+            sizes[serves] = view.picture.image.size
+            assert ("at full size" in view.live.on_a_move) == serves
+            driver.send(MouseButton("left", False))
+        driver.settle()
+    assert sizes[True] == view.size
+    assert sizes[False] < view.size
