@@ -193,13 +193,15 @@ class Tree:
         Raises
         ------
         PathsSuperseded
-            If `go_on`, which is asked before every event of every batch, says no.
+            If `go_on`, which is asked before every batch and after every event of it, says no.
         """
         k = len(sight.points)
         size = min(max(-(-k // SHARES), LEAST_BATCH), BATCH)
         seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
 
         def trace(start: int) -> list[Surfaces]:
+            if not go_on():  # of a batch that has waited for a thread
+                raise PathsSuperseded
             batch, met = slice(start, start + size), list[Surfaces]()
             for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met, go_on), strict=True):
                 values[batch] = of_batch

@@ -11,6 +11,7 @@ from milkglass.core.paths.surface import Surface
 from milkglass.core.paths.surroundings import Floor, Surroundings
 from milkglass.core.paths.tree import PathsSuperseded, Sight, Tree
 from tests.support import solids
+from tests.support.counting import rays_cast
 
 CLEAR = np.zeros((1, 3), np.float32)
 WHITE = Surroundings.of(np.ones((2, 4, 3), np.float32))
@@ -167,7 +168,12 @@ def test_lamps_are_as_large_as_they_are(lamp, solid_angle):
     assert not radiance.any()
 
 
-def test_paths_that_are_superseded_end():
+def test_paths_that_are_superseded_end_and_those_that_wait_begin_none():
     surface = sphere(1.33)
-    with pytest.raises(PathsSuperseded):
-        Tree(surface, CLEAR, WHITE).find(sight(surface, 10), lambda: False)
+    rays = sight(surface, 20_000)
+
+    def superseded() -> None:
+        with pytest.raises(PathsSuperseded):
+            Tree(surface, CLEAR, WHITE).find(rays, lambda: False)
+
+    assert rays_cast(superseded) == 0
