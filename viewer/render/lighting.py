@@ -236,7 +236,7 @@ class Lighting:
         """Return the kind of matter below each sample, (n,), where there are several."""
         if bodies is None or len(matter) == 1:
             return None
-        of_face, key = bodies.of_face, [samples, bodies, *matter]
+        of_face, key = bodies.of_face, [samples, bodies, *(of_kind.bodies for of_kind in matter)]
         return self._run(Stage.OF_KIND, key, lambda: kinds_of(of_face[samples.faces], matter))
 
     def _indices(

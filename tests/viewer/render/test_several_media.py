@@ -7,9 +7,10 @@ import pytest
 
 import milkglass as mg
 from milkglass.core.light.probe import Probe
+from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from milkglass.viewer.files.model import joined
 from milkglass.viewer.render.picture import Frame
-from milkglass.viewer.render.renderer import render
+from milkglass.viewer.render.renderer import Renderer, render
 from tests.support import solids
 
 WHITE = mg.EnvironmentSettings(probe=Probe.from_pixels(np.ones((16, 32, 3), np.float32)))
@@ -65,6 +66,22 @@ def test_a_body_in_the_murky_shell_of_another_is_not_to_be_seen_in_a_white_furna
     hit = (frame := render(scene, samples=1)).alpha >= 1.0
     np.testing.assert_allclose(frame.radiance[hit].mean(axis=0), 1.0, atol=0.025)
     assert frame.radiance[hit].std() < 0.05
+
+
+@pytest.mark.slow
+def test_a_slider_of_one_part_solves_that_part_alone_where_no_light_goes_between(context, few_rays, monkeypatch):
+    solved, channels, renderer = list[int](), DiffusionTransport._channels, Renderer(context)
+    first = balls(1.0, MILKY, STONY, transport=mg.TransportSettings(resolution=40, exchange="off"))
+
+    def counted(transport, problem, stages):
+        solved.append(round(0.5 * np.ptp(problem.mesh.bounds[:, 1])))
+        return channels(transport, problem, stages)
+
+    monkeypatch.setattr(DiffusionTransport, "_channels", counted)
+    renderer.scatter(renderer.light(first))
+    assert solved == [10, 7]
+    renderer.scatter(renderer.light(replace(first, materials={"2": replace(STONY, sigma_a=(0.1, 0.2, 0.3))})))
+    assert solved == [10, 7, 7]
 
 
 @pytest.mark.slow
