@@ -184,6 +184,7 @@ class Stage(StrEnum):
     SOURCES_B = "sources of B", Part.TRANSPORT
     FILLED = "filled cells", Part.TRANSPORT
     RETURNS = "light that the surface sends back", Part.TRANSPORT
+    EXITS = "ways of light out", Part.TRANSPORT
     FIRST_VOLUME = "first scattering", Part.TRANSPORT
     ONWARDS = "rays of light that has scattered once", Part.TRANSPORT
     SECOND_VOLUME = "second scattering", Part.TRANSPORT

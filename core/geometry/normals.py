@@ -41,6 +41,13 @@ def across(axes: Array) -> tuple[Array, Array]:
     return first, np.cross(axes, first)
 
 
+def about(axes: Array, cosines: Array, azimuths: Array) -> Array:
+    """Return unit directions at cosines (n,) to unit axes (n, 3), turned about them by azimuths (n,), radians."""
+    sines, (first, second) = np.sqrt(np.maximum(0.0, 1.0 - cosines * cosines)), across(axes)
+    aside = (sines * np.cos(azimuths))[:, None] * first + (sines * np.sin(azimuths))[:, None] * second
+    return np.asarray(cosines[:, None] * axes + aside)
+
+
 def crease_normals(
     vertices: Array, faces: npt.NDArray[np.integer], crease_deg: float = CREASE_DEG
 ) -> tuple[Array, Array, Ints]:

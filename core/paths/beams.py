@@ -142,14 +142,22 @@ class Courses:
 
 
 def followed(
-    surface: Surface, origins: Float32, directions: Float32, met: int = 0, events: int = EVENTS, *, inside: bool = False
+    surface: Surface,
+    origins: Float32,
+    directions: Float32,
+    met: int = 0,
+    events: int = EVENTS,
+    *,
+    inside: bool = False,
+    enters: bool = True,
 ) -> Courses:
     """Return the chords of rays, (n, 3) each, that have `met` the surface so often before, in the order of events.
 
-    Paths end after so many `events`. They begin in air or, if `inside`, in the first body.
+    Paths end after so many `events`, and where they leave unless one `enters` again. They begin in air or, if `inside`,
+    in the first body.
     """
     parts = []
-    tracked = tracked_rays(surface, origins, directions, met, events, inside=inside)
+    tracked = tracked_rays(surface, origins, directions, met, events, inside=inside, enters=enters)
     for number, (event, before, _) in enumerate(tracked, start=met + 1):
         chords = event.chords
         placed = chords.starts, chords.ends, chords.lengths, before
@@ -159,7 +167,14 @@ def followed(
 
 
 def tracked_rays(
-    surface: Surface, origins: Float32, directions: Float32, met: int = 0, events: int = EVENTS, *, inside: bool = False
+    surface: Surface,
+    origins: Float32,
+    directions: Float32,
+    met: int = 0,
+    events: int = EVENTS,
+    *,
+    inside: bool = False,
+    enters: bool = True,
 ) -> Iterator[tuple[Event, Float32, Float32]]:
     """Yield the events of rays that matter which scatters leaves as they are, and how far they have come in it.
 
@@ -173,7 +188,7 @@ def tracked_rays(
         rays.within[:] = 1 << surface.faces.media[0]
     travelled, none = np.empty((0, surface.kinds), np.float32), np.full(len(absorption) - surface.scattering, -1)
     kinds = np.concatenate([surface.matter, none]).astype(np.int32)
-    for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events):
+    for event in follow(surface, rays, np.ascontiguousarray(absorption), met, events, enters=enters):
         chords = event.chords
         before, travelled = _ways_travelled(chords.parents, chords.lengths, kinds[chords.bodies], travelled)
         yield event, before, travelled

@@ -154,7 +154,14 @@ class Event(NamedTuple):
 
 
 def follow(
-    surface: Surface, rays: Rays, extinction: Float32, met: int = 0, events: int = EVENTS, *, clear: bool = True
+    surface: Surface,
+    rays: Rays,
+    extinction: Float32,
+    met: int = 0,
+    events: int = EVENTS,
+    *,
+    clear: bool = True,
+    enters: bool = True,
 ) -> Iterator[Event]:
     """Yield the events of rays until all have escaped.
 
@@ -170,6 +177,8 @@ def follow(
         After how many meetings paths end.
     clear : bool
         Whether rays go on inside; else refracted ones are absorbed at once.
+    enters : bool
+        Whether rays that leave are cast again, and may enter again.
     """
     chord = 0
     for number in range(met + 1, events + 1):
@@ -184,6 +193,8 @@ def follow(
             escaped, rays = joined(escaped, refracted), mirrored
         else:
             rays = joined(mirrored, refracted)
+        if not enters:
+            rays = Rays._make(column[rays.within != 0] for column in rays)
         yield Event(chords, meetings, share, escaped)
 
 

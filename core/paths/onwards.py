@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from milkglass.core.arrays import Array, Ints
-from milkglass.core.geometry.normals import across
+from milkglass.core.geometry.normals import about
 from milkglass.core.material.medium import DeltaEddington
 from milkglass.core.paths.beams import Beams, Courses, followed
 from milkglass.core.paths.emission import sequence
@@ -108,7 +108,7 @@ def sent_on(beams: Beams, cosines: Sequence[float], surface: Surface) -> Onwards
     towards = np.stack([density(turns, g) for g in cosines], axis=1)
     odds = so_far[-1] / RAYS * (start + along) / (light[chords] * towards).sum(axis=1)
     axes = (beams.ends[chords] - beams.starts[chords]) / length[:, None]
-    origins, directions = beams.starts[chords] + along[:, None] * axes, _around(axes, turns, 2.0 * np.pi * t)
+    origins, directions = beams.starts[chords] + along[:, None] * axes, about(axes, turns, 2.0 * np.pi * t)
     courses = followed(surface, origins.astype(np.float32), directions.astype(np.float32), 1, EVENTS, inside=True)
     courses = courses.chosen(courses.bodies < surface.scattering)
     return Onwards(chords, start - near + along, turns, odds, courses, surface)
@@ -119,10 +119,3 @@ def _drawn(power: Array, random: Array) -> Ints:
     so_far = np.cumsum(power, axis=1)
     found: Ints = (random[:, None] * so_far[:, -1:] >= so_far).sum(axis=1).clip(0, 2)
     return found
-
-
-def _around(axes: Array, cosine: Array, azimuths: Array) -> Array:
-    """Return unit directions at cosines (n,) to unit axes (n, 3)."""
-    sine, (first, second) = np.sqrt(np.maximum(0.0, 1.0 - cosine * cosine)), across(axes)
-    aside = (sine * np.cos(azimuths))[:, None] * first + (sine * np.sin(azimuths))[:, None] * second
-    return np.asarray(cosine[:, None] * axes + aside)

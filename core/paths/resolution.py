@@ -32,9 +32,6 @@ class ResolvedConstants:
     least_gain: float = chosen(1.08, "that gain in thick matter without absorption", "ball")
     skin_gain: float = fitted(0.06, "what of it absorption leaves, which spares light next to the surface", "ball")
     thick_chord: float = fitted(11.0, "mean chord over mean free path from which on it leaves all of that", "ball")
-    clear_escape: float = chosen(
-        0.2, "share of directed light that leaves, from which on its balance tells its gain", "ball"
-    )
     little_absorbed: float = fitted(0.05, "absorbed share times that length squared, at which half is left", "ball")
 
 

@@ -3,7 +3,8 @@
 Power that scatters flies through an unbounded medium, which is right inside (`core.paths.flight`). What arrives at the
 surface is gathered along fixed directions from some places of it, of a density mu F_r(mu) as what is reflected there
 has, most of it totally. Directions come in pairs, each the mirror image of the other: light that arrives along one
-goes back along the other, and on from where that ends, mirrored and refracted as beams are.
+goes back along the other, and on from where that ends, mirrored and refracted as beams are. What leaves is gathered
+likewise, along the ways that light from all around would take in.
 
 Where clear parts are around the object, light goes out into them first, by all directions alike, and some of it comes
 back, through another place of the surface or mirrored there.
@@ -14,14 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32, Int32
-from milkglass.core.geometry.normals import across
+from milkglass.core.arrays import Array, Float32, Int32, Ints
+from milkglass.core.geometry.normals import about, across
 from milkglass.core.grid.layers import LayerGrid
-from milkglass.core.material.fresnel import internal_moment, reflectance
+from milkglass.core.material.fresnel import internal_moment, reflectance, transmittance
 from milkglass.core.paths.beams import Beams, Courses, followed
 from milkglass.core.paths.deposit import moments
 from milkglass.core.paths.events import Chords
 from milkglass.core.paths.filled import Filled
+from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.resolved import Scattered
 from milkglass.core.paths.surface import Surface
 from milkglass.core.threads import pool_map
@@ -81,10 +83,10 @@ def returns(
     around : Surface, optional
         The same surface with clear parts around it.
     """
-    random, eta, total = np.random.default_rng(0), float(surface.faces.etas[0]), float(areas.sum())
+    eta, total = float(surface.faces.etas[0]), float(areas.sum())
     count = min(len(points), MOST_PLACES)
-    along = (np.arange(count) + random.random(count)) / count
-    chosen = np.searchsorted(np.cumsum(areas) / total, along).clip(0, len(areas) - 1)
+    random = np.random.default_rng(0)
+    chosen = _places(areas, count, random)
     cosines = (np.arange(COSINES) + 0.5) / COSINES
     density = np.cumsum(cosines * (reflectance(1.0 / eta, cosines) if around is None else 1.0))
     mu = np.interp(random.random(count), density / max(density[-1], np.finfo(np.float64).tiny), cosines)
@@ -109,6 +111,13 @@ def returns(
     return Returns(flux, _across(surface, starts, inwards, onwards.astype(np.int32)), courses, around is None)
 
 
+def _places(areas: Array, count: int, random: np.random.Generator) -> Ints:
+    """Return `count` of k places of these areas, evenly spread over the surface."""
+    along = (np.arange(count) + random.random(count)) / count
+    found: Ints = np.searchsorted(np.cumsum(areas) / areas.sum(), along).clip(0, len(areas) - 1)
+    return found
+
+
 def _across(surface: Surface, starts: Float32, directions: Float32, sources: Int32) -> Chords:
     """Return the chords of rays from inside a body to its surface, where they meet that, unattenuated."""
     face, distance = surface.rays.first(starts, directions)
@@ -119,13 +128,48 @@ def _across(surface: Surface, starts: Float32, directions: Float32, sources: Int
     return Chords(starts[met], ends, lengths, light, body, sources[met], no_parent)
 
 
+def exits(points: Array, normals: Array, areas: Array, surface: Surface, offset: float) -> Beams:
+    """Return the ways on which light leaves an object: reversed, beams of a radiance of 1 from all around.
+
+    Each ends where it leaves again. Parameters are those of `returns`.
+    """
+    count, eta, random = min(len(points), MOST_PLACES), float(surface.faces.etas[0]), np.random.default_rng(0)
+    chosen = _places(areas, count, random)
+    mu, turn = np.sqrt(random.random(count)), 2.0 * np.pi * random.random(count)
+    inwards = about(-normals[chosen], np.sqrt(1.0 - (1.0 - mu * mu) / eta**2), turn).astype(np.float32)
+    places = (points[chosen] - offset * normals[chosen]).astype(np.float32)
+    courses = followed(surface, places, inwards, 1, EVENTS, inside=True, enters=False)
+    entering = np.tile(np.pi * areas.sum() / count * transmittance(eta, mu)[:, None], 3).astype(np.float32)
+    power = courses.weights * entering[courses.sources]
+    return Beams(courses.starts, courses.ends, courses.lengths, courses.before, power, courses.bodies)
+
+
+def left(
+    scattered: Scattered, extinctions: Sequence[float], fill: Filled, out: Beams, grid: LayerGrid, eta: float
+) -> Array:
+    """Return the power of scattered light that leaves before it collides again, (3,), by its ways `out`."""
+    count, thickness = len(out), out.before * np.asarray(extinctions, np.float32)
+    number, no_parents = np.arange(count, dtype=np.int32), np.full(count, -1, np.int32)
+    most = out.power.max(initial=np.finfo(np.float32).tiny)  # weights of chords are 1 at most
+    placed = out.starts, out.ends, out.lengths, out.power / most * np.exp(-thickness)
+    found = np.zeros((count, 3), np.float32)
+    chords = Chords(*placed, np.zeros_like(out.bodies), number, no_parents)
+    _glow(scattered, fill, grid).add(chords, np.array([extinctions], np.float32), np.array([eta], np.float32), found)
+    return np.asarray(most * found.sum(axis=0, dtype=np.float64))
+
+
+def _glow(scattered: Scattered, fill: Filled, grid: LayerGrid) -> Glow:
+    """Return the radiance a mm of scattered light."""
+    scale = np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
+    return scattered.glow(grid, lambda _, power: power / scale, directed=scattered.is_directed)
+
+
 def arriving(
     scattered: Scattered, extinctions: Sequence[float], fill: Filled, back: Returns, grid: LayerGrid
 ) -> Float32:
     """Return the radiance of scattered light where it arrives at the surface, of the rays that go on, (n, 3)."""
     found = np.zeros((len(back.flux), 3), np.float32)
-    scale = np.float32(4.0 * np.pi * grid.texel**3) * fill.weight
-    glow = scattered.glow(grid, lambda _, power: power / scale, directed=scattered.is_directed)
+    glow = _glow(scattered, fill, grid)
     glow.add(back.arrivals, np.array([extinctions], np.float32), np.ones(1, np.float32), found)
     return found
 
@@ -194,3 +238,25 @@ def collided_again(
 
     found = pool_map(met, range(len(scattered.power)))
     return Scattered([power for power, _ in found], [flux for _, flux in found])
+
+
+def carried_on(flux: Float32, turning: float, fly: Callable[[Float32], Float32], fill: Filled) -> Float32:
+    """Return the flux of light that has begun to scatter with a `flux`, and of what of it scatters again and again.
+
+    Of light that goes along w as 3 w . v the flux is v where it comes from, and where it collides next the mean of
+    3 w (w . v): taken over all directions that is v again, and so each of its parts flies as power does. Without, what
+    scatters forward is next to isotropic from its third collision on. What follows is a geometric series.
+
+    Parameters
+    ----------
+    flux : (3, n_layers, height, width) float32
+        Power times mean direction, along x, y and z.
+    turning : float
+        What a collision leaves of it, [0, 1/2).
+    fly : callable
+        Convolution with G_1.
+    fill : Filled
+    """
+    again = np.float32(turning) * fill.share * np.stack([fly(part) for part in flux])
+    kept = np.abs(again).sum(dtype=np.float64) / max(np.abs(flux).sum(dtype=np.float64), 1e-30)
+    return np.asarray(flux + again / np.float32(1.0 - kept))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.grid.kernels import Kernels, Spectra
@@ -26,7 +26,7 @@ from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
 from milkglass.core.paths.onwards import Onwards, sent_on
 from milkglass.core.paths.resolution import RESOLVED, balanced_share, met_in_ball, needs_beams, scaled, thick_gain
 from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
-from milkglass.core.paths.second import Returns, collided_again, returns
+from milkglass.core.paths.second import Returns, carried_on, collided_again, exits, left, returns
 from milkglass.core.paths.surface import Surface
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import pool_map
@@ -36,6 +36,8 @@ from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached
 from milkglass.core.transport.diffusion.reentry import Reentry, SurfaceExchange
 
 MOST_LOBES = 4  # lights whose directions are kept apart where matter scatters forward
+FLIGHT, POTENTIAL = "flight", "potential"
+KERNELS = {FLIGHT: flight_spectrum, POTENTIAL: potential_spectrum}
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +152,13 @@ class Within:
             return Scattered(power, flux)
 
         alone = functools.cache(lambda: Surface.of(body.mesh, eta))
+        places = patches.on_surface, patches.face_normals, patches.areas
 
         def sent_back() -> Returns:
-            places = patches.on_surface, patches.face_normals, patches.areas
             return returns(*places, alone(), RAY_OFFSET * grid.texel, around)
+
+        def ways_out() -> Beams:
+            return exits(*places, alone(), RAY_OFFSET * grid.texel)
 
         def light_by_light() -> list[Scattered]:
             return [once(of_light) for of_light in (beams.by_light(MOST_LOBES) if any(turned) else [beams])]
@@ -227,12 +232,23 @@ class Within:
             met = [met_in_ball(chord * medium.sigma_t_prime, medium.eta) for medium in media]
             gathered = [thick_gain(chord * flight.sigma_t, flight.albedo) for flight in flights]
             thick = [gain * share for gain, share in zip(gathered, met, strict=True)]
-            often, gains = self._often(begun, second, again, chord, flights, thick, fly)
+            extinctions = [flight.sigma_t for flight in flights]
+            convolve = self._convolution(FLIGHT, [flux is not None for flux in second.flux], media, extinctions, grid)
+
+            def carry(i: int, flux: Float32) -> Float32:
+                return carried_on(flux, flights[i].turning, functools.partial(convolve, i), fill)
+
+            often = _turned(second, again, flights, fly, carry)
+            gone = None if out is None else left(often, extinctions, fill, out, grid, eta)
+            chords = [chord * extinction for extinction in extinctions]
+            gains = _gains(begun, often, gone, chords, flights, thick, fly)
             return resolved(first, often, gains, media, fill, grid)
 
         if not is_wanted():
             return None
-        return stages.run(Stage.RESOLVED, (first, second, fluence), seen_along_rays)
+        is_bare = around is None and second.is_directed
+        out = stages.run(Stage.EXITS, (body.boundary, eta), ways_out) if is_bare else None
+        return stages.run(Stage.RESOLVED, (first, second, fluence, out), seen_along_rays)
 
     def _flown(
         self,
@@ -246,71 +262,29 @@ class Within:
         grid: LayerGrid,
     ) -> Scattered:
         """Return the light that meets matter next, where some that scatters is given, with its flux if `directed`."""
-        sizes = [(self._shape(grid, medium), grid.texel, grid.layer_distance) for medium in media]
         extinctions = [flight.sigma_t for flight in flights]
-
-        def spectra(
-            name: str, used: Sequence[bool], make: Callable[[float, LayerGrid, ConvolutionShape], Float32]
-        ) -> Sequence[Spectra | None]:
-            kernels = [
-                ((name, extinction), *size) if is_used else None
-                for extinction, size, is_used in zip(extinctions, sizes, used, strict=True)
-            ]
-            return self._kernels.spectra(kernels, lambda source, shape: make(source[1], grid, shape))
-
-        def convolve(kernels: Sequence[Spectra | None], i: int, power: Float32) -> Float32:
-            kernel = kernels[i]
-            assert kernel is not None
-            return self._kernels.convolver(sizes[i][0], i).convolve(power, kernel)
-
         turned = [turns or flux is not None for turns, flux in zip(directed, scattered.flux, strict=True)]
-        flight = spectra("flight", [part is not None for part in scattered.power], flight_spectrum)
-        potential = spectra("potential", turned, potential_spectrum)
-        kernels = functools.partial(convolve, flight), functools.partial(convolve, potential)
-        return collided_again(scattered, extinctions, fill, back, grid, *kernels, directed)
+        fly = self._convolution(FLIGHT, [part is not None for part in scattered.power], media, extinctions, grid)
+        potential = self._convolution(POTENTIAL, turned, media, extinctions, grid)
+        return collided_again(scattered, extinctions, fill, back, grid, fly, potential, directed)
 
-    @staticmethod
-    def _often(
-        begun: Sequence[float],
-        second: Scattered,
-        again: Volumes,
-        chord: float,
-        flights: Sequence[DeltaEddington],
-        thick: Sequence[float],
-        fly: Callable[..., Scattered],
-    ) -> tuple[Scattered, list[float]]:
-        """Return what scatters twice or more, and factors on it, by which its power balances.
-
-        What scatters is what has just `begun` to and, of what scatters, all that collides again. In thick matter, or of
-        directed light where little of it leaves, that is a small difference, and what is gathered near the surface
-        lacks some light: there the factors are `thick`.
-        """
-        directed = [flux is not None for flux in second.flux]
-        chords = [chord * flight.sigma_t for flight in flights]
+    def _convolution(
+        self, kernel: str, used: Sequence[bool], media: Sequence[Medium], extinctions: Sequence[float], grid: LayerGrid
+    ) -> Callable[[int, Float32], Float32]:
+        """Return what convolves a volume of a channel that is `used` with a kernel of `KERNELS`."""
+        sizes = [(self._shape(grid, medium), grid.texel, grid.layer_distance) for medium in media]
         asked = [
-            power if turns or balanced_share(length) > 0.0 else None
-            for power, turns, length in zip(again, directed, chords, strict=True)
+            ((kernel, extinction), *size) if is_used else None
+            for extinction, size, is_used in zip(extinctions, sizes, used, strict=True)
         ]
-        gains, often = list(thick), Scattered(again, second.flux)
-        if all(power is None for power in asked):
-            return often, gains
-        met = fly(Scattered.evenly(asked), directed)
-        if any(directed):
-            flux = [
-                turned if more is None or turned is None else turned + np.float32(flight.turning) * more
-                for turned, more, flight in zip(second.flux, met.flux, flights, strict=True)
-            ]
-            often, met = Scattered(again, flux), fly(Scattered(asked, flux))
-        for i, (power, stopped, flight) in enumerate(zip(asked, met.power, flights, strict=True)):
-            if power is None or stopped is None:
-                continue
-            lost = _total(power) - flight.albedo * _total(stopped)
-            counted = balanced_share(chords[i])
-            if directed[i]:
-                escaping = 1.0 - _total(stopped) / _total(power)
-                counted = float(np.clip(2.0 * escaping / RESOLVED.clear_escape - 1.0, 0.0, 1.0))
-            gains[i] += counted * (begun[i] / max(lost, 1e-30) - gains[i])
-        return often, gains
+        spectra = self._kernels.spectra(asked, lambda source, shape: KERNELS[kernel](source[1], grid, shape))
+
+        def convolve(i: int, volume: Float32) -> Float32:
+            spectrum = spectra[i]
+            assert spectrum is not None
+            return self._kernels.convolver(sizes[i][0], i).convolve(volume, spectrum)
+
+        return convolve
 
     def _fluence(
         self,
@@ -378,6 +352,61 @@ def _diffusing(
         change = met - np.float32(_total(met) / _total(once)) * once
         sources.append(np.asarray(twice + np.float32(moved) * change, np.float32))
     return sources
+
+
+def _turned(
+    second: Scattered,
+    again: Volumes,
+    flights: Sequence[DeltaEddington],
+    fly: Callable[..., Scattered],
+    carry: Callable[[int, Float32], Float32],
+) -> Scattered:
+    """Return what scatters twice or more, `again`, with its flux where what scatters for the second time has one."""
+    directed = [flux is not None for flux in second.flux]
+    if not any(directed):
+        return Scattered(again, second.flux)
+    asked = [power if turns else None for power, turns in zip(again, directed, strict=True)]
+    met = fly(Scattered.evenly(asked), directed)
+    flux = [
+        None if begun is None or more is None else carry(i, begun + np.float32(flight.turning) * more)
+        for i, (begun, more, flight) in enumerate(zip(second.flux, met.flux, flights, strict=True))
+    ]
+    return Scattered(again, flux)
+
+
+def _gains(
+    begun: Sequence[float],
+    often: Scattered,
+    gone: Array | None,
+    chords: Sequence[float],
+    flights: Sequence[DeltaEddington],
+    thick: Sequence[float],
+    fly: Callable[..., Scattered],
+) -> list[float]:
+    """Return factors on what scatters twice or more, by which its power balances.
+
+    What scatters is what has just `begun` to and, of what scatters, all that collides again: of directed light all but
+    what rays see leave, `gone`, where that is known. Else its flight tells; in thick matter that is a small difference,
+    and what is gathered near the surface lacks some light: there the factors are `thick`.
+    """
+    seen = [gone is not None and flux is not None for flux in often.flux]
+    counted = [1.0 if is_seen else balanced_share(length) for is_seen, length in zip(seen, chords, strict=True)]
+    asked = [
+        None if is_seen or share == 0.0 else power
+        for power, is_seen, share in zip(often.power, seen, counted, strict=True)
+    ]
+    stopped = [None] * len(asked) if all(power is None for power in asked) else fly(Scattered(asked, often.flux)).power
+    gains = list(thick)
+    for i, (power, met, flight) in enumerate(zip(often.power, stopped, flights, strict=True)):
+        total = 0.0 if power is None else _total(power)
+        if gone is not None and seen[i]:
+            collided = total - float(gone[i])
+        elif met is not None:
+            collided = _total(met)
+        else:
+            continue
+        gains[i] += counted[i] * (begun[i] / max(total - flight.albedo * collided, 1e-30) - gains[i])
+    return gains
 
 
 def _again(

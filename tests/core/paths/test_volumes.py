@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from milkglass.core.geometry.samples import surface_samples
 from milkglass.core.grid.layers import LayerGrid, fit_nodes, tent_matrix
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.light.maps import texel_solid_angles
@@ -10,8 +11,10 @@ from milkglass.core.material.fresnel import transmittance
 from milkglass.core.paths.beams import Emitted, traced
 from milkglass.core.paths.deposit import collided, moments
 from milkglass.core.paths.emission import Ball, diverging, parallel, surrounding
-from milkglass.core.paths.filled import filled
+from milkglass.core.paths.filled import Filled, filled
 from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
+from milkglass.core.paths.resolved import Scattered
+from milkglass.core.paths.second import carried_on, exits, left
 from milkglass.core.paths.surface import Surface
 from tests.core.paths.test_events import beam
 from tests.support import solids
@@ -168,3 +171,32 @@ def test_light_along_the_normal_of_a_plate_collides_as_often_as_it_is_sent_back(
     extinction = thickness / 2.0
     met = beams.power[:, 0] * np.exp(-extinction * beams.before[:, 0]) * -np.expm1(-extinction * beams.lengths)
     assert met.sum() / (200.0 * float(transmittance(ETA, 1.0))) == pytest.approx(expected, rel=2e-3)
+
+
+def test_flux_that_flies_on_is_a_geometric_series():
+    """Of what nothing leaves 1 / (1 - t) stays in all, t what a collision leaves; of what flies out, itself."""
+    fill = Filled(np.ones((3, 4, 5), np.float32), np.ones((3, 4, 5), np.float32))
+    flux = np.random.default_rng(0).normal(size=(3, 3, 4, 5)).astype(np.float32)
+    np.testing.assert_allclose(carried_on(flux, 0.4, lambda part: part, fill), flux / 0.6, rtol=1e-5)
+    np.testing.assert_array_equal(carried_on(flux, 0.4, np.zeros_like, fill), flux)
+    np.testing.assert_array_equal(carried_on(0.0 * flux, 0.4, lambda part: part, fill), 0.0 * flux)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 1.0, 5.0])
+def test_light_leaves_a_ball_as_often_as_it_would_be_absorbed_on_its_way_in(sphere, thickness):
+    """Light that scatters evenly: without a boundary in closed form, with one by what beams from all around leave."""
+    grid, extinction = fit_nodes(sphere.bounds, 40), (thickness / RADIUS,) * 3
+    fill, samples = filled(sphere, grid), surface_samples(sphere, grid.texel)
+    even, faces = Scattered.evenly([fill.weight] * 3), (samples.points, samples.normals, samples.areas)
+    for eta in (1.0, ETA):
+        surface = Surface.of(sphere, eta)
+        out = exits(*(part.astype(np.float64) for part in faces), surface, 1e-3)
+        found = left(even, extinction, fill, out, grid, eta)[0] / (4.0 / 3.0 * np.pi * (RADIUS / grid.texel) ** 3)
+        if eta == 1.0:
+            twice = 2.0 * thickness
+            expected = 0.75 / thickness * (1.0 - 2.0 * (1.0 - (1.0 + twice) * np.exp(-twice)) / twice**2)
+        else:
+            sky = traced(surface, surrounding(np.ones((16, 32, 3)), np.eye(3), Ball.around(sphere), BEAMS))
+            met = collided(sky, extinction, grid)[0].sum(dtype=float)
+            expected = met / (16.0 / 3.0 * np.pi**2 * eta**2 * thickness * RADIUS**2)
+        assert found == pytest.approx(expected, rel=0.02)
