@@ -1,5 +1,6 @@
 """Work counted, where a test asks what something costs: times depend on what else the machine does, counts do not."""
 
+import gc
 import sys
 import tracemalloc
 from collections.abc import Callable
@@ -12,7 +13,10 @@ from milkglass.core.geometry.rays import RayMesh
 
 
 def calls(work: Callable[[], object]) -> int:
-    """Functions that this thread calls during some work, Python's and C's: loops over elements show, arrays do not."""
+    """Functions that this thread calls during some work, Python's and C's: loops over elements show, arrays do not.
+
+    Not those that the garbage collector calls for what earlier work left behind.
+    """
     count = 0
 
     def profile(_: FrameType, event: str, __: object) -> None:
@@ -20,11 +24,14 @@ def calls(work: Callable[[], object]) -> int:
         count += event in ("call", "c_call")
 
     previous = sys.getprofile()
+    gc.collect()
+    gc.disable()
     sys.setprofile(profile)
     try:
         work()
     finally:
         sys.setprofile(previous)
+        gc.enable()
     return count
 
 
