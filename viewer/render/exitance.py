@@ -18,6 +18,7 @@ from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
 from milkglass.viewer.passes.reentry import ReentryTargets
 from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.lit_scene import LitScene
+from milkglass.viewer.render.vertices import without_gaps
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.settings import Gloss
 
@@ -86,7 +87,7 @@ class SurfaceExitance:
         length = np.maximum(np.linalg.norm(mesh.normals, axis=1, keepdims=True), 1e-6)
         points = _Points(mesh.vertices, mesh.normals / length, bodies, lambda _, values: values)
         exitance, irradiance, specular = yield from self._steps(points, lit, gather, sharing, holds_shares=True)
-        return exitance, np.concatenate([irradiance, specular], axis=1)
+        return without_gaps(exitance, mesh), np.concatenate([irradiance, specular], axis=1)
 
     def _at(self, samples: SurfaceSamples, found: ValuesFound, lit: LitScene, gather: Gather) -> Float32:
         """Return M at samples, where `found` gives the values of a refined surface's vertices: (n, 3)."""

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from milkglass.core.arrays import Float32
+from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.gl.constants import MOST_LAMPS
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.lit_vertices import have_round_highlights
@@ -15,6 +17,24 @@ MOST_VERTICES = 150_000  # more would take longer to light than the pixels of a 
 def refined_surface(lit: LitScene, gather: Gather) -> RefinedSurface | None:
     """Return the refined surface that pixels are drawn of; None for the object's mesh."""
     return lit.surface if gather.reentry is None else gather.reentry.surface
+
+
+def without_gaps(exitance: Float32, mesh: Mesh) -> Float32:
+    """Return exitance M at vertices (n, 3) with the mean of its neighbours where a vertex has none in a channel.
+
+    The equation of a pixel fails at some 1 vertex in 4,000, as where surfaces touch: a speck that no pixel shows, but
+    between vertices as large as the faces about it.
+    """
+    result = exitance.copy()
+    for channel, values in enumerate(exitance.T):
+        faces = mesh.faces[(values[mesh.faces] <= 0.0).any(axis=1)]
+        known = np.where(values[faces] > 0.0, values[faces], 0.0)
+        total, count = (
+            np.bincount(faces.ravel(), np.repeat(part.sum(axis=1), 3), len(values)) for part in (known, known > 0.0)
+        )
+        filled = (values <= 0.0) & (count > 0)
+        result[filled, channel] = total[filled] / count[filled]
+    return result
 
 
 def obstacle(lit: LitScene, gather: Gather, size: tuple[int, int]) -> str:

@@ -10,6 +10,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.bench.shapes import SHAPES
 from milkglass.viewer.passes.irradiance import PixelIrradiancePass
 from milkglass.viewer.render.picture import PictureRequest, read_image
+from milkglass.viewer.render.vertices import without_gaps
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight, SphereLight, SpotLight
 from tests.support.rendering import BACK, MeshRenderer, scene_of
@@ -109,3 +110,12 @@ def test_what_vertices_do_not_know_is_drawn_by_pixels(context, case):
     assert {"coarse": "pixels long", "spot": "spot lights", "many": "more than 6"}[case] in moved.why
     still = moved.draw(20.0, at_vertices=False)
     assert np.array_equal(moved.draw(20.0, at_vertices=True), still)
+
+
+def test_a_vertex_without_exitance_takes_that_of_its_neighbours():
+    mesh = SHAPES["ball"]()
+    exitance = np.tile(np.float32([1.0, 2.0, 0.0]), (len(mesh.vertices), 1))
+    lacking = exitance.copy()
+    lacking[[5, 400]] = 0.0
+    assert np.array_equal(without_gaps(lacking, mesh), exitance)  # where all is dark it stays so
+    assert not lacking[5].any()
