@@ -17,7 +17,9 @@ from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer, render
 from milkglass.viewer.scene.scene import Scene, apply_set
 
-LIMIT = 850.0  # MB, of the default scene; 100 of them for light between parts, 180 for the shadow maps of soft lamps
+# MB, of the default scene; 100 of them for light between parts, 180 for the shadow maps of soft lamps. How threads meet
+# moves the peak of one and the same picture from 820 to 930.
+LIMIT = 950.0
 
 
 @pytest.mark.gl
