@@ -1,8 +1,6 @@
 """Sketch: a model in clay, whose light needs no more than its normals."""
 
 import moderngl
-import numpy as np
-import numpy.typing as npt
 
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.gl.program import Program
@@ -20,8 +18,7 @@ class SketchPass:
         """Draw the mesh into a framebuffer with a depth buffer, over what is in its viewport; sRGB, both sides."""
         target.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
-        world_to_view: npt.NDArray[np.float64] = camera.rotation
-        self._program.set({"u_world_to_clip": camera.world_to_clip, "u_world_to_view": world_to_view})
+        self._program.set({"u_world_to_clip": camera.world_to_clip, "u_world_to_view": camera.rotation})
         vertices = buffers.positions_and_normals(self._program)
         vertices.render()
         vertices.release()

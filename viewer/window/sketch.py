@@ -37,6 +37,7 @@ class Sketch:
         self._context, self._mesh = context, mesh
         self._buffers, self._pass = MeshBuffers(context, mesh), SketchPass(context)
         self._picture: moderngl.Framebuffer | None = None
+        self._drawn: object = None  # what the picture was drawn for
 
     @classmethod
     def of(cls, context: moderngl.Context, scene: Scene) -> "Sketch | None":
@@ -69,10 +70,14 @@ class Sketch:
         leave_framebuffer(self._context)
 
     def picture(self, scene: Scene) -> moderngl.Framebuffer:
-        """Return the model at the scene's image size, in a framebuffer that the next call draws into again."""
+        """Return the model at the scene's image size, drawn anew if the camera moved, in one framebuffer a size."""
         size = scene.display.image_size
         if self._picture is None or self._picture.size != size:
             colour = self._context.texture(size, 4)
             self._picture = self._context.framebuffer([colour], self._context.depth_renderbuffer(size))
-        self.draw(scene, self._picture, size)
+            self._drawn = None
+        asked = scene.camera, scene.display.background
+        if asked != self._drawn:
+            self.draw(scene, self._picture, size)
+            self._drawn = asked
         return self._picture

@@ -1,5 +1,7 @@
 """What the window shows before there is light: the model in clay, in the light's place, and then no longer."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -54,3 +56,22 @@ def test_the_file_is_read_once(started, context, monkeypatch):
     started.app.view.begin_with(sketch)
     started.settle()
     assert started.app.view.live.lit.model.mesh is sketch.model.mesh
+
+
+def test_a_sketch_is_drawn_when_the_camera_moves_alone(started, context, monkeypatch):
+    monkeypatch.setattr(started.app.view.live, "draw", lambda *_: None)
+    sketch, drawn, draw = Sketch.of(context, started.app.session.scene), [], Sketch.draw
+    monkeypatch.setattr(Sketch, "draw", lambda self, *rest: drawn.append(1) or draw(self, *rest))
+    started.app.view.begin_with(sketch)
+    first = shown(started)
+    assert np.array_equal(shown(started), first)
+    assert len(drawn) == 1
+    session = started.app.session
+    session.look(replace(session.scene.camera, azimuth_deg=90.0))
+    shown(started)
+    assert len(drawn) == 2
+
+
+def test_most_of_the_program_is_imported_after_the_sketch():
+    program = "import sys, milkglass.viewer.commands.show; sys.exit('milkglass.viewer.live.live' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
