@@ -35,7 +35,7 @@ from milkglass.core.light.vertex_rays import (
     representative_vertices,
     spatial_order,
 )
-from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
+from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance, row_of
 
 EVENTS = 16  # surfaces that a path meets; then it goes on to the surroundings
 # Shares of what enters, were there light all around. A hundredth changes pictures of thin parts by two or three.
@@ -119,8 +119,7 @@ class Follower:
     def mirrors(self, facing: Float32, faces: Ints, *, inside: bool = False) -> Float32:
         """Return F_r for cosines at faces, of a surface met from outside or inside, (k,)."""
         tables = self._from_inside if inside else self._from_outside
-        numbers = np.clip(facing * np.float32(4096.0) + np.float32(0.5), 0.0, 4096.0).astype(np.int32)
-        return np.asarray(tables[self._kinds[faces], numbers])
+        return np.asarray(tables[self._kinds[faces], row_of(facing, tables.shape[1] - 1)])
 
     def follow(
         self,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from milkglass.core.arrays import Array
+from milkglass.core.arrays import Array, Floats
 
 
 def reflectance(eta: float, cos_i: npt.ArrayLike) -> Array:
@@ -35,6 +35,12 @@ def reflectance(eta: float, cos_i: npt.ArrayLike) -> Array:
 def transmittance(eta: float, cos_i: npt.ArrayLike) -> Array:
     """Return the transmittance F_t = 1 - F_r, the share of arriving flux that enters; arguments as `reflectance`."""
     return 1.0 - reflectance(eta, cos_i)
+
+
+def row_of(cosines: Floats, rows: int) -> npt.NDArray[np.int32]:
+    """Return the nearest row of a table at `rows` + 1 evenly spaced cosines, for cosines clamped to [0, 1]: (...)."""
+    numbers: npt.NDArray[np.int32] = np.clip(cosines * rows + 0.5, 0.0, rows).astype(np.int32)
+    return numbers
 
 
 def diffuse_reflectance_fit(eta: float) -> float:

@@ -118,8 +118,7 @@ class GBufferPass:
                 {
                     "a_visible": (occlusion.values, "3f"),
                     "a_behind": (self._all, "3f/i") if behind is None else (behind, "3f"),
-                    "a_lobe": (self._no_lobe, "4f/i") if lobes is None else (lobes, "4f"),
-                    "a_body": (self._one_body, "1f/i") if bodies is None else (bodies, "1f"),
+                    **self._of_vertices(bodies, lobes),
                 },
             )
         else:
@@ -151,11 +150,19 @@ class GBufferPass:
             "a_exitance": (light.exitance, "3f"),
             "a_first_lamps": (light.first_lamps, "3f"),
             "a_last_lamps": (light.last_lamps, "3f"),
-            "a_lobe": (self._no_lobe, "4f/i") if lobes is None else (lobes, "4f"),
-            "a_body": (self._one_body, "1f/i") if bodies is None else (bodies, "1f"),
+            **self._of_vertices(bodies, lobes),
         }
         vertices = light.mesh.with_values(self._lit_program, values)
         self._draw([(self._lit_program, vertices, light.mesh.culling(world_to_clip))], world_to_clip)
+
+    def _of_vertices(
+        self, bodies: moderngl.Buffer | None, lobes: moderngl.Buffer | None
+    ) -> dict[str, tuple[moderngl.Buffer, str]]:
+        """Return the attributes of each vertex that may be alike for all of them."""
+        return {
+            "a_lobe": (self._no_lobe, "4f/i") if lobes is None else (lobes, "4f"),
+            "a_body": (self._one_body, "1f/i") if bodies is None else (bodies, "1f"),
+        }
 
     def _draw(
         self, drawn: list[tuple[Program, moderngl.VertexArray, int]], world_to_clip: npt.NDArray[np.float64]

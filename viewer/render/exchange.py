@@ -16,7 +16,7 @@ from milkglass.core.light.ground import GroundExchange
 from milkglass.core.light.indices import Indices
 from milkglass.core.light.mirror import ROUNDS, Mirror
 from milkglass.core.light.probe import Probe, lookup
-from milkglass.core.material.fresnel import transmittance
+from milkglass.core.material.fresnel import row_of, transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.transport.base import Matter
@@ -259,7 +259,7 @@ def lamp_rays(
         direction = direction / np.maximum(np.linalg.norm(direction, axis=-1, keepdims=True), 1e-12)
         cosines = np.maximum((normals * direction).sum(axis=1), 0.0)
         on_surface = cosines * parts.emission(i, points)
-        entered += on_surface * let_in[np.minimum(COSINES * cosines + 0.5, COSINES).astype(np.intp)]
+        entered += on_surface * let_in[row_of(cosines, COSINES)]
         np.copyto(towards, direction, where=(chosen == i)[:, None])
         np.copyto(arriving, on_surface, where=chosen == i)
     scale = arriving / np.maximum(entered, LEAST_ENTERING * entered.max(initial=0.0) + 1e-30)

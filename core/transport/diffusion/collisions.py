@@ -20,7 +20,7 @@ from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.geometry.normals import across
 from milkglass.core.light.casting import Casting
 from milkglass.core.light.vertex_rays import GOLDEN, LIFT
-from milkglass.core.material.fresnel import reflectance, transmittance
+from milkglass.core.material.fresnel import reflectance, row_of, transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.material.refraction import LONGEST_CHORD
 from milkglass.core.threads import Recent
@@ -221,7 +221,7 @@ def _left(meetings: list[tuple[Int32, Float32, Float32]], n: int, table: Float32
     kept, exits = np.ones(n, np.float32), np.zeros(n, np.intp)
     for paths, cosines, along in meetings:
         used = int(np.searchsorted(paths, n))
-        reflected = table[(np.minimum(cosines[:used], 1.0) * np.float32(COSINES) + np.float32(0.5)).astype(np.int32)]
+        reflected = table[row_of(cosines[:used], COSINES)]
         left = np.flatnonzero((reflected < MOSTLY) & (exits[paths[:used]] < EXITS))
         path, reflected = paths[left], reflected[left]
         times = exits[path]
