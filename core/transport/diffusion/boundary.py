@@ -249,19 +249,24 @@ def row_sums(mesh: Mesh, n: int = ROW_SUM_POINTS, body: npt.NDArray[np.integer] 
     The solid angle of all faces seen from the middle of one, over -4 pi (van Oosterom and Strackee 1983), float64.
     With `body`, the connected component of each face, of the component of that face alone: others may share its plane.
     """
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    areas = np.cumsum(np.linalg.norm(face_cross(mesh.vertices, mesh.faces), axis=1))
+    vertices, corners = mesh.vertices.astype(np.float64), np.ascontiguousarray(mesh.faces.T)
+    cross = face_cross(mesh.vertices, mesh.faces)
+    places = vertices[corners]
+    heights = np.einsum("ij,ij->i", places[0], cross)
+    between = places - np.roll(places, -1, axis=0)
+    ab2, bc2, ca2 = np.einsum("kij,kij->ki", between, between)
+    areas = np.cumsum(np.linalg.norm(cross, axis=1))
     chosen = np.searchsorted(areas, (np.arange(n) + 0.5) / n * areas[-1])
     sums = np.empty(n)
     for row, face in enumerate(chosen):
-        faces = np.arange(len(corners)) if body is None else np.flatnonzero(body == body[face])
-        a, b, c = np.moveaxis(corners[faces] - corners[face].mean(axis=0), 1, 0)
-        la, lb, lc = (np.sqrt(np.einsum("ij,ij->i", side, side)) for side in (a, b, c))
-        ab, bc, ca = (np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a)))
-        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-        angle = 2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-        angle[faces == face] = 0.0  # seen edge-on
-        sums[row] = -np.sum(angle) / (4.0 * np.pi)
+        middle = places[:, face].mean(axis=0)
+        offset = vertices - middle
+        squares = np.einsum("ij,ij->i", offset, offset)
+        (a2, b2, c2), (a, b, c) = squares[corners], np.sqrt(squares)[corners]
+        products = (a2 + b2 - ab2) * c + (b2 + c2 - bc2) * a + (c2 + a2 - ca2) * b  # twice: by the law of cosines
+        angle = 2.0 * np.arctan2(heights - cross @ middle, a * b * c + 0.5 * products)
+        angle[face] = 0.0  # seen edge-on
+        sums[row] = -np.sum(angle if body is None else angle[body == body[face]]) / (4.0 * np.pi)
     return sums
 
 
