@@ -172,6 +172,7 @@ class Stage(StrEnum):
     COARSE_SOLUTION = "coarse solution", Part.TRANSPORT
     RAYS = "rays", Part.TRANSPORT
     BOUNDARY = "boundary", Part.TRANSPORT
+    KNOWN_PATHS = "known paths through thin parts", Part.TRANSPORT
     ENTRY = "entry of light", Part.TRANSPORT
     EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT

@@ -21,8 +21,8 @@ from milkglass.core.arrays import Array, Float32
 from milkglass.core.geometry.mesh import Mesh, face_cross, face_normals
 from milkglass.core.grid.layers import LayerGrid, tsc_gradient_matrix, tsc_matrix
 from milkglass.core.material.medium import NO_ABSORPTION, Medium
-from milkglass.core.threads import computed_once
-from milkglass.core.transport.diffusion.collisions import FirstCollisions
+from milkglass.core.threads import Recent, computed_once
+from milkglass.core.transport.diffusion.collisions import Exits, FirstCollisions, InnerPaths
 from milkglass.core.transport.diffusion.constants import CONSTANTS
 from milkglass.core.transport.diffusion.edges.curvature import Curvature, curvature
 from milkglass.core.transport.diffusion.edges.pairs import Edges
@@ -59,8 +59,10 @@ class Boundary:
         Pairs of patches on the two sides of thin slabs.
     sheet_reach : float
         Thickness up to which a slab is thin, mm.
+    paths : InnerPaths
+        Of light from all around through matter.
     collisions : FirstCollisions
-        What of light from all around collides before it leaves.
+        What of it collides before it leaves.
     """
 
     grid: LayerGrid
@@ -72,6 +74,7 @@ class Boundary:
     thickness: Array
     sheet: "Sheet"
     sheet_reach: float
+    paths: InnerPaths
     collisions: FirstCollisions
 
     @computed_once
@@ -130,6 +133,20 @@ class Boundary:
             return medium.bending(smooth)
         sharp = np.where(self.is_sheet, 0.0, np.maximum(edges, self.edges.curvature(mfp)))
         return medium.bending(smooth, counts * sharp)
+
+    def going_by(self, paths: InnerPaths | None) -> "Boundary":
+        """Return the same patches, which go by paths from other patches of the same samples; all collides without.
+
+        So no paths are followed but those of the other patches.
+        """
+        kept = Recent[float, Exits](1)
+
+        def exits(eta: float) -> Exits | None:
+            if paths is None:
+                return None
+            return kept.of(eta, lambda: paths.exits(eta).at(paths.patches.of_sample[self.patches.nearest]))
+
+        return replace(self, collisions=FirstCollisions(self.patches.areas, self.thickness, exits))
 
     def layer_assignment(
         self, extrapolation_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0
@@ -235,8 +252,9 @@ def put_on_grid(
     sheet = find_sheet(patches, thickness, reach)
     weights, slopes = place(grid, patches)
     unset = np.empty(0, np.float32), np.empty(0)
-    collisions = FirstCollisions(depths.mesh, patches, thickness)
-    unplaced = Boundary(grid, patches, weights, slopes, *unset, thickness, sheet, reach, collisions)
+    paths = InnerPaths(depths.mesh, patches)
+    collisions = FirstCollisions(patches.areas, thickness, paths.exits)
+    unplaced = Boundary(grid, patches, weights, slopes, *unset, thickness, sheet, reach, paths, collisions)
     deposited = unplaced.layer_assignment(np.inf, NO_ABSORPTION.diffusion) @ patches.areas.astype(np.float32)
     constant = convolve(deposited.reshape(grid.shape))
     diagonal = -0.5 - (weights.T @ constant.ravel()).astype(np.float64)

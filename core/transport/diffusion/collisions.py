@@ -11,9 +11,11 @@ curvature of the surface counts by way of the second moment of the free path, 1 
 distance of x mean free paths, of which light comes up from within the object.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.mesh import Mesh, face_normals
@@ -66,30 +68,34 @@ class Collisions(NamedTuple):
 
 
 class FirstCollisions:
-    """First collisions of light that enters a surface's n patches from all around, by rays.
+    """First collisions of light that enters a surface's n patches from all around.
 
     Parameters
     ----------
-    mesh : Mesh
-    patches : Patches
+    areas : (n,) float64
+        mm^2.
     thickness : (n,) float64
         Along the normals, mm; 0 where there is none.
+    exits : callable
+        Returns where light leaves that does not collide, for an index of refraction; None where that is not known.
     """
 
-    def __init__(self, mesh: Mesh, patches: Patches, thickness: Array) -> None:
-        self._mesh, self._patches, self._thickness = mesh, patches, thickness
-        self._paths = Recent[tuple[float, float], _Paths](1)
-        self._exits, self._kept = Recent[float, _Exits](KEPT), Recent[tuple[float, float], Collisions | None](KEPT)
+    def __init__(self, areas: Array, thickness: Array, exits: "Callable[[float], Exits | None]") -> None:
+        self._areas, self._thickness, self._exits = areas, thickness, exits
+        self._kept = Recent[tuple[float, float], Collisions | None](KEPT)
 
     def of(self, medium: Medium) -> Collisions | None:
-        """Return what collides in a medium; None where next to all does."""
+        """Return what collides in a medium; None where next to all does, or no paths are known."""
         return self._kept.of((medium.eta, medium.sigma_t_prime), lambda: self._found(medium))
 
     def _found(self, medium: Medium) -> Collisions | None:
-        areas, thickness = self._patches.areas, np.where(self._thickness > 0.0, self._thickness, np.inf)
+        areas, thickness = self._areas, np.where(self._thickness > 0.0, self._thickness, np.inf)
         if areas @ np.exp(-medium.sigma_t_prime * thickness) < DENSE * areas.sum():
             return None
-        lengths, shares, meets, weights = self._exits.of(medium.eta, lambda: self._exits_of(medium.eta))
+        exits = self._exits(medium.eta)
+        if exits is None:
+            return None
+        lengths, shares, meets, weights = exits
         free_paths = np.minimum(np.float32(medium.sigma_t_prime) * lengths, LONGEST_CHORD)
         left = shares * np.exp(-free_paths)
         beyond = left * (1.0 + free_paths * (1.0 + 0.5 * free_paths))
@@ -101,12 +107,8 @@ class FirstCollisions:
         towards = from_object / np.maximum((one + weights @ meets) * share, np.finfo(np.float64).tiny)
         return Collisions(share, curved, towards)
 
-    def _exits_of(self, eta: float) -> "_Exits":
-        least, most = min(eta, INDICES[0]), max(eta, INDICES[1])
-        return self._paths.of((least, most), lambda: _Paths(self._mesh, self._patches, least, most)).exits(eta)
 
-
-class _Exits(NamedTuple):
+class Exits(NamedTuple):
     """Where light that has entered n patches along m directions leaves, without collisions.
 
     Attributes
@@ -123,6 +125,40 @@ class _Exits(NamedTuple):
     shares: Float32
     meets: Float32
     weights: Float32
+
+    def at(self, patches: npt.NDArray[np.intp]) -> "Exits":
+        """Return them for some of the patches."""
+        return Exits(self.lengths[..., patches], self.shares[..., patches], self.meets[:, patches], self.weights)
+
+
+class InnerPaths:
+    """Straight paths of light through matter from a surface's n patches, followed when they are first asked for.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    patches : Patches
+    """
+
+    def __init__(self, mesh: Mesh, patches: Patches) -> None:
+        self.patches, self._mesh = patches, mesh
+        self._paths, self._exits = Recent[tuple[float, float], _Paths](1), Recent[float, Exits](KEPT)
+        self._known: tuple[float, float] | None = None  # least and largest index of the paths
+
+    def exits(self, eta: float) -> Exits:
+        """Return where light leaves for an index of refraction, >= 1."""
+        return self._exits.of(eta, lambda: self._followed(eta).exits(eta))
+
+    def are_known(self, eta: float) -> bool:
+        """Whether paths have been followed that serve for an index of refraction."""
+        known = self._known
+        return known is not None and known[0] <= eta <= known[1]
+
+    def _followed(self, eta: float) -> "_Paths":
+        known = least, most = min(eta, INDICES[0]), max(eta, INDICES[1])
+        paths = self._paths.of(known, lambda: _Paths(self._mesh, self.patches, least, most))
+        self._known = known
+        return paths
 
 
 class _Paths:
@@ -187,7 +223,7 @@ class _Paths:
             paths, along, left = paths[on], along[on], left[on]
         return found
 
-    def exits(self, eta: float) -> _Exits:
+    def exits(self, eta: float) -> Exits:
         """Return where light leaves for an index of refraction."""
         count, n = _count(eta), self._meets.shape[1]
         table = reflectance(1.0 / eta, np.linspace(0.0, 1.0, COSINES + 1)).astype(np.float32)
@@ -208,7 +244,7 @@ class _Paths:
         inside, outside = _spiral(count)[:, :2], _spiral(DIRECTIONS)[:, :2]
         inside *= -np.minimum(eta, 1.0 / np.linalg.norm(inside, axis=1))[:, None]
         nearest = np.linalg.norm(inside[:, None] - outside, axis=2).argmin(axis=1)
-        return _Exits(lengths, shares, self._meets[nearest].astype(np.float32), weights)
+        return Exits(lengths, shares, self._meets[nearest].astype(np.float32), weights)
 
 
 def _left(meetings: list[tuple[Int32, Float32, Float32]], n: int, table: Float32) -> tuple[Float32, Float32]:

@@ -166,7 +166,7 @@ def begin(channel: Channel, i: int, last: End | None, coarse: End | None, sample
     boundary = channel.boundary
     before = None if last is None else last.channels[i]
     start, ratio = None, 1.0
-    if last is not None and before is not None and last.boundary is boundary:
+    if last is not None and before is not None and last.boundary.patches is boundary.patches:
         # Of 2 A M at the same exitance.
         ratio = channel.medium.extrapolation_factor / before.medium.extrapolation_factor
         start = ratio * last.two_A_M[i]

@@ -30,8 +30,10 @@ class Patches:
     ----------
     points : (n, 3) float64
         Centres, mm; a little off the surface where it is curved.
+    nearest : (n,) int
+        Sample nearest to each centre.
     on_surface : (n, 3) float64
-        Sample nearest to each centre, mm, from which rays start.
+        That sample, mm, from which rays start.
     normals : (n, 3) float64
         Unit shading normals, at which light is refracted.
     face_normals : (n, 3) float64
@@ -45,6 +47,7 @@ class Patches:
     """
 
     points: Array
+    nearest: Ints
     on_surface: Array
     normals: Array
     face_normals: Array
@@ -54,6 +57,13 @@ class Patches:
 
     def __len__(self) -> int:
         return len(self.areas)
+
+    @property
+    def of_sample(self) -> Ints:
+        """Return the patch that each sample is part of, (samples,)."""
+        found = np.empty(self.sums.shape[1], np.intp)
+        found[self.sums.indices] = np.repeat(np.arange(len(self)), np.diff(self.sums.indptr))
+        return found
 
 
 def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches:
@@ -83,6 +93,7 @@ def make_patches(mesh: Mesh, samples: SurfaceSamples, spacing: float) -> Patches
     normals = np.where(length > 0.0, normals / np.maximum(length, np.finfo(np.float64).tiny), face_normals[nearest])
     return Patches(
         points=centres,
+        nearest=nearest,
         on_surface=points[nearest],
         normals=normals,
         face_normals=face_normals[nearest],

@@ -36,6 +36,7 @@ from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
 from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, Sources, lit
+from milkglass.core.transport.diffusion.collisions import InnerPaths
 from milkglass.core.transport.diffusion.entry import enter
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin, prolonged
@@ -88,10 +89,13 @@ class Problem:
         Of light within.
     external : (samples, 3) float32, optional
         As of `core.transport.base.EnteringFlux`.
-    couples : bool
-        Whether the exchange is part of the equation. Else what enters again is next to what is known.
+    is_preliminary : bool
+        Whether the solution is to be there at once: what enters again and where light goes through thin parts is next
+        to what is known.
     returned : Returned, optional
-        What is known of it then.
+        What is known of the former then.
+    paths : InnerPaths, optional
+        What is known of the latter.
     """
 
     mesh: Mesh
@@ -103,8 +107,9 @@ class Problem:
     beams: "Beams | None" = None
     media_within: Sequence[Medium] = ()
     external: Float32 | None = None
-    couples: bool = True
+    is_preliminary: bool = False
     returned: Returned | None = None
+    paths: InnerPaths | None = None
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -287,19 +292,30 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        known = problem.returned
-        if problem.couples and problem.exchange is not None:
-            kept = stages.kept(Stage.RETURNED)
-            known = kept[1] if kept is not None and kept[1].refined is problem.exchange.refined else None
-        grid = coarse.grid(mesh, np.eye(3))
+        returned, paths = problem.returned, problem.paths
+        if not problem.is_preliminary:
+            returned, paths = self._known_returned(problem, stages), self._known_paths(problem)
         on_coarse = replace(
-            problem, grid=grid, couples=False, returned=known, beams=None, media_within=(), external=None
-        )
+            problem, grid=coarse.grid(mesh, np.eye(3)), is_preliminary=True, returned=returned, paths=paths,
+            beams=None, media_within=(), external=None,
+        )  # fmt: skip
         return stages.run(
             Stage.COARSE_SOLUTION,
             (coarse, *on_coarse.key),
             lambda: coarse.solve(on_coarse, self._coarse_stages, go_on),
         )
+
+    def _known_returned(self, problem: Problem, stages: Stages) -> Returned | None:
+        """Return what the last solution has enter the same surface again."""
+        kept, exchange = stages.kept(Stage.RETURNED), problem.exchange
+        return kept[1] if kept is not None and exchange is not None and kept[1].refined is exchange.refined else None
+
+    def _known_paths(self, problem: Problem) -> InnerPaths | None:
+        """Return the paths through the same object that have been followed, where they serve its index."""
+        if self._placed is None or self._placed[:2] != (problem.mesh, problem.samples):
+            return None
+        paths = self._placed[2].paths
+        return paths if paths.are_known(problem.media[0].eta) else None
 
     def _keep_returned_of_coarse(self, coarse: Solution, problem: Problem, stages: Stages) -> None:
         """Begin to compute what the exitance of a coarse solution has enter again, where all for that is at hand."""
@@ -321,9 +337,12 @@ class DiffusionTransport:
         """Return the light, the equation of each channel, None for a dark one, and what counts as entering again."""
         media, eta = problem.media, problem.media[0].eta
         boundary, depths = self._surface(problem, stages)
+        if problem.is_preliminary:
+            placed, paths = boundary, problem.paths
+            boundary = stages.run(Stage.KNOWN_PATHS, (placed, paths), lambda: placed.going_by(paths))
         thread_pool().submit(lambda: boundary.curvature)  # will be asked for
         exchange, between, lights = problem.exchange, None, problem.lights
-        if not problem.couples:
+        if problem.is_preliminary:
             lights = [light for light in lights if not light.returned]
         elif exchange is not None:
             geometry = stages.run(
@@ -352,7 +371,7 @@ class DiffusionTransport:
             for i, light in enumerate(lights, start=1)
         ]
         sources, returned = Sources(boundary, depths, entries, between), None
-        if not problem.couples:
+        if problem.is_preliminary:
             sources, returned = self._with_returned(sources, problem, stages)
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in media]
         spectra = stages.run(Stage.SPECTRA, kernels, lambda: self.kernels.spectra(kernels, self._maker(boundary.grid)))

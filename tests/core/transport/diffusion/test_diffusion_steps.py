@@ -1,5 +1,7 @@
 """Solving again: warm starts, what is kept, what channels share, interruptions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,8 @@ from milkglass.core.grid.convolution import LayerConvolver
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
-from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem
+from milkglass.core.transport.diffusion.collisions import _Paths
+from milkglass.core.transport.diffusion.solver import NESTED, DiffusionTransport, Problem
 from tests.support.diffusing import DOWN, MARBLE, SKIM_MILK, WHOLE_MILK, collimated, samples_of
 from tests.support.shapes import ball
 
@@ -113,6 +116,35 @@ def test_same_bits_every_time(solver):
     np.testing.assert_array_equal(one.volume, other.volume)
     for channel in range(3):
         np.testing.assert_array_equal(one.two_A_M[channel], other.two_A_M[channel])
+
+
+def test_the_solution_on_half_the_nodes_follows_no_paths_through_thin_parts(monkeypatch):
+    """It is there before they are followed, from all nodes, and has first collisions as those tell ever after."""
+    mesh, thin = ball(5.0, 3), Medium(0.2, 0.01, 1.4)
+    samples = samples_of(mesh, NESTED)
+    grid, steps = DiffusionTransport(resolution=NESTED).grid(mesh, np.eye(3)), []
+    follow = _Paths.__init__
+    monkeypatch.setattr(_Paths, "__init__", lambda *arguments: (steps.append("paths"), follow(*arguments))[1])
+    transport, stages, bent = DiffusionTransport(resolution=NESTED), Stages(), []
+
+    def go_on(solution):
+        steps.append("all" if solution.boundary.grid == grid else "half")
+        bent.append(np.average(solution.boundary.bending(medium), weights=solution.boundary.patches.areas))
+        return True
+
+    for medium in (thin, replace(thin, sigma_a=0.02)):
+        around = [EnteringLight(np.repeat(samples.areas[:, None], 3, axis=1))]
+        transport.solve(Problem(mesh, samples, grid, around, (medium,) * 3), stages, go_on)
+        changes = [step for step, before in zip(steps, ["", *steps], strict=False) if step != before]
+        first, last = bent[0], bent[-1]
+        if medium is thin:
+            assert changes == ["half", "paths", "all"]
+            assert first < 0.8 * last  # as if all collided, which is known from then on
+        else:
+            assert changes == ["half", "all"]
+            assert first == pytest.approx(last, rel=0.01)
+        steps.clear()
+        bent.clear()
 
 
 @pytest.mark.slow
