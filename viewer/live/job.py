@@ -110,6 +110,8 @@ class TransportJob:
     renderer, lit
     wake : callable
         Called from the worker when there is something to take.
+    until_seen : bool
+        Whether it ends as soon as there is something to see, so that drawing it has the processor to itself.
 
     Attributes
     ----------
@@ -117,9 +119,19 @@ class TransportJob:
         How far a solution is, [0, 1]; None where transport does not say.
     """
 
-    def __init__(self, worker: Executor, renderer: Renderer, lit: LitScene, wake: Callable[[], object]) -> None:
+    def __init__(
+        self,
+        worker: Executor,
+        renderer: Renderer,
+        lit: LitScene,
+        wake: Callable[[], object],
+        *,
+        until_seen: bool = False,
+    ) -> None:
         self._renderer, self.lit, self._wake = renderer, lit, wake
         self._superseded, self._unwanted = threading.Event(), threading.Event()
+        if until_seen:
+            self._superseded.set()
         self._preview: Scattered | None = None
         self._shown: Scattered | None = None
         self._shown_at, self._gave_up = -np.inf, False

@@ -203,7 +203,7 @@ class Live:
                 unfinished, self.awaited = True, left.awaited
             if unfinished:
                 looks = ()
-            if unfinished or is_first:  # rays begin with the next frame
+            if unfinished or is_first:  # rays, and what makes it better, begin with the next frame
                 self._go_on()
         self._looks = looks
         self._count(self.renderer.stages.timings)
@@ -272,7 +272,8 @@ class Live:
             self.rays.follow(drawn)
         lit = self._light(drawn, detail)
         self.current = drawn is scene and not self.spreading
-        self._submit(lit)
+        if self.finished is None or self.picture is not None:  # else what comes after it begins with the next frame
+            self._submit(lit)
         if self.finished is None:
             return None
         old = self.finished.lit
@@ -280,6 +281,7 @@ class Live:
             lit = old  # the first volume of a new model, its bodies or other light is on the way
         placed = self._developer.placed(drawn, lit)
         if placed is None:
+            self._submit(lit)
             return None
         camera = model_camera(placed.camera, lit.model.whole, placed.display.image_size)
         return placed, replace(lit, camera=camera), self.finished
@@ -443,7 +445,8 @@ class Live:
     def _submit(self, lit: LitScene) -> None:
         if self.job is None and self._sent is not lit:
             self._sent = lit
-            self.job = TransportJob(self._worker, self.renderer, lit, self._wake)
+            is_first = self.finished is None
+            self.job = TransportJob(self._worker, self.renderer, lit, self._wake, until_seen=is_first)
 
     def _collect(self) -> None:
         """Take what the worker has, finished or on the way."""

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -9,16 +10,18 @@ import pytest
 import trimesh
 
 from milkglass.core.transport.diffusion import solver as diffusion
-from milkglass.core.transport.diffusion.solver import TOLERANCE
+from milkglass.core.transport.diffusion.solver import NESTED, TOLERANCE, DiffusionTransport
 from milkglass.viewer.error.report import error_report
 from milkglass.viewer.live.draft import Cost, Detail
 from milkglass.viewer.live.job import PRESENTABLE
+from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight
 from milkglass.viewer.scene.scene import apply_set
 from milkglass.viewer.scene.settings import TransportSettings
 from milkglass.viewer.window.panel.transport import chosen, solved
+from milkglass.viewer.window.replay import Headless
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene, write_pair
 from tests.support.waiting import DEADLINE, wait_until
 
@@ -118,6 +121,30 @@ def test_one_light_leaves_the_entry_of_the_others_alone(driver):
     turn_light(driver, 0.3, 0.2, 1.0)
     assert driver.stages() == SOLVED | MOVED
     assert driver.stages() == set()
+
+
+def test_what_makes_the_first_picture_better_begins_once_it_is_drawn(context, model, monkeypatch):
+    """Until then neither more nodes are solved nor rays cast: drawing has the processor to itself."""
+    begun: list[tuple[str, bool]] = []
+    with closing(Headless(with_diffusion(model, NESTED))) as window:
+        live = window.app.view.live
+        channels, follow = DiffusionTransport._channels, RaysJob.follow
+
+        def solving(transport, problem, stages):
+            begun.append(("half" if problem.is_preliminary else "all", live.picture is not None))
+            return channels(transport, problem, stages)
+
+        def casting(job, scene):
+            begun.append(("rays", live.picture is not None))
+            follow(job, scene)
+
+        monkeypatch.setattr(DiffusionTransport, "_channels", solving)
+        monkeypatch.setattr(RaysJob, "follow", casting)
+        window.settle()
+        assert begun[0] == ("half", False)
+        assert {("all", True), ("rays", True)} <= set(begun)
+        assert {is_drawn for what, is_drawn in begun if what != "half"} == {True}
+        assert live.is_settled(window.app.view.shown)
 
 
 @pytest.mark.slow
