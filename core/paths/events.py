@@ -49,6 +49,8 @@ class Rays(NamedTuple):
         Bits of the media that it is in, as far as it has met their surfaces: what it meets next may tell better.
     bodies : (k,) int32
         Body that it entered last, of those that scatter.
+    entries : (k,) int32
+        Number of the meeting where it was refracted last, see `follow`; -1 for none.
     """
 
     origins: Float32
@@ -58,13 +60,14 @@ class Rays(NamedTuple):
     parents: Int32
     within: Int32
     bodies: Int32
+    entries: Int32
 
     @classmethod
     def beginning(cls, origins: Float32, directions: Float32, weights: Float32, sources: Int32) -> "Rays":
         """Return rays where their paths begin: in air, or in a body of which they meet the surface next."""
         k = len(origins)
         none, air = np.full(k, -1, np.int32), np.zeros(k, np.int32)
-        return cls(origins, directions, weights, sources, none, air, np.zeros(k, np.int32))
+        return cls(origins, directions, weights, sources, none, air, np.zeros(k, np.int32), none)
 
 
 class Chords(NamedTuple):
@@ -78,7 +81,7 @@ class Chords(NamedTuple):
         mm.
     weights : (k, n) float32
         Of each channel at the start, before this chord absorbs.
-    bodies, sources, parents : (k,) int32
+    bodies, sources, parents, entries : (k,) int32
         Body that it crosses; as of the ray. Chords of one path are numbered from 0 by `follow`, in its order.
     """
 
@@ -89,6 +92,7 @@ class Chords(NamedTuple):
     bodies: Int32
     sources: Int32
     parents: Int32
+    entries: Int32
 
 
 class Meetings(NamedTuple):
@@ -112,7 +116,7 @@ class Meetings(NamedTuple):
         Weights of the face's second and third corner.
     within, entered : (k,) int32
         Media of the side that it arrives from, and of the side beyond, as of the ray.
-    bodies, sources, parents : (k,) int32
+    bodies, sources, parents, entries : (k,) int32
         As of the rays that go on.
     """
 
@@ -130,6 +134,7 @@ class Meetings(NamedTuple):
     bodies: Int32
     sources: Int32
     parents: Int32
+    entries: Int32
 
 
 class Event(NamedTuple):
@@ -163,7 +168,7 @@ def follow(
     clear: bool = True,
     enters: bool = True,
 ) -> Iterator[Event]:
-    """Yield the events of rays until all have escaped.
+    """Yield the events of rays until all have escaped; their meetings are numbered from 0, in this order.
 
     Parameters
     ----------
@@ -180,13 +185,14 @@ def follow(
     enters : bool
         Whether rays that leave are cast again, and may enter again.
     """
-    chord = 0
+    chord = meeting = 0
     for number in range(met + 1, events + 1):
         if len(rays.origins) == 0:
             return
         chords, meetings, escaped = meet(surface, rays, extinction, chord)
         chord += len(chords.lengths)
-        mirrored, refracted, share = part(surface, meetings, number, events)
+        mirrored, refracted, share = part(surface, meetings, number, events, meeting)
+        meeting += len(meetings.points)
         if not clear:
             refracted = none(refracted)
         if number == events:
@@ -224,7 +230,9 @@ def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> t
     )
 
 
-def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS) -> tuple[Rays, Rays, Float32]:
+def part(
+    surface: Surface, meetings: Meetings, number: int, events: int = EVENTS, first: int = 0
+) -> tuple[Rays, Rays, Float32]:
     """Return the mirrored and the refracted rays, and the share that is mirrored, see `Event.mirrored`.
 
     Parameters
@@ -235,8 +243,10 @@ def part(surface: Surface, meetings: Meetings, number: int, events: int = EVENTS
         Of the event on each path: at 1 the mirrored branch is kept, at `events` all goes on along the refracted one.
     events : int
         After how many meetings paths end.
+    first : int
+        Number of the first of the meetings.
     """
-    return _part(meetings, surface.offset, number, events)
+    return _part(meetings, surface.offset, number, events, first)
 
 
 def joined(a: Rays, b: Rays) -> Rays:
@@ -288,10 +298,11 @@ def _meet(
     weights, etas = np.empty((met, channels), np.float32), np.empty(met, np.float32)
     places, faces, beyond = np.empty((met, 2), np.float32), np.empty(met, np.int32), np.empty(met, np.int32)
     within, entered, bodies = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
-    sources, parents = np.empty(met, np.int32), np.empty(met, np.int32)
+    sources, parents, entries = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
     starts, ends = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
     lengths, before = np.empty(met, np.float32), np.empty((met, channels), np.float32)
-    crossed, chord_sources, chord_parents = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
+    crossed, chord_sources = np.empty(met, np.int32), np.empty(met, np.int32)
+    chord_parents, chord_entries = np.empty(met, np.int32), np.empty(met, np.int32)
     free, passed = np.empty(k - met, np.int64), np.zeros(met, np.bool_)
     j = n = left = went_on = 0
     for i in range(k):
@@ -338,7 +349,7 @@ def _meet(
                 normals[j, axis] = -normals[j, axis]
         for channel in range(channels):
             weights[j, channel] = rays.weights[i, channel]
-        parents[j] = rays.parents[i]
+        parents[j], entries[j] = rays.parents[i], rays.entries[i]
         if near_body >= 0:
             for axis in range(3):
                 starts[n, axis], ends[n, axis] = rays.origins[i, axis], points[j, axis]
@@ -346,14 +357,17 @@ def _meet(
                 before[n, channel] = rays.weights[i, channel]
                 weights[j, channel] *= np.exp(-extinction[near_body, channel] * distance[i])
             lengths[n], crossed[n] = distance[i], near_body
-            chord_sources[n], chord_parents[n] = rays.sources[i], rays.parents[i]
+            chord_sources[n], chord_parents[n], chord_entries[n] = rays.sources[i], rays.parents[i], rays.entries[i]
             parents[j] = chord + n
             n += 1
         etas[j], beyond[j], faces[j], sources[j] = eta_far / eta_near, far_body, face, rays.sources[i]
         within[j], entered[j], bodies[j] = arriving, arriving ^ bit, last
         places[j, 0], places[j, 1] = u, v
         j += 1
-    chords = Chords(starts[:n], ends[:n], lengths[:n], before[:n], crossed[:n], chord_sources[:n], chord_parents[:n])
+    chords = Chords(
+        starts[:n], ends[:n], lengths[:n], before[:n], crossed[:n], chord_sources[:n], chord_parents[:n],
+        chord_entries[:n],
+    )  # fmt: skip
     escaped = Rays(
         rays.origins[free],
         rays.directions[free],
@@ -362,6 +376,7 @@ def _meet(
         rays.parents[free],
         rays.within[free],
         rays.bodies[free],
+        rays.entries[free],
     )
     on = np.flatnonzero(passed)
     through = Rays(
@@ -372,26 +387,27 @@ def _meet(
         parents[on],
         entered[on],
         bodies[on],
+        entries[on],
     )
     if went_on > 0:
         at = np.flatnonzero(~passed)
         points, directions, normals, planes, weights = points[at], directions[at], normals[at], planes[at], weights[at]
         etas, beyond, faces, places, within = etas[at], beyond[at], faces[at], places[at], within[at]
-        entered, bodies, sources, parents = entered[at], bodies[at], sources[at], parents[at]
+        entered, bodies, sources, parents, entries = entered[at], bodies[at], sources[at], parents[at], entries[at]
     meetings = Meetings(
         points, directions, normals, planes, weights, etas, beyond, faces, places, within, entered, bodies, sources,
-        parents,
+        parents, entries,
     )  # fmt: skip
     return chords, meetings, escaped, through
 
 
 @compiled
-def _part(meetings: Meetings, offset: float, number: int, events: int) -> tuple[Rays, Rays, Float32]:
+def _part(meetings: Meetings, offset: float, number: int, events: int, first: int) -> tuple[Rays, Rays, Float32]:
     k, channels = meetings.weights.shape
     origins, directions = np.empty((2, k, 3), np.float32), np.empty((2, k, 3), np.float32)
     weights = np.empty((2, k, channels), np.float32)
     sources, parents = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
-    within, bodies = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
+    within, bodies, entries = np.empty((2, k), np.int32), np.empty((2, k), np.int32), np.empty((2, k), np.int32)
     went_on = np.empty(k, np.float32)
     mirrored, refracted = np.empty(3, np.float32), np.empty(3, np.float32)
     counts = np.zeros(2, np.int64)
@@ -439,6 +455,7 @@ def _part(meetings: Meetings, offset: float, number: int, events: int) -> tuple[
             sources[branch, n], parents[branch, n] = meetings.sources[i], meetings.parents[i]
             within[branch, n] = meetings.within[i] if branch == 0 else meetings.entered[i]
             bodies[branch, n] = meetings.bodies[i]
+            entries[branch, n] = meetings.entries[i] if branch == 0 else first + i
             counts[branch] = n + 1
     m, r = counts[0], counts[1]
     return (
@@ -450,6 +467,7 @@ def _part(meetings: Meetings, offset: float, number: int, events: int) -> tuple[
             parents[0, :m],
             within[0, :m],
             bodies[0, :m],
+            entries[0, :m],
         ),
         Rays(
             origins[1, :r],
@@ -459,6 +477,7 @@ def _part(meetings: Meetings, offset: float, number: int, events: int) -> tuple[
             parents[1, :r],
             within[1, :r],
             bodies[1, :r],
+            entries[1, :r],
         ),
         went_on,
     )

@@ -125,7 +125,7 @@ def _across(surface: Surface, starts: Float32, directions: Float32, sources: Int
     lengths = distance[met].astype(np.float32)
     ends, count = starts[met] + lengths[:, None] * directions[met], len(met)
     light, body, no_parent = np.ones((count, 3), np.float32), np.zeros(count, np.int32), np.full(count, -1, np.int32)
-    return Chords(starts[met], ends, lengths, light, body, sources[met], no_parent)
+    return Chords(starts[met], ends, lengths, light, body, sources[met], no_parent, no_parent)
 
 
 def exits(points: Array, normals: Array, areas: Array, surface: Surface, offset: float) -> Beams:
@@ -153,7 +153,7 @@ def left(
     most = out.power.max(initial=np.finfo(np.float32).tiny)  # weights of chords are 1 at most
     placed = out.starts, out.ends, out.lengths, out.power / most * np.exp(-thickness)
     found = np.zeros((count, 3), np.float32)
-    chords = Chords(*placed, np.zeros_like(out.bodies), number, no_parents)
+    chords = Chords(*placed, np.zeros_like(out.bodies), number, no_parents, no_parents)
     _glow(scattered, fill, grid).add(chords, np.array([extinctions], np.float32), np.array([eta], np.float32), found)
     return np.asarray(most * found.sum(axis=0, dtype=np.float64))
 

@@ -5,10 +5,13 @@ The first meeting with the surface is known, from the picture's G-buffer. From t
 
     what leaves the object:            w L_surround(d)
     every chord inside:                w (1 / eta^2) int S(x) e^(-s_t' s) ds
-    every meeting of a surface that scatters, from outside:   w F_t M / (pi T)
+    ... in the channels that have no S:   w (1 - e^(-s_t' l)) M / (e pi T)
 
-with w the branch's weight, S the radiance that a mm scatters (`core.paths.glow`), M the exitance of the surface, in the
-channels that have no S, and T its mean transmittance: an object is seen in its own mirror and through its clear parts.
+with w the branch's weight, S the radiance that a mm scatters (`core.paths.glow`), M the exitance of the surface where
+the path was refracted into the object last, T its mean transmittance, and e the share of light from all around that
+collides below it before it leaves. A sheet that is thin along a ray sends out as little as it lets through, and in all
+directions together M; where nothing comes through it is F_t M / (pi T). In even light, without absorption, M = e pi T,
+and all branches add up to 1. An object is seen in its own mirror and through its clear parts.
 """
 
 from collections.abc import Callable
@@ -68,12 +71,16 @@ class Seen(NamedTuple):
     unscattered : (k, 3)
         Surroundings by way of the inside.
     scattered : (k, 3)
-        By way of the inside, its glow, and the surface's exitance where the path meets it again.
+        By way of the inside, its glow, and what matter lets out where the path enters it again.
+    collided : (k, 3)
+        No radiance, but the share of the ray's weight that is refracted where it meets the object first and collides
+        before it leaves.
     """
 
     mirror: Float32
     unscattered: Float32
     scattered: Float32
+    collided: Float32
 
 
 class Inside(NamedTuple):
@@ -100,7 +107,7 @@ class Inside(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Where k rays meet matter from outside it.
+    """Where k rays enter matter from outside it.
 
     Attributes
     ----------
@@ -110,7 +117,7 @@ class Surfaces(NamedTuple):
     places : (k, 2) float32
         Weights of the face's second and third corner.
     weights : (k, 3) float32
-        Of each channel, F_t of the surface included.
+        Of each channel, what of the ray enters and collides before it leaves.
     """
 
     sources: Int32
@@ -155,7 +162,7 @@ class Tree:
     glows : tuple of Glow
         Of each kind of matter that has any.
     leaving : callable, optional
-        Gives M / (pi T) at vertices of the surface, (m, 3) float32, for their numbers, (m,): those that rays meet; at
+        Gives M / (e pi T) at vertices of the surface, (m, 3) float32, for their numbers, (m,): those that rays meet; at
         those of a clear part what matter has that it touches. It is called in the thread that `lit` is called in.
     mirrors, clear : bool
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
@@ -197,7 +204,7 @@ class Tree:
         """
         k = len(sight.points)
         size = min(max(-(-k // SHARES), LEAST_BATCH), BATCH)
-        seen = Seen(*(np.empty((k, 3), np.float32) for _ in range(3)))
+        seen = Seen(*(np.empty((k, 3), np.float32) for _ in Seen._fields))
 
         def trace(start: int) -> list[Surfaces]:
             if not go_on():  # of a batch that has waited for a thread
@@ -222,10 +229,8 @@ class Tree:
         _add_between(met, number[corners], leaving, seen.mirror, seen.scattered)
         return seen
 
-    def _trace(
-        self, sight: Sight, start: int, met: list[Surfaces], go_on: Callable[[], bool]
-    ) -> tuple[Float32, Float32, Float32]:
-        """Return what rays see, numbered from `start`, but for the surface from outside, which is appended to `met`."""
+    def _trace(self, sight: Sight, start: int, met: list[Surfaces], go_on: Callable[[], bool]) -> Seen:
+        """Return what rays see, numbered from `start`, but for matter that they enter again: that `met` has then."""
         surface, faces = self.surface, self.surface.faces
         inside = self.inside or Inside(unscattered=True, glows=self.glows, leaving=True)
         refracts = self.clear and not inside.is_dark
@@ -233,6 +238,8 @@ class Tree:
         mirrored, refracted, _ = part(surface, first, 1, self.events)
         rays = _numbered(mirrored if self.mirrors else none(mirrored), refracted if refracts else none(refracted))
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
+        collided, entered = np.zeros((len(first.points), 3), np.float32), [Surfaces.none()]
+        crossed = list[Chords]()
         for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
             if not go_on():
                 raise PathsSuperseded
@@ -240,11 +247,17 @@ class Tree:
             for glows, chords in self._gathered(event.chords):
                 for glow in glows:
                     glow.add(chords, self.extinction, faces.etas[: surface.scattering], scattered)
+            crossed.append(event.chords)
             if self.leaving is not None:
-                met.append(_leaving(event, surface.scattering, inside, start))
+                entered.append(_entering(event, surface.scattering, start, collides=not self.clear))
+        again = Surfaces(*(np.concatenate(column) for column in zip(*entered, strict=True)))
+        for chords in crossed:
+            _add_collided(chords, self.extinction, surface.scattering, collided, again.weights)
+        used = again.weights.any(axis=1) & (inside.leaving | (again.sources % 2 == 0))
+        met.append(Surfaces(*(column[used] for column in again)))
         if not inside.unscattered:
             unscattered[1::2] = 0.0
-        return unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2]
+        return Seen(unscattered[0::2] + scattered[0::2], unscattered[1::2], scattered[1::2], collided)
 
     def _gathered(self, chords: Chords) -> list[tuple[tuple[Glow, ...], Chords]]:
         """Return which glows the chords of mirrored and of refracted rays gather, all together where they are alike."""
@@ -278,28 +291,41 @@ def _first(sight: Sight, faces: Faces, scattering: int) -> Meetings:
         bodies=np.where(sight.bodies < scattering, sight.bodies, 0).astype(np.int32),
         sources=np.arange(k, dtype=np.int32),
         parents=np.full(k, -1, np.int32),
+        entries=np.full(k, -1, np.int32),
     )
 
 
 def _numbered(mirrored: Rays, refracted: Rays) -> Rays:
     """Return both branches with sources 2 n of mirrored and 2 n + 1 of refracted rays, n those before."""
     sources = np.concatenate([2 * mirrored.sources, 2 * refracted.sources + 1])
-    return joined(mirrored, refracted)._replace(sources=sources)
+    both = joined(mirrored, refracted)
+    return both._replace(sources=sources, entries=np.full(len(sources), -1, np.int32))
 
 
-def _leaving(event: Event, scattering: int, inside: Inside, start: int) -> Surfaces:
-    """Return where rays meet matter from outside it, of sources 2 n and 2 n + 1 of ray `start` + n, as far as shown."""
-    meetings = event.meetings
-    shown = (meetings.beyond >= 0) & (meetings.beyond < scattering)
-    if not inside.leaving:
-        shown &= meetings.sources % 2 == 0
-    chosen = np.flatnonzero(shown)
-    return Surfaces(
-        sources=meetings.sources[chosen] + np.int32(2 * start),
-        faces=meetings.faces[chosen],
-        places=meetings.places[chosen],
-        weights=meetings.weights[chosen] * (1.0 - event.mirrored[chosen])[:, None],
-    )
+def _entering(event: Event, scattering: int, start: int, *, collides: bool) -> Surfaces:
+    """Return the meetings of an event, of sources 2 n and 2 n + 1 of ray `start` + n.
+
+    Weights are what enters bodies that scatter, where all of that `collides` at once; else they are yet 0.
+    """
+    met = event.meetings
+    enters = (met.beyond >= 0) & (met.beyond < scattering) & collides
+    refracted = np.where(enters, np.float32(1.0) - event.mirrored, np.float32(0.0))
+    return Surfaces(met.sources + np.int32(2 * start), met.faces, met.places, met.weights * refracted[:, None])
+
+
+@compiled
+def _add_collided(chords: Chords, extinction: Float32, scattering: int, first: Float32, entering: Float32) -> None:
+    """Add what collides on chords in bodies that scatter to where it entered: where seen first, or at a meeting."""
+    for i in range(len(chords.lengths)):
+        body, ray, entry = chords.bodies[i], chords.sources[i], chords.entries[i]
+        if body >= scattering or entry >= len(entering):
+            continue
+        for channel in range(3):
+            lost = -np.expm1(-extinction[body, channel] * chords.lengths[i]) * chords.weights[i, channel]
+            if entry >= 0:
+                entering[entry, channel] += lost
+            elif ray % 2 == 1:
+                first[ray // 2, channel] += lost
 
 
 @compiled

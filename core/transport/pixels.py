@@ -56,6 +56,9 @@ class PixelEquation:
         1 / T at the nodes, 1/mm, from 1 / `reach`; how far it is a thin slab, from 0 to 1.
     bending : (3, n_layers, height, width) float32, or None where all of the object is all but flat and thick
         b - 1 at the nodes.
+    concentration : (3, n_layers, height, width) float32, or None where all of the object is thick
+        1 / e - 1 at the nodes, e the share of light from all around that collides before it leaves: so much more than
+        leaves do thin parts send out along what collides of a ray of sight.
     """
 
     reach: float
@@ -68,6 +71,7 @@ class PixelEquation:
     doubled: Array
     depths: Float32 | None
     bending: Float32 | None
+    concentration: Float32 | None
 
 
 _NO_FACTORS = np.zeros((1, 1, 3), np.float32)
@@ -82,6 +86,7 @@ NO_EQUATION = PixelEquation(
     doubled=np.ones(3),
     depths=None,
     bending=None,
+    concentration=None,
 )
 
 

@@ -24,6 +24,7 @@ uniform sampler3D t_depths;     // 1 / thickness, 1/mm, and how far it is a thin
 uniform float u_thin_reach;     // thickness of the last texel, mm; 0: no part is thin
 uniform bool u_bent;            // whether the next is other than 0
 uniform sampler3D t_bending;    // A of a curved or thin surface over a flat one's, less 1
+uniform sampler3D t_concentration;  // 1 / e, less 1: see core/transport/pixels.py
 uniform sampler3D t_fluence;    // of the patches near each node, their mean
 
 uniform sampler2D t_lobe;       // visible share of the highlight of an environment, see irradiance_pixels.frag
@@ -33,7 +34,9 @@ uniform bool u_fresnel;
 uniform sampler2D t_seen_mirrored;  // what rays of sight found, see viewer/passes/composite.py
 uniform sampler2D t_seen_through;
 uniform sampler2D t_seen_scattered;
+uniform sampler2D t_seen_collided;  // share of a ray that collides before it leaves the object
 uniform bool u_traced;            // whether any were followed
+uniform bool u_traced_inside;     // whether inside, too
 uniform vec3 u_left_to_surface;   // share of exitance that they do not find
 uniform float u_mirror_strength;
 uniform mat4 u_world_to_clip;
@@ -143,7 +146,14 @@ void main() {
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
-    vec3 subsurface = u_left_to_surface * entering * exitance / u_exit_normalisation;
+    vec3 shown = vec3(entering);
+    if (u_traced_inside) {
+        // M / e times what collides along the ray; where matter is thick that is F_t M (core/paths/tree.py).
+        vec3 coordinates = volume_coordinates(position.xyz, normal_and_body.a);
+        shown = 1.0 + textureLod(t_concentration, coordinates, 0.0).rgb;
+        if (u_traced) shown *= texelFetch(t_seen_collided, pixel, 0).rgb;
+    }
+    vec3 subsurface = u_left_to_surface * shown * exitance / u_exit_normalisation;
     vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
     vec3 unscattered = vec3(0.0);
     if (u_traced) {

@@ -49,6 +49,7 @@ const float NEGLIGIBLE = 1e-3;
 layout(location = 0) out vec4 o_mirror;
 layout(location = 1) out vec4 o_unscattered;
 layout(location = 2) out vec4 o_scattered;
+layout(location = 3) out vec4 o_collided;
 
 vec3 surroundings(sampler2D environment, vec3 place, vec3 direction) {
     vec3 radiance = u_environment_intensity * textureLod(environment, latlong_uv(u_environment_rotation * direction), 0.0).rgb;
@@ -167,12 +168,13 @@ void main() {
     float entering = fresnel_transmittance(u_eta, -dot(normal, onward));
     vec3 mirrored = reflect(onward, normal);
     o_mirror = vec4((1.0 - entering) * left_past(place, mirrored) * surroundings(t_even, place, mirrored), 1.0);
-    vec3 weight = vec3(entering), unscattered = vec3(0.0), scattered = vec3(0.0);
+    vec3 weight = vec3(entering), unscattered = vec3(0.0), scattered = vec3(0.0), collided = vec3(0.0);
     vec3 ray = refract(onward, normal, 1.0 / u_eta);
     int steps = u_glow_steps;
     for (int i = 1; i <= CHORDS; ++i) {
         vec3 outward;
         float size = chord(place, ray, outward);
+        collided += weight * (1.0 - exp(-u_extinction * size));
         if (steps > 0) scattered += glow(place, ray, size, steps, weight);
         else weight *= exp(-u_extinction * size);
         if (steps > 1) steps /= 2;
@@ -195,4 +197,5 @@ void main() {
     }
     o_unscattered = vec4(unscattered, 1.0);
     o_scattered = vec4(scattered, 1.0);
+    o_collided = vec4(collided, 1.0);
 }

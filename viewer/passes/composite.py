@@ -14,7 +14,7 @@ from milkglass.viewer.passes.irradiance import Highlights, PixelLight
 from milkglass.viewer.scene.camera import Camera
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular", "unscattered")
-SEEN = "t_seen_mirrored", "t_seen_through", "t_seen_scattered"  # samplers of `Traced.textures`
+SEEN = "t_seen_mirrored", "t_seen_through", "t_seen_scattered", "t_seen_collided"  # samplers of `Traced.textures`
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +35,18 @@ class Traced:
     Attributes
     ----------
     textures : tuple of moderngl.Texture
-        What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way; any
-        where no rays are followed.
+        What the first mirror shows, what is seen through the object, what scatters towards the eye on the way, and the
+        share of a ray that collides before it leaves; any where no rays are followed.
     left : tuple of R, G and B, optional
         Share of exitance that such rays do not find, in this sample of a pixel or another one, of each kind of matter.
+    is_followed, goes_inside : bool
+        Whether there are rays, and whether they go on inside.
     """
 
     textures: tuple[moderngl.Texture, ...]
     left: tuple[tuple[float, ...], ...] | None = None
     is_followed: bool = True
+    goes_inside: bool = False
 
 
 class CompositePass:
@@ -54,9 +57,12 @@ class CompositePass:
         self._plain = self._variant(detail=False)
         self._not_traced = Traced(self.traced_textures((1, 1)), is_followed=False)
 
-    def not_traced(self, left: tuple[tuple[float, ...], ...]) -> Traced:
-        """Return what stands for rays of a sample of which none are followed; `left` as of `Traced`."""
-        return replace(self._not_traced, left=left)
+    def not_traced(self, left: tuple[tuple[float, ...], ...] | None, *, goes_inside: bool = False) -> Traced:
+        """Return what stands for rays of a sample of which none are followed; arguments as of `Traced`.
+
+        Where they were to go inside, all of them is taken to collide.
+        """
+        return replace(self._not_traced, left=left, goes_inside=goes_inside)
 
     @computed_once
     def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
@@ -107,6 +113,7 @@ class CompositePass:
                     **{name: mirrors[name] for name in ("u_surround_strength", "u_fresnel")},
                     **dict(zip(SEEN, traced.textures, strict=True)),
                     "u_traced": traced.is_followed,
+                    "u_traced_inside": traced.goes_inside,
                     "u_left_to_surface": (1.0,) * 3 if traced.left is None else traced.left[i],
                     "u_mirror_strength": highlights.mirror_strength,
                     "u_world_to_clip": camera.world_to_clip,

@@ -27,6 +27,7 @@ class TableTextures:
     coupling: moderngl.Texture
     depths: moderngl.Texture3D
     bending: moderngl.Texture3D
+    concentration: moderngl.Texture3D
 
     @classmethod
     def upload(cls, context: moderngl.Context, tables: PixelTables) -> "TableTextures":
@@ -36,11 +37,11 @@ class TableTextures:
         front, across, coupling = (
             clamped_texture(context, table) for table in (equation.front, equation.across, equation.coupling[None])
         )
-        depths, bending = (
+        volumes = (
             volume_texture(context, nothing if volume is None else volume)
-            for volume in (equation.depths, equation.bending)
+            for volume in (equation.depths, equation.bending, equation.concentration)
         )
-        return cls(tables, local, front, across, coupling, depths, bending)
+        return cls(tables, local, front, across, coupling, *volumes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +163,7 @@ class Gather:
             "t_fluence": self.fluence,
             "u_bent": tables.equation.bending is not None,
             "t_bending": textures.bending,
+            "t_concentration": textures.concentration,
         }
 
     def _placed(self, kind: GatherKind) -> dict[str, object]:

@@ -56,15 +56,18 @@ class SurfaceExitance:
 
         return self._at(samples, found, lit, gather)
 
-    def at_vertices(self, vertices: Ints, lit: LitScene, gather: Gather) -> Float32:
-        """Return exitance M at vertices of the object's mesh, (n, 3), for their numbers, (n,)."""
+    def at_vertices(self, vertices: Ints, lit: LitScene, gather: Gather, *, inside: bool = False) -> Float32:
+        """Return exitance M at vertices of the object's mesh, (n, 3), for their numbers, (n,).
+
+        From `inside` it is M / e, e the share of light from all around that collides there before it leaves.
+        """
         mesh = lit.model.mesh
         of_vertex = np.zeros(len(mesh.vertices), np.int32)
         of_vertex[mesh.faces] = np.arange(len(mesh.faces), dtype=np.int32)[:, None]
         areas = np.full(len(vertices), mesh.area / max(len(mesh.vertices), 1), np.float32)
         samples = SurfaceSamples(mesh.vertices[vertices], mesh.normals[vertices], areas, of_vertex[vertices])
         # The mesh's vertices are the first of a refined one.
-        return self._at(samples, lambda _, values: values[vertices], lit, gather)
+        return self._at(samples, lambda _, values: values[vertices], lit, gather, inside=inside)
 
     def of_refined(
         self, surface: RefinedSurface | None, lit: LitScene, gather: Gather, sharing: int
@@ -89,13 +92,15 @@ class SurfaceExitance:
         exitance, irradiance, specular = yield from self._steps(points, lit, gather, sharing, holds_shares=True)
         return without_gaps(exitance, mesh), np.concatenate([irradiance, specular], axis=1)
 
-    def _at(self, samples: SurfaceSamples, found: ValuesFound, lit: LitScene, gather: Gather) -> Float32:
+    def _at(
+        self, samples: SurfaceSamples, found: ValuesFound, lit: LitScene, gather: Gather, *, inside: bool = False
+    ) -> Float32:
         """Return M at samples, where `found` gives the values of a refined surface's vertices: (n, 3)."""
         bodies: Floats | float = 0.0
         if lit.body_marks is not None:
             bodies = lit.body_marks.of_vertex[lit.model.mesh.faces[samples.faces, 0]]
         points = _Points(samples.points, samples.normals, bodies, found)
-        exitance, _, _ = exhausted(self._steps(points, lit, gather, PARTS))
+        exitance, _, _ = exhausted(self._steps(points, lit, gather, PARTS, inside=inside))
         if lit.detail is not None and lit.detail.after > 0.0:
             detail = lit.detail.detail
             pieces = detail.pieces(samples.points, samples.faces, samples.areas)
@@ -103,7 +108,14 @@ class SurfaceExitance:
         return np.ascontiguousarray(exitance)
 
     def _steps(
-        self, places: "_Points", lit: LitScene, gather: Gather, sharing: int, *, holds_shares: bool = False
+        self,
+        places: "_Points",
+        lit: LitScene,
+        gather: Gather,
+        sharing: int,
+        *,
+        holds_shares: bool = False,
+        inside: bool = False,
     ) -> Steps[tuple[Float32, Float32, Float32]]:
         """Compute M, E and highlights, (n, 3) each, or what else `viewer.passes.irradiance.PixelLight` holds."""
         points, normals, bodies, found = places
@@ -138,7 +150,8 @@ class SurfaceExitance:
         # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
         composite = self._composite.targets(size, parts=False, depth=depth)
         bind_cleared(composite.framebuffer)
-        self._composite.render(gbuffer, targets, gather.bare(), no_highlights, lit.camera, 1.0, composite)
+        traced = self._composite.not_traced(None, goes_inside=inside)
+        self._composite.render(gbuffer, targets, gather.bare(), no_highlights, lit.camera, 1.0, composite, traced)
         textures = composite.textures["radiance"], targets.irradiance, targets.specular
         exitance, irradiance, specular = (read_rgba(texture)[::-1].reshape(-1, 4)[:n, :3] for texture in textures)
         return exitance, irradiance, specular

@@ -135,7 +135,7 @@ class Frame:
     irradiance, exitance : (H, W, 3) float32
         E that enters and M that leaves, means over the covered part of the pixel.
     subsurface, specular : (H, W, 3) float32
-        F_t M / `core.transport.quality.Quality.exit_normalisation`, and the highlights.
+        F_t M / `core.transport.quality.Quality.exit_normalisation`, or what rays find inside; and the highlights.
     unscattered : (H, W, 3) float32
         What is seen through the object. With the two before it sums to the object's `radiance`.
     timings : dict

@@ -38,13 +38,17 @@ RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
 
 class Leaving:
-    """M / (pi T) at the vertices of a lit object that rays ask for, computed once each in an OpenGL context.
+    """What rays see of a lit object that they enter, at vertices that they ask for, computed once each in OpenGL.
 
-    Vertices of clear parts are numbered after its own; of them each has what the nearest vertex of the object has.
+    That is M / (e pi T) where they go on inside (`core.paths.tree`), else M / (pi T). Vertices of clear parts are
+    numbered after its own; of them each has what the nearest vertex of the object has.
     """
 
-    def __init__(self, context: moderngl.Context, exitance: SurfaceExitance, lit: LitScene, gather: Gather) -> None:
+    def __init__(
+        self, context: moderngl.Context, exitance: SurfaceExitance, lit: LitScene, gather: Gather, *, inside: bool
+    ) -> None:
         self._context, self._exitance, self._lit, self._gather = context, exitance, lit, gather
+        self._inside = inside
         n = len(lit.model.mesh.vertices)
         self._values, self._known = np.zeros((n, 3), np.float32), np.zeros(n, bool)
         beside = [np.arange(n), *(cKDTree(lit.model.mesh.vertices).query(part.mesh.vertices)[1] for part in lit.clear)]
@@ -60,7 +64,7 @@ class Leaving:
         missing = np.unique(vertices[~self._known[vertices]])
         if len(missing):
             with current(self._context):
-                exitance = self._exitance.at_vertices(missing, self._lit, gather)
+                exitance = self._exitance.at_vertices(missing, self._lit, gather, inside=self._inside)
             exitance = exitance * self._dimming[missing]
             self._values[missing] = exitance * self._left[missing] / self._normalisation[missing]
             self._known[missing] = True
@@ -116,7 +120,9 @@ class Tracing:
 
             def lit_tree() -> "Tree":
                 glows = () if resolved is None else tuple(kind.glow for kind in resolved.kinds)
-                leaving = Leaving(self._context, self._exitance, lit, gather) if paths.meets_itself else None
+                leaving = None
+                if paths.meets_itself:
+                    leaving = Leaving(self._context, self._exitance, lit, gather, inside=clear.clear)
                 return replace(clear, glows=glows, leaving=leaving)
 
             tree = self._run(Stage.LIT_PATHS, key, lit_tree)
@@ -172,7 +178,7 @@ class Tracing:
             of_pixels = np.zeros((height * width, 3), np.float32)
             of_pixels[pixels] = values
             texture.write(of_pixels)
-        return Traced(textures)
+        return Traced(textures, goes_inside=tree.clear)
 
     def _found(
         self, tree: "Tree", parts: "Iterator[tuple[Ints, Sight]]", count: int, superseded: threading.Event
@@ -216,7 +222,7 @@ class Tracing:
         unscattered = tree.inside is None or tree.inside.unscattered
         drafted = Drafted(around, glow, lit.eta, tuple(tree.extinction[0]), unscattered)
         self._drafts.render(gbuffer, back, lit.camera, lit.model.mesh, drafted, targets)
-        return Traced(targets.textures)
+        return Traced(targets.textures, goes_inside=tree.clear)
 
 
 class Followed(NamedTuple):

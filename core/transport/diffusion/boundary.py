@@ -123,6 +123,11 @@ class Boundary:
         bending, collisions = self._bending(medium), self.collisions.of(medium)
         return bending if collisions is None else collisions.bent(bending, self.patches.areas)
 
+    def concentration(self, medium: Medium) -> Array | None:
+        """Return fluence over that which lets out as much in thick matter, (n,); None where all of it is thick."""
+        collisions = self.collisions.of(medium)
+        return None if collisions is None else collisions.concentration(self.patches.areas)
+
     def _bending(self, medium: Medium) -> Array:
         mfp = medium.mean_free_path
         curvature, edges, _ = self.curvature.at(CONSTANTS.curvature.width * mfp)

@@ -57,14 +57,17 @@ class Collisions(NamedTuple):
     curved: Array
     towards: Array
 
-    def bent(self, bending: Array, areas: Array) -> Array:
-        """Return the extrapolation length over that of a flat and thick object, from that of a thick one, (n,).
+    def concentration(self, areas: Array) -> Array:
+        """Return fluence over that which lets out as much in thick matter, (n,) >= 1: 1 / e.
 
         Where next to nothing collides in all of the object the equation is all but singular, and it stays as it is.
         """
         clear = min(1.0, float(areas @ self.share / (LEAST_SHARE * areas.sum())))
-        thin = 1.0 / np.maximum(self.share, LEAST_SHARE) - 1.0
-        return np.asarray((1.0 + (bending - 1.0) * self.curved) * (1.0 + clear * thin))
+        return np.asarray(1.0 + clear * (1.0 / np.maximum(self.share, LEAST_SHARE) - 1.0))
+
+    def bent(self, bending: Array, areas: Array) -> Array:
+        """Return the extrapolation length over that of a flat and thick object, from that of a thick one, (n,)."""
+        return np.asarray((1.0 + (bending - 1.0) * self.curved) * self.concentration(areas))
 
 
 class FirstCollisions:

@@ -53,6 +53,10 @@ def pixel_tables(boundaries: Sequence[Boundary], media: tuple[Medium, ...], s: f
     equation = tables(reach, media, s)
     if is_bent(boundaries, media):
         equation = replace(equation, bending=on_nodes(lambda boundary: bending_at_nodes(boundary, media), 3))
+    if has_thin_matter(boundaries, media):
+        equation = replace(
+            equation, concentration=on_nodes(lambda boundary: concentration_at_nodes(boundary, media), 3)
+        )
     if reach > 0.0:
         equation = replace(equation, depths=on_nodes(lambda boundary: depths_at_nodes(boundary, reach), 2))
     return PixelTables(LocalTerm(np.zeros((1, 3)), sheet_reach(boundaries)), equation)
@@ -69,6 +73,12 @@ def is_bent(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
     return any(
         np.abs(boundary.bending(medium) - 1.0).max() > LEAST_BENDING for boundary in boundaries for medium in bright
     )
+
+
+def has_thin_matter(boundaries: Sequence[Boundary], media: Sequence[Medium]) -> bool:
+    """Whether light from all around crosses parts without a collision, in any channel that scatters."""
+    bright = [medium for medium in media if not medium.is_black]
+    return any(boundary.concentration(medium) is not None for boundary in boundaries for medium in bright)
 
 
 def thin_reach(boundary: Boundary, media: tuple[Medium, ...]) -> float:
@@ -110,6 +120,7 @@ def tables(reach: float, media: tuple[Medium, ...], s: float) -> PixelEquation:
         doubled=doubled,
         depths=None,
         bending=None,
+        concentration=None,
     )
 
 
@@ -156,7 +167,17 @@ def depths_at_nodes(boundary: Boundary, reach: float) -> Float32:
 
 def bending_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
     """Return `PixelEquation.bending`: harmonic means of b of the patches near each node, by area."""
-    flat = np.ones(len(boundary.patches))
-    inverse = [flat if medium.is_black else 1.0 / boundary.bending(medium) for medium in media]
-    # Less 1: nodes without a patch near have 0, which is b = 1.
+    return _harmonic_means(boundary, [None if medium.is_black else boundary.bending(medium) for medium in media])
+
+
+def concentration_at_nodes(boundary: Boundary, media: Sequence[Medium]) -> Float32:
+    """Return `PixelEquation.concentration`: harmonic means of that of the patches near each node, by area."""
+    return _harmonic_means(boundary, [None if medium.is_black else boundary.concentration(medium) for medium in media])
+
+
+def _harmonic_means(boundary: Boundary, values: Sequence[Array | None]) -> Float32:
+    """Return harmonic means of values of the patches, (n,) each, near each node, less 1; None stands for 1."""
+    ones = np.ones(len(boundary.patches))
+    inverse = [ones if value is None else 1.0 / value for value in values]
+    # Less 1: nodes without a patch near have 0, which is 1.
     return 1.0 / (1.0 + boundary.means(np.stack(inverse, axis=-1) - 1.0)) - 1.0

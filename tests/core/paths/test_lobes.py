@@ -56,7 +56,7 @@ def test_a_chord_gathers_what_lobes_send_along_it():
     for start, towards in ((1, 1.0), (0, -1.0)):
         chords = Chords(
             ends[start, None], ends[1 - start, None], np.full(1, 2.0, np.float32), np.ones((1, 3), np.float32), none,
-            none, none,
+            none, none, none,
         )  # fmt: skip
         found = np.zeros((1, 3), np.float32)
         glow.add(chords, np.zeros((1, 3), np.float32), np.ones(1, np.float32), found)

@@ -42,7 +42,7 @@ def seen_through(surface: Surface, extinction, around, radius: float, count: int
     rows = np.array([extinction] * surface.scattering + [NONE] * (len(faces.etas) - surface.scattering))
     rows = (rows + surface.absorption).astype(np.float32)
     found: Seen = Tree(surface, rows, around, events=most_events(surface)).trace(sight)
-    return np.sum(found, axis=0)
+    return np.asarray(found.mirror + found.unscattered + found.scattered)
 
 
 def together(layers: list[tuple[float, np.ndarray]]) -> np.ndarray:

@@ -118,6 +118,31 @@ def test_an_opaque_object_that_lets_out_what_surrounds_it_is_as_bright_in_its_ow
     np.testing.assert_allclose(seen.mirror, expected, atol=0.003)
 
 
+@pytest.mark.parametrize("eta", [1.0, 1.33, 1.8])
+def test_what_collides_in_a_plate_is_a_geometric_series(eta):
+    """At any slant: of what is refracted a share collides on every way across, and F_r of the rest crosses again."""
+    surface = Surface.of(solids.mesh_of(solids.block((200.0, 200.0, 2.0))), eta)
+    extinction, facing = np.array([[0.01, 0.5, 20.0]], np.float32), np.linspace(0.2, 1.0, 50)
+    directions = np.stack([np.sqrt(1.0 - facing**2), np.zeros(50), -facing], axis=1).astype(np.float32)
+    points, up = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (50, 1)), np.array([0.0, 0.0, 1.0], np.float32)
+    seen = Tree(surface, extinction, WHITE).trace(
+        Sight(points, np.tile(up, (50, 1)), directions, np.zeros(50, np.int32))
+    )
+    mirrored = reflectance(eta, facing)[:, None]
+    kept = np.exp(-2.0 * extinction / np.sqrt(1.0 - (1.0 - facing[:, None] ** 2) / eta**2))
+    np.testing.assert_allclose(seen.collided, (1.0 - mirrored) * (1.0 - kept) / (1.0 - mirrored * kept), atol=3e-3)
+    np.testing.assert_allclose(seen.mirror + seen.unscattered + seen.collided, 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [sphere, egg, torus])
+def test_matter_of_any_density_that_sends_out_what_surrounds_it_is_not_to_be_seen(shape):
+    """Wherever light collides, on the first way through or where it has left and entered again."""
+    surface, extinction = shape(1.33), np.array([[0.02, 0.2, 5.0]], np.float32)
+    seen = Tree(surface, extinction, WHITE, leaving=lambda of: np.ones((len(of), 3), np.float32)).trace(sight(surface))
+    np.testing.assert_allclose(seen.mirror + seen.unscattered + seen.scattered + seen.collided, 1.0, atol=1e-3)
+    assert seen.collided[:, 2].mean() > 0.8
+
+
 def test_a_floor_is_seen_from_above_and_fades_into_the_surroundings():
     ramp = np.sinh(np.linspace(-1.0, 1.0, 65)[:64] + 1.0 / 64.0) * 3.0 + 2.0  # x of the map's places
     radiance = np.stack([*np.broadcast_arrays(1.0, ramp[None, :], ramp[:, None])], axis=-1).astype(np.float32)

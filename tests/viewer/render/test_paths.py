@@ -107,6 +107,19 @@ def test_the_mirror_of_a_smooth_surface_is_fresnels(renderer, mesh):
     assert not frame.unscattered[seen].any()
 
 
+@pytest.mark.parametrize("elevation", [0.0, 75.0])
+def test_a_plate_of_a_few_free_paths_is_white_in_a_white_furnace_at_any_slant(renderer, elevation):
+    """It is no Lambert surface: where much comes through, along its normal, less is sent out."""
+    plate, free_paths = solids.mesh_of(solids.block((20.0, 20.0, 1.0))), (1.0, 2.0, 4.0)
+    of_channels = f"material.sigma_s_prime={list(free_paths)}", "material.sigma_a=[0,0,0]"
+    scene = white(plate, *of_channels, f"camera.elevation_deg={elevation}", "camera.azimuth_deg=0")
+    frame = renderer.render(scene, samples=1)
+    middle = (frame.alpha == 1.0) & (np.abs(frame.position[..., :2]).max(axis=-1) < 8.0)
+    assert middle.any()
+    assert (np.diff(frame.unscattered[middle].mean(axis=0)) < -0.01).all()
+    np.testing.assert_allclose(frame.radiance[middle].mean(axis=0), 1.0, atol=0.02)
+
+
 def test_what_is_behind_shows_upside_down_through_a_ball(renderer, mesh):
     sky = np.ones((32, 64, 3), np.float32) * np.linspace(2.0, 0.0, 32)[:, None, None].astype(np.float32)
     frame = renderer.render(
