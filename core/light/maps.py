@@ -19,7 +19,7 @@ Projection = Literal["latlong", "angular"]
 
 ASPECT_TOLERANCE = 0.01
 DISC_RADIUS = 0.995  # of the angular map: outside it stand text and a half-covered rim
-_BLOCK = 1 << 20  # samples handled at a time
+_BLOCK = 1 << 15  # samples at a time: the arrays of a block stay in the cache
 
 
 def direction_to_latlong(directions: npt.ArrayLike) -> Array:

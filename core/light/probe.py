@@ -56,7 +56,7 @@ SH_ORDER = 48
 TABLE_HEIGHT = 128
 MAX_HEIGHT = 1024  # a larger probe is averaged down: 0.2 degrees a texel is plenty for diffuse light
 MAX_RADIANCE = 1e12  # beyond it (the sun is 2e7 W m^-2 sr^-1) the float32 products of the shaders overflow
-_BLOCK = 1 << 20  # pairs (normal, texel) handled at a time
+_BLOCK = 1 << 15  # pairs (normal, texel) at a time: the arrays of a block stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
