@@ -297,8 +297,9 @@ def isotropic(rng: np.random.Generator, n: int) -> Array:
     u, v = rng.random((2, n))
     vectors = np.empty((3, n))
     vectors[2] = 2.0 * u - 1.0
-    azimuth, ring = 2.0 * np.pi * v, np.sqrt(1.0 - vectors[2] ** 2)
-    vectors[0], vectors[1] = ring * np.cos(azimuth), ring * np.sin(azimuth)
+    cosine = np.cos(2.0 * np.pi * v)  # of the azimuth, whose sine a root gives in less time
+    ring = np.sqrt(1.0 - vectors[2] ** 2)
+    vectors[0], vectors[1] = ring * cosine, ring * np.copysign(np.sqrt(1.0 - cosine**2), 0.5 - v)
     return vectors
 
 
