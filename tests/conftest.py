@@ -2,8 +2,10 @@
 
 import contextlib
 import ctypes
+import functools
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.sculpture import sculpture
 from milkglass.viewer.gl.context import current, driver_name, free_dropped, headless_context, leave_framebuffer
 from tests.support.display import virtual_display
 from tests.support.paths import DATA, PACKAGES
@@ -25,10 +28,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    config.option.loadscopereorder = False  # xdist's: files with the most tests first, which are quick ones
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the files with the most slow tests first, so that no worker is left with a long one at the end."""
     for item in items:
         if "context" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.gl)
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: -slow[item.path])
 
 
 @pytest.fixture(scope="session")
@@ -52,6 +62,14 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))
         patch.setattr("milkglass.viewer.assets.ray_cache.cache_folder", lambda: folder / "milkglass")
         yield folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def sculpted_once() -> Iterator[None]:
+    """Compute the built-in sculpture once: a renderer reads the detail of a scene's model, whatever mesh it draws."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("milkglass.viewer.files.builtin.sculpture", functools.cache(sculpture))
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)
