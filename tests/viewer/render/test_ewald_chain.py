@@ -18,7 +18,7 @@ from tests.support.shapes import plate
 MATERIALS = ("marble", "skimmilk", "wholemilk", "skin1", "jade", "ketchup")
 TRANSPORT_STAGES = {"weights", "deposit", "spectra", "convolution", "layer volume"}
 POINTS = 120
-SOURCE_EDGE = 0.25  # mm; the shortest mean free path is 0.26 mm, and sources lie half an edge apart
+SOURCE_EDGE = 0.95  # shortest mean free paths of a material; sources lie half an edge apart
 
 
 def scene_of(*assignments: str, lights=(DirectionalLight(FRONT),)) -> Scene:
@@ -30,7 +30,7 @@ class Oracle:
     """Sums equation (1) for one mesh at random visible points of a picture of it."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._rays, self._sources = RayCaster(mesh), surface_samples(mesh, SOURCE_EDGE)
+        self._mesh, self._rays = mesh, RayCaster(mesh)
 
     def errors(self, scene: Scene, *frames, only=None):
         """Rms per channel over the reference's rms in each picture, at pixels inside the object where `only` holds."""
@@ -38,7 +38,8 @@ class Oracle:
         rows, columns = np.nonzero(inside(first) if only is None else inside(first) & only(first))
         chosen = np.random.default_rng(0).choice(len(rows), POINTS, replace=False)
         pixels = rows[chosen], columns[chosen]
-        material, sources = scene.material.resolve(), self._sources
+        material = scene.material.resolve()
+        sources = surface_samples(self._mesh, SOURCE_EDGE / max(material.sigma_t_prime))
         entering = sum(
             self._rays.irradiance(sources.points, sources.normals, sources.normals, light, material.eta)
             for light in scene.lights
