@@ -91,9 +91,13 @@ class Solved:
 PATCH = 0.5  # cells: patches are compared with faces and sorted into bins whole
 
 
-def diffuse(mesh, media, resolution=48, light=None, tolerance=1e-4, phase=None, samples=None) -> Solved:
-    """Solve; `light` is an `EnteringLight` or makes one of samples, `phase` moves the grid, in nodes."""
-    transport, stages = DiffusionTransport(resolution=resolution, tolerance=tolerance, patch=PATCH), Stages()
+def diffuse(mesh, media, resolution=48, light=None, tolerance=1e-4, phase=None, samples=None, stages=None) -> Solved:
+    """Solve; `light` is an `EnteringLight` or makes one of samples, `phase` moves the grid, in nodes.
+
+    `stages` of a solution for the same mesh and samples keep its boundary, and the rays from it.
+    """
+    transport = DiffusionTransport(resolution=resolution, tolerance=tolerance, patch=PATCH)
+    stages = Stages() if stages is None else stages
     samples = samples_of(mesh, resolution) if samples is None else samples
     grid = transport.grid(mesh, np.eye(3))
     if phase is not None:
