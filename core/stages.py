@@ -189,7 +189,10 @@ class Stage(StrEnum):
     FIRST_VOLUME = "first scattering", Part.TRANSPORT
     ONWARDS = "rays of light that has scattered once", Part.TRANSPORT
     SECOND_VOLUME = "second scattering", Part.TRANSPORT
-    FLUENCE = "fluence within", Part.TRANSPORT
+    OFTEN_SCATTERED = "often scattered light within", Part.TRANSPORT
+    EVEN_BEAMS = "beams of even light", Part.TRANSPORT
+    EVEN_ONWARDS = "rays of even light that has scattered once", Part.TRANSPORT
+    EVENNESS = "even light within", Part.TRANSPORT
     RESOLVED = "glow within", Part.TRANSPORT
     SOLUTION = "solution", Part.TRANSPORT
     LAYER_VOLUME = "layer volume", Part.TRANSPORT

@@ -34,9 +34,14 @@ class Ball:
     @classmethod
     def around(cls, mesh: Mesh) -> "Ball":
         """Return the sphere about the middle of a mesh's box that holds the mesh."""
-        box = np.asarray(mesh.bounds, np.float64)
+        return cls.holding(mesh.vertices)
+
+    @classmethod
+    def holding(cls, points: Floats) -> "Ball":
+        """Return the sphere about the middle of the box of points (n, 3) that holds them."""
+        box = np.array([points.min(axis=0), points.max(axis=0)], np.float64)
         centre = box.mean(axis=0)
-        return cls(centre, float(np.linalg.norm(mesh.vertices - centre, axis=1).max()), box)
+        return cls(centre, float(np.linalg.norm(points - centre, axis=1).max()), box)
 
     def met(self, count: int, cast: Callable[[int], Emitted]) -> Emitted:
         """Return about `count` rays that meet the box, of as many more as it takes; `cast` gives so many of a light."""

@@ -10,12 +10,12 @@ import numpy as np
 
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.material.medium import DeltaEddington, Medium
-from milkglass.core.provenance import chosen, fitted
+from milkglass.core.provenance import chosen
 
 
 @dataclass(frozen=True)
 class ResolvedConstants:
-    """Where free paths are long enough for nodes, and what the fluence lacks next to the boundary."""
+    """Where free paths are long enough for nodes, and which light is worth following."""
 
     least_path: float = chosen(1.5, "mean free paths over a cell up to which nodes do not resolve them", "ball")
     full_path: float = chosen(2.5, "mean free paths over a cell from which on nodes resolve them", "ball")
@@ -23,16 +23,6 @@ class ResolvedConstants:
         0.005, "share of the light that crosses an object which scatters, below which none is followed", "ball"
     )
     least_albedo: float = chosen(0.02, "albedo below which light that scatters twice is left out", "ball")
-    clear_chord: float = fitted(
-        2.0,
-        "mean chord over mean free path up to which its balance tells the gain of often scattered light",
-        "ball",
-    )
-    even_chord: float = fitted(6.0, "mean chord over mean free path from which on its balance tells nothing", "ball")
-    least_gain: float = chosen(1.08, "that gain in thick matter without absorption", "ball")
-    skin_gain: float = fitted(0.06, "what of it absorption leaves, which spares light next to the surface", "ball")
-    thick_chord: float = fitted(11.0, "mean chord over mean free path from which on it leaves all of that", "ball")
-    little_absorbed: float = fitted(0.05, "absorbed share times that length squared, at which half is left", "ball")
 
 
 RESOLVED = ResolvedConstants()
@@ -57,36 +47,6 @@ def resolved_share(medium: Medium, grid: LayerGrid) -> float:
         return 0.0
     cells = medium.delta_eddington().mean_free_path / grid.texel
     return float(np.clip((cells - RESOLVED.least_path) / (RESOLVED.full_path - RESOLVED.least_path), 0.0, 1.0))
-
-
-def balanced_share(chord: float) -> float:
-    """Return by how much the balance of light that scatters often tells its gain, [0, 1].
-
-    `chord` is the mean one over the mean free path. In thick matter the balance is a small difference.
-    """
-    thick = (chord - RESOLVED.clear_chord) / (RESOLVED.even_chord - RESOLVED.clear_chord)
-    return 1.0 - float(np.clip(thick, 0.0, 1.0))
-
-
-def thick_gain(chord: float, albedo: float) -> float:
-    """Return the gain of light that scatters often where its balance tells nothing; arguments likewise.
-
-    What is gathered next to the surface lacks some light.
-    """
-    thick = (chord - RESOLVED.clear_chord) / (RESOLVED.thick_chord - RESOLVED.clear_chord)
-    most, least = RESOLVED.least_gain - 1.0, RESOLVED.skin_gain * float(np.clip(thick, 0.0, 1.0))
-    absorbed = (1.0 - albedo) * chord * chord
-    return 1.0 + most - (most - least) * absorbed / (absorbed + RESOLVED.little_absorbed)
-
-
-def met_in_ball(chord: float, eta: float) -> float:
-    """Return the share of light from all around that collides in a ball before it leaves, [0, 1].
-
-    `chord` is the mean one over the mean free path, > 0. Reflection at the surface is left out.
-    """
-    diameter, least = 1.5 * chord, float(np.sqrt(1.0 - 1.0 / eta**2))  # cosine inside of light that grazes
-    at_least, at_most = (mu * np.exp(-diameter * mu) + np.exp(-diameter * mu) / diameter for mu in (least, 1.0))
-    return 1.0 - 2.0 * float(at_least - at_most) / (diameter * (1.0 - least * least))
 
 
 def scatters_once(medium: Medium, grid: LayerGrid) -> bool:

@@ -42,6 +42,22 @@ class Scattered(NamedTuple):
         """Return the power of several lights as one."""
         return cls(*([_sum(of_parts) for of_parts in zip(*column, strict=True)] for column in zip(*parts, strict=True)))
 
+    def of_channels(self, chosen: Sequence[bool]) -> "Scattered":
+        """Return the power of some of R, G and B."""
+        return Scattered(*([part if used else None for part, used in zip(of, chosen, strict=True)] for of in self))
+
+    def times(self, factors: "Sequence[np.float32 | Float32 | None]") -> "Scattered":
+        """Return the power times a factor of each channel, none where that is None."""
+        return Scattered(
+            *(
+                [
+                    None if part is None or factor is None else factor * part
+                    for part, factor in zip(parts, factors, strict=True)
+                ]
+                for parts in self
+            )
+        )
+
     @property
     def is_directed(self) -> bool:
         """Whether a channel scatters more one way than another."""
@@ -164,7 +180,6 @@ def often_scattered(
 def resolved(
     first: Sequence[Scattered],
     often: Scattered,
-    gains: Sequence[float],
     media: Sequence[Medium],
     fill: Filled,
     grid: LayerGrid,
@@ -177,8 +192,6 @@ def resolved(
         For the first time: light by light where it scatters more one way than another, else of all together.
     often : Scattered
         For a later time.
-    gains : of R, G and B
-        Factors on the latter.
     media : R, G and B
     fill : Filled
     grid : LayerGrid
@@ -187,17 +200,15 @@ def resolved(
     shares = tuple(resolved_share(medium, grid) for medium in media)
     factors = [share / (4.0 * np.pi * grid.texel**3) for share in shares]
 
-    def density(factors: Sequence[float], i: int, power: Float32) -> Float32:
+    def a_mm(i: int, power: Float32) -> Float32:
         return power * (np.float32(factors[i]) / fill.weight)
 
-    gained = [factor * gain for factor, gain in zip(factors, gains, strict=True)]
-    once_a_mm, often_a_mm = (functools.partial(density, of_channels) for of_channels in (factors, gained))
     if any(scattered.is_directed for scattered in first):
-        once = lobes(first, [scaled(medium, grid) for medium in media], grid, once_a_mm)
+        once = lobes(first, [scaled(medium, grid) for medium in media], grid, a_mm)
     else:
         (all_lights,) = first
-        once = all_lights.glow(grid, once_a_mm, directed=False)
-    return Resolved(once, often.glow(grid, often_a_mm, directed=often.is_directed), shares)
+        once = all_lights.glow(grid, a_mm, directed=False)
+    return Resolved(once, often.glow(grid, a_mm, directed=often.is_directed), shares)
 
 
 def _sum(volumes: Volumes) -> Float32 | None:

@@ -1,14 +1,17 @@
 """White furnaces: an object in surroundings of radiance 1, without absorption, lets out what comes in everywhere."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 
 from milkglass.core.arrays import Array
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import Refined, refined
 from milkglass.core.geometry.samples import surface_samples
+from milkglass.core.geometry.sculpture import SPACING, sculpture
 from milkglass.core.light.crossing import Crossings, cast_crossings
 from milkglass.core.light.exchange import Exchange, Hits, cast_hits
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
@@ -16,6 +19,8 @@ from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stages
 from milkglass.core.transport.base import EnteringLight
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem, Solution
+from tests.support.shapes import torus_knot
+from tests.support.solids import ball, mesh_of
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,36 @@ class Furnace:
     unevenness: float
     kept: float
     error: float
+
+
+def knot() -> Mesh:
+    return torus_knot()
+
+
+def torus() -> Mesh:
+    return mesh_of(trimesh.creation.torus(30.0, 12.0, major_sections=64, minor_sections=32))
+
+
+def bowl() -> Mesh:
+    angles = np.linspace(0.0, 0.5 * np.pi, 24)
+    sides = [radius * np.column_stack([np.sin(angles), -np.cos(angles)]) for radius in (30.0, 27.0)]
+    return mesh_of(trimesh.creation.revolve(np.concatenate([sides[0], sides[1][::-1]]), sections=48))
+
+
+def sphere() -> Mesh:
+    return mesh_of(ball(30.0, subdivisions=4))
+
+
+def coarse_sculpture() -> Mesh:
+    """The built-in one of fewer faces."""
+    vertices, faces, normals = sculpture(1.6 * SPACING)
+    return Mesh.of(vertices, normals, faces)
+
+
+@functools.cache
+def shape(make: Callable[[], Mesh]) -> Mesh:
+    """Return a shape, made once."""
+    return make()
 
 
 @functools.lru_cache(maxsize=1)

@@ -22,6 +22,8 @@ from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.crossing import Crossings
 from milkglass.core.light.exchange import Exchange, Pattern
 from milkglass.core.light.ground import GroundExchange, GroundReturn
+from milkglass.core.light.indices import Eta, Indices
+from milkglass.core.material.fresnel import hemispherical_transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.threads import Recent
 from milkglass.core.transport.base import EnteringLight
@@ -59,6 +61,22 @@ class ExchangeGeometry:
             sums = patches.sums @ (samples.areas[:, None] * exchange.leaving)
             self.leaving = (sums / np.maximum(patches.areas, np.finfo(np.float64).tiny)[:, None]).astype(np.float32)
         self.to_patches = flux_matrices(exchange, patches, samples)
+        self._hits, self._others = exchange.hits, None if exchange.emitting is None else ~exchange.emitting
+
+    def from_others(self, eta: Eta, crossings: Crossings | None, extinction: Sequence[float]) -> Float32 | None:
+        """Return what enters at the vertices, (m,), if other bodies let out what leaves them in even light.
+
+        In surroundings of radiance 1 that is pi times the share which enters. None for a body that is alone.
+        """
+        if self._others is None:
+            return None
+        etas = eta.etas if isinstance(eta, Indices) else (eta,)
+        kinds = eta.of_face if isinstance(eta, Indices) else np.zeros(len(self._others), np.int64)
+        emitters = np.where(self._others, kinds, -1)
+        leaving = np.array([np.pi * hemispherical_transmittance(of_kind) for of_kind in etas], np.float32)
+        entering = self._hits.matrix(eta, emitters, len(etas)) @ leaving
+        across = None if crossings is None else crossings.matrix(emitters, len(etas), extinction)
+        return np.asarray(entering if across is None else entering + across @ leaving, np.float32)
 
 
 class SurfaceExchange:
@@ -85,7 +103,7 @@ class SurfaceExchange:
         self._crossings: Crossings | None = None
         self._extinctions: Sequence[Sequence[float]] | None = None
         self._ground: GroundReturn | None = None
-        self._eta = geometry.indices or eta
+        self._geometry, self._eta = geometry, geometry.indices or eta
         self._to_vertices = geometry.pattern.matrix(self._eta)
         self._leaving, self._to_patches = geometry.leaving, geometry.to_patches
         everywhere = EnteringLight(np.ones((len(samples), 3), np.float32))
@@ -106,6 +124,12 @@ class SurfaceExchange:
         other.share += self._share(other._ground.irradiance(brightest, np.ones(n, np.float32)))
         return other
 
+    def afloat(self) -> "SurfaceExchange":
+        """Return the exchange without a plane below the object; they share all else."""
+        other = copy.copy(self)
+        other._ground = None
+        return other
+
     def through(self, crossings: Crossings, extinctions: Sequence[Sequence[float]] | None = None) -> "SurfaceExchange":
         """Return the exchange with light that crosses matter on these paths; they share all else.
 
@@ -123,8 +147,7 @@ class SurfaceExchange:
 
     def flux(self, channel: int, exitance: Array, medium: Medium) -> Array:
         """Return the flux that enters the patches again, (n,), for their exitance in one channel, (n,)."""
-        to_patches = self._to_patches[channel % len(self._to_patches)]
-        return np.asarray(to_patches @ self._at_vertices(channel, exitance, medium), np.float64)
+        return np.asarray(self._entering(channel) @ self._at_vertices(channel, exitance, medium), np.float64)
 
     def _at_vertices(self, channel: int, exitance: Array, medium: Medium) -> Float32:
         leaving = exitance.astype(np.float32)
@@ -137,9 +160,20 @@ class SurfaceExchange:
             entering = entering + across @ towards
         return np.asarray(entering if self._ground is None else entering + self._ground.irradiance(channel, leaving))
 
+    def flux_from_others(self, channel: int, medium: Medium) -> Array | None:
+        """Return the flux that enters the patches from other bodies in surroundings of radiance 1, (n,)."""
+        irradiance = self._geometry.from_others(self._eta, self._crossings, self._extinction(channel, medium))
+        return None if irradiance is None else np.asarray(self._entering(channel) @ irradiance, np.float64)
+
+    def _entering(self, channel: int) -> csr_array:
+        return self._to_patches[channel % len(self._to_patches)]
+
+    def _extinction(self, channel: int, medium: Medium) -> tuple[float, ...]:
+        return (medium.sigma_t_prime,) if self._extinctions is None else tuple(self._extinctions[channel])
+
     def _matrix_across(self, channel: int, medium: Medium) -> csr_array | None:
         """Return the matrix from exitance to what enters at the vertices across matter, None where that is little."""
-        extinction = (medium.sigma_t_prime,) if self._extinctions is None else tuple(self._extinctions[channel])
+        extinction = self._extinction(channel, medium)
         crossings, n = self._crossings, len(self.boundary.patches)
         if crossings is None:
             return None

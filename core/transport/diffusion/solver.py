@@ -273,7 +273,8 @@ class DiffusionTransport:
         media = problem.media_within
         if not any(needs_beams(medium, boundary.grid) for medium in media):
             return solution
-        from milkglass.core.transport.diffusion.within import Body, Within
+        from milkglass.core.transport.diffusion.orders import Body
+        from milkglass.core.transport.diffusion.within import Within
 
         tolerance = max(self.tolerance, WITHIN_TOLERANCE)
         self._within = self._within or Within(self.kernels, self.shape, tolerance, WITHIN_PRODUCTS)

@@ -7,76 +7,32 @@ follows from the three (`core.paths.resolved`).
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from milkglass.core.arrays import Array, Float32
-from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.samples import SurfaceSamples
+from milkglass.core.arrays import Float32
 from milkglass.core.grid.kernels import Kernels, Spectra
 from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.grid.shape import ConvolutionShape
 from milkglass.core.material.fresnel import index_of
-from milkglass.core.material.medium import BOUNDARY_CONDITION, DeltaEddington, Medium
+from milkglass.core.material.medium import BOUNDARY_CONDITION, Medium
 from milkglass.core.paths.beams import Beams
-from milkglass.core.paths.deposit import moments
-from milkglass.core.paths.filled import Filled, filled
-from milkglass.core.paths.flight import flight_spectrum, potential_spectrum
+from milkglass.core.paths.filled import filled
 from milkglass.core.paths.onwards import Onwards, sent_on
-from milkglass.core.paths.resolution import RESOLVED, balanced_share, met_in_ball, needs_beams, scaled, thick_gain
-from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, often_scattered, resolved
-from milkglass.core.paths.second import Returns, carried_on, collided_again, exits, left, returns
+from milkglass.core.paths.resolution import RESOLVED, needs_beams, scaled
+from milkglass.core.paths.resolved import Resolved, Scattered, Volumes, resolved
+from milkglass.core.paths.second import Returns, exits, returns
 from milkglass.core.paths.surface import Surface
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import pool_map
-from milkglass.core.transport.diffusion.boundary import RAY_OFFSET, Boundary
+from milkglass.core.transport.diffusion.boundary import RAY_OFFSET
 from milkglass.core.transport.diffusion.channel import Channel
-from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin
-from milkglass.core.transport.diffusion.reentry import Reentry, SurfaceExchange
+from milkglass.core.transport.diffusion.iteration import End, Iteration, begin
+from milkglass.core.transport.diffusion.orders import Body, Convolvers, Often, Orders, even_beams, scattered_once
+from milkglass.core.transport.diffusion.reentry import Reentry
 
 MOST_LOBES = 4  # lights whose directions are kept apart where matter scatters forward
-FLIGHT, POTENTIAL = "flight", "potential"
-KERNELS = {FLIGHT: flight_spectrum, POTENTIAL: potential_spectrum}
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """An object as diffusion has it.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    samples : SurfaceSamples
-        Of which patches are made.
-    boundary : Boundary
-    exchange : SurfaceExchange, optional
-        By which light that leaves enters again.
-    external : (samples, 3) float32, optional
-        Flux that enters from other bodies.
-    """
-
-    mesh: Mesh
-    samples: SurfaceSamples
-    boundary: Boundary
-    exchange: SurfaceExchange | None
-    external: Float32 | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Often:
-    """One channel of light that has scattered twice or more.
-
-    Attributes
-    ----------
-    end : Reached
-        What its diffusion has come to.
-    entered : (n_layers, height, width) float32
-        Power at the nodes that scatters for the first time since it left the object, or another one, and entered.
-    """
-
-    end: Reached
-    entered: Float32
 
 
 class Within:
@@ -103,6 +59,7 @@ class Within:
     ) -> None:
         self._kernels, self._shape, self._tolerance, self._most_products = kernels, shape, tolerance, most_products
         self._last: End | None = None
+        self._last_even: End | None = None
 
     def resolved(
         self,
@@ -136,166 +93,142 @@ class Within:
         around = beams.surface if is_nested else None
         seen = [needs_beams(medium, grid) for medium in media]
         flights = [scaled(medium, grid) for medium in media]
-
-        turned = [used and flight.cosine > 0.0 for used, flight in zip(seen, flights, strict=True)]
-
-        def once(of_light: Beams) -> Scattered:
-            met = moments(of_light, [flight.sigma_t for flight in flights], grid, 4 if any(turned) else 1)
-            power = [
-                np.float32(flight.albedo) * part if used and part.any() else None
-                for flight, part, used in zip(flights, met[0], seen, strict=True)
-            ]
-            flux = [
-                np.float32(flight.turning) * met[1:, i] if turns and power[i] is not None else None
-                for i, (flight, turns) in enumerate(zip(flights, turned, strict=True))
-            ]
-            return Scattered(power, flux)
-
         alone = functools.cache(lambda: Surface.of(body.mesh, eta))
         places = patches.on_surface, patches.face_normals, patches.areas
 
-        def sent_back() -> Returns:
+        def sent_back(around: Surface | None) -> Returns:
             return returns(*places, alone(), RAY_OFFSET * grid.texel, around)
 
         def ways_out() -> Beams:
             return exits(*places, alone(), RAY_OFFSET * grid.texel)
 
         def light_by_light() -> list[Scattered]:
-            return [once(of_light) for of_light in (beams.by_light(MOST_LOBES) if any(turned) else [beams])]
+            directed = any(used and flight.cosine > 0.0 for used, flight in zip(seen, flights, strict=True))
+            lights = beams.by_light(MOST_LOBES) if directed else [beams]
+            return [scattered_once(light, flights, seen, grid) for light in lights]
 
         first = stages.run(Stage.FIRST_VOLUME, (beams, grid, *media), light_by_light)
-        together = Scattered.together(first)
         followed = [medium.albedo >= RESOLVED.least_albedo for medium in media]
-        source = Scattered(
-            *([part if goes_on else None for part, goes_on in zip(parts, followed, strict=True)] for parts in together)
-        )
+        source = Scattered.together(first).of_channels(followed)
         if all(part is None for part in source.power):
-            no_gains = [1.0] * len(media)
-            return stages.run(
-                Stage.RESOLVED, (first, fill), lambda: resolved(first, source, no_gains, media, fill, grid)
-            )
-        back = stages.run(Stage.RETURNS, (body.boundary, eta, around), sent_back)
+            return stages.run(Stage.RESOLVED, (first, fill), lambda: resolved(first, source, media, fill, grid))
+        back = stages.run(Stage.RETURNS, (body.boundary, eta, around), lambda: sent_back(around))
         index = eta if around is None else index_of(back.reflected())
-        fly = functools.partial(self._flown, media=media, flights=flights, fill=fill, back=back, grid=grid)
-
+        used = [part is not None for part in source.power]
+        solve = functools.partial(self._fluence, media=media, eta=index, window=window, green=green)
+        orders = Orders(media, flights, used, fill, back, grid, self._convolvers(grid, media), solve)
         phases = [medium.g for medium in media]
 
-        def goes_on() -> Onwards:
-            return sent_on(beams, phases, around or alone())
+        def onwards() -> Onwards:
+            key = body.mesh, beams.starts, beams.emitted, eta, around, *phases
+            return stages.run(Stage.ONWARDS, key, lambda: sent_on(beams, phases, around or alone()))
 
         def twice() -> Scattered:
-            directed = [part is not None for part in source.flux]
-            if any(directed):
-                used = [part is not None for part in source.power]
-                key = body.mesh, beams.starts, beams.emitted, eta, around, *phases
-                scattered = stages.run(Stage.ONWARDS, key, goes_on).scattered(beams, flights, used)
-                power, *flux = moments(scattered, [flight.sigma_t for flight in flights], grid, 4)
-                met = Scattered(
-                    [part if used[i] else None for i, part in enumerate(power)],
-                    [np.stack([part[i] for part in flux]) if directed[i] else None for i in range(len(power))],
-                )
-            else:
-                met = fly(source)
-            return Scattered(
-                [
-                    None if power is None else np.float32(flight.albedo) * power
-                    for flight, power in zip(flights, met.power, strict=True)
-                ],
-                [
-                    None if flux is None else np.float32(flight.turning) * flux
-                    for flight, flux in zip(flights, met.flux, strict=True)
-                ],
-            )
+            return orders.twice(beams, source, onwards)
 
         if not is_wanted():
             return None
         second = stages.run(Stage.SECOND_VOLUME, (first, fill, back), twice)
         if not is_wanted():
             return None
-        fluence = stages.run(
-            Stage.FLUENCE,
-            (second, body.boundary, body.exchange, body.external),
-            lambda: self._fluence(_diffusing(source, second, media, flights), media, index, body, window, green),
-        )
 
-        def seen_along_rays() -> Resolved:
-            again = [
-                None if twice is None or found is None else _again(twice, found, medium, flight, fill, grid)
-                for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
-            ]
-            begun = [
-                0.0 if twice is None or found is None else _total(twice) + _total(_entered(found, medium, flight))
-                for twice, found, medium, flight in zip(second.power, fluence, media, flights, strict=True)
-            ]
-            chord = body.mesh.mean_chord
-            # In thin parts fluence is larger for what they let out, and so much less is lacking.
-            met = [met_in_ball(chord * medium.sigma_t_prime, medium.eta) for medium in media]
-            gathered = [thick_gain(chord * flight.sigma_t, flight.albedo) for flight in flights]
-            thick = [gain * share for gain, share in zip(gathered, met, strict=True)]
-            extinctions = [flight.sigma_t for flight in flights]
-            convolve = self._convolution(FLIGHT, [flux is not None for flux in second.flux], media, extinctions, grid)
+        def scattering_often() -> tuple[Scattered, list[float]]:
+            found, begun, self._last = orders.often(source, second, body, self._last)
+            return found, begun
 
-            def carry(i: int, flux: Float32) -> Float32:
-                return carried_on(flux, flights[i].turning, functools.partial(convolve, i), fill)
-
-            often = _turned(second, again, flights, fly, carry)
-            gone = None if out is None else left(often, extinctions, fill, out, grid, eta)
-            chords = [chord * extinction for extinction in extinctions]
-            gains = _gains(begun, often, gone, chords, flights, thick, fly)
-            return resolved(first, often, gains, media, fill, grid)
-
+        key = second, body.boundary, body.exchange, body.external
+        often, begun = stages.run(Stage.OFTEN_SCATTERED, key, scattering_often)
         if not is_wanted():
             return None
-        is_bare = around is None and second.is_directed
-        out = stages.run(Stage.EXITS, (body.boundary, eta), ways_out) if is_bare else None
-        return stages.run(Stage.RESOLVED, (first, second, fluence, out), seen_along_rays)
 
-    def _flown(
+        is_balanced = [around is None and flux is not None for flux in often.flux]
+        uneven = [is_used and not known for is_used, known in zip(used, is_balanced, strict=True)]
+        gains: list[Float32 | None] = [None] * len(media)
+        if any(uneven):
+            # Others are in the way of even light where what they let out enters, or where they are clear.
+            whole = (around if body.exchange is None else beams.surface) or alone()
+            bodies = np.unique(beams.bodies) if whole is beams.surface else np.zeros(1, np.int32)
+
+            def from_all_around() -> tuple[Beams, Beams]:
+                light = even_beams(whole, bodies)
+                return light, light if whole.scattering == 1 else even_beams(alone(), np.zeros(1, np.int32))
+
+            place = body.mesh, eta, beams.surface, body.exchange is None
+            rays = stages.run(Stage.EVEN_BEAMS, place, from_all_around)
+            depends_on = fill, back, body.boundary, body.exchange, *rays, *media, *uneven
+            gains = stages.run(
+                Stage.EVENNESS,
+                depends_on,
+                lambda: self._gains(replace(orders, used=uneven), rays, body, around or alone(), sent_back, stages),
+            )
+        out = stages.run(Stage.EXITS, (body.boundary, eta), ways_out) if any(is_balanced) else None
+
+        def seen_along_rays() -> Resolved:
+            factors = gains if out is None else orders.balanced(often, begun, out, gains)
+            return resolved(first, often.times(factors), media, fill, grid)
+
+        return stages.run(Stage.RESOLVED, (first, often, gains, out), seen_along_rays)
+
+    def _gains(
         self,
-        scattered: Scattered,
-        directed: Sequence[bool] = (False,) * 3,
-        *,
-        media: Sequence[Medium],
-        flights: Sequence[DeltaEddington],
-        fill: Filled,
-        back: Returns,
-        grid: LayerGrid,
-    ) -> Scattered:
-        """Return the light that meets matter next, where some that scatters is given, with its flux if `directed`."""
-        extinctions = [flight.sigma_t for flight in flights]
-        turned = [turns or flux is not None for turns, flux in zip(directed, scattered.flux, strict=True)]
-        fly = self._convolution(FLIGHT, [part is not None for part in scattered.power], media, extinctions, grid)
-        potential = self._convolution(POTENTIAL, turned, media, extinctions, grid)
-        return collided_again(scattered, extinctions, fill, back, grid, fly, potential, directed)
+        orders: Orders,
+        rays: tuple[Beams, Beams],
+        body: Body,
+        surface: Surface,
+        sent_back: Callable[[Surface], Returns],
+        stages: Stages,
+    ) -> list[Float32 | None]:
+        """Return the gains of even light, of these beams, with all others and alone; no clear part absorbs."""
+        light, of_alone = rays
+        if surface.absorption.any():
+            surface = replace(surface, absorption=np.zeros_like(surface.absorption))
+            orders = replace(orders, back=sent_back(surface))
+        phases = [medium.g for medium in orders.media]
 
-    def _convolution(
-        self, kernel: str, used: Sequence[bool], media: Sequence[Medium], extinctions: Sequence[float], grid: LayerGrid
-    ) -> Callable[[int, Float32], Float32]:
-        """Return what convolves a volume of a channel that is `used` with a kernel of `KERNELS`."""
+        def onwards() -> Onwards:
+            key = light, *phases
+            return stages.run(Stage.EVEN_ONWARDS, key, lambda: sent_on(light, phases, surface))
+
+        found, self._last_even = orders.gains(light, of_alone, onwards, body, self._last_even)
+        return found
+
+    def _convolvers(self, grid: LayerGrid, media: Sequence[Medium]) -> Convolvers:
+        """Return convolutions with the kernels of `core.paths.flight` on a grid padded as for a medium's G."""
         sizes = [(self._shape(grid, medium), grid.texel, grid.layer_distance) for medium in media]
-        asked = [
-            ((kernel, extinction), *size) if is_used else None
-            for extinction, size, is_used in zip(extinctions, sizes, used, strict=True)
-        ]
-        spectra = self._kernels.spectra(asked, lambda source, shape: KERNELS[kernel](source[1], grid, shape))
 
-        def convolve(i: int, volume: Float32) -> Float32:
-            spectrum = spectra[i]
-            assert spectrum is not None
-            return self._kernels.convolver(sizes[i][0], i).convolve(volume, spectrum)
+        def spectra(
+            name: str,
+            extinctions: Sequence[float],
+            used: Sequence[bool],
+            make: Callable[[float, LayerGrid, ConvolutionShape], Float32],
+        ) -> Callable[[int, Float32], Float32]:
+            kernels = [
+                ((name, extinction), *size) if is_used else None
+                for extinction, size, is_used in zip(extinctions, sizes, used, strict=True)
+            ]
+            found = self._kernels.spectra(kernels, lambda source, shape: make(source[1], grid, shape))
 
-        return convolve
+            def convolve(i: int, power: Float32) -> Float32:
+                kernel = found[i]
+                assert kernel is not None
+                return self._kernels.convolver(sizes[i][0], i).convolve(power, kernel)
+
+            return convolve
+
+        return spectra
 
     def _fluence(
         self,
         second: Volumes,
+        body: Body,
+        last: End | None,
+        *,
         media: Sequence[Medium],
         eta: float,
-        body: Body,
         window: float,
         green: Sequence[Spectra | None],
-    ) -> list[Often | None]:
-        """Return what has scattered twice or more, of power that scatters for the second time at the nodes.
+    ) -> tuple[list[Often | None], End]:
+        """Return what has scattered twice or more, of power that scatters for the second time, and where that ended.
 
         Of it some leaves and enters again. Of what has scattered once that is in the second scattering, whose flight
         knows no surface between parts. The surface reflects as one of an index `eta`.
@@ -311,16 +244,15 @@ class Within:
             medium = replace(media[i], eta=eta, anisotropy=BOUNDARY_CONDITION.anisotropy_within)
             convolver = self._kernels.convolver(self._shape(grid, media[i]), i)
             reentry, entered, local = None, np.zeros(power.size, np.float32), none
-            if body.exchange is not None and body.external is not None:
+            if body.exchange is not None and (flux := body.entering(i, media[i])) is not None:
                 entering = body.exchange.sources(medium, window)
-                flux = boundary.patches.sums @ body.external[:, i].astype(np.float64)
                 entered, local = entering.at_nodes(flux), entering.at_patches(flux)
             if body.exchange is not None and not body.exchange.is_negligible(medium):
                 reentry = Reentry(body.exchange, i, medium, window)
             convolve = functools.partial(convolver.convolve, spectra=spectrum)
             deposited = power.ravel() + entered
             at = channels[i] = Channel(boundary, medium, window, convolve, deposited, local, reentry=reentry)
-            start = begin(at, i, self._last, None, body.samples)
+            start = begin(at, i, last, None, body.samples)
             iteration = Iteration(at, start, self._tolerance, self._most_products)
             while iteration.advance():
                 pass
@@ -331,95 +263,4 @@ class Within:
 
         found = pool_map(solved, range(len(media)))
         iterates = tuple(none if often is None else often.end.iterate for often in found)
-        self._last = End(boundary, tuple(channels), iterates)
-        return found
-
-
-def _diffusing(
-    first: Scattered, second: Scattered, media: Sequence[Medium], flights: Sequence[DeltaEddington]
-) -> Volumes:
-    """Return the source of diffusion: power that scatters for the second time, moved on to where its flux takes it.
-
-    A source q + 3 w . v is q - 3 D div v to diffusion. Of v = g'' s_s'' J, with J the flux of light that has scattered
-    once, div J is what has scattered once less what of that collides, but for what leaves: nothing is added.
-    """
-    sources: list[Float32 | None] = []
-    for once, twice, medium, flight in zip(first.power, second.power, media, flights, strict=True):
-        if once is None or twice is None or flight.cosine == 0.0:
-            sources.append(twice)
-            continue
-        moved, met = 3.0 * medium.diffusion * flight.cosine * flight.sigma_s, twice / np.float32(flight.albedo)
-        change = met - np.float32(_total(met) / _total(once)) * once
-        sources.append(np.asarray(twice + np.float32(moved) * change, np.float32))
-    return sources
-
-
-def _turned(
-    second: Scattered,
-    again: Volumes,
-    flights: Sequence[DeltaEddington],
-    fly: Callable[..., Scattered],
-    carry: Callable[[int, Float32], Float32],
-) -> Scattered:
-    """Return what scatters twice or more, `again`, with its flux where what scatters for the second time has one."""
-    directed = [flux is not None for flux in second.flux]
-    if not any(directed):
-        return Scattered(again, second.flux)
-    asked = [power if turns else None for power, turns in zip(again, directed, strict=True)]
-    met = fly(Scattered.evenly(asked), directed)
-    flux = [
-        None if begun is None or more is None else carry(i, begun + np.float32(flight.turning) * more)
-        for i, (begun, more, flight) in enumerate(zip(second.flux, met.flux, flights, strict=True))
-    ]
-    return Scattered(again, flux)
-
-
-def _gains(
-    begun: Sequence[float],
-    often: Scattered,
-    gone: Array | None,
-    chords: Sequence[float],
-    flights: Sequence[DeltaEddington],
-    thick: Sequence[float],
-    fly: Callable[..., Scattered],
-) -> list[float]:
-    """Return factors on what scatters twice or more, by which its power balances.
-
-    What scatters is what has just `begun` to and, of what scatters, all that collides again: of directed light all but
-    what rays see leave, `gone`, where that is known. Else its flight tells; in thick matter that is a small difference,
-    and what is gathered near the surface lacks some light: there the factors are `thick`.
-    """
-    seen = [gone is not None and flux is not None for flux in often.flux]
-    counted = [1.0 if is_seen else balanced_share(length) for is_seen, length in zip(seen, chords, strict=True)]
-    asked = [
-        None if is_seen or share == 0.0 else power
-        for power, is_seen, share in zip(often.power, seen, counted, strict=True)
-    ]
-    stopped = [None] * len(asked) if all(power is None for power in asked) else fly(Scattered(asked, often.flux)).power
-    gains = list(thick)
-    for i, (power, met, flight) in enumerate(zip(often.power, stopped, flights, strict=True)):
-        total = 0.0 if power is None else _total(power)
-        if gone is not None and seen[i]:
-            collided = total - float(gone[i])
-        elif met is not None:
-            collided = _total(met)
-        else:
-            continue
-        gains[i] += counted[i] * (begun[i] / max(total - flight.albedo * collided, 1e-30) - gains[i])
-    return gains
-
-
-def _again(
-    second: Float32, found: Often, medium: Medium, flight: DeltaEddington, fill: Filled, grid: LayerGrid
-) -> Float32:
-    """Return the power that scatters twice or more, or again since it left and entered."""
-    return often_scattered(second + _entered(found, medium, flight), found.end.volume, flight, fill, grid)
-
-
-def _entered(found: Often, medium: Medium, flight: DeltaEddington) -> Float32:
-    """Return the power that scatters first since it entered again, which is told by reduced coefficients."""
-    return np.asarray(np.float32(flight.sigma_s / medium.sigma_s_prime) * found.entered)
-
-
-def _total(power: Float32) -> float:
-    return float(power.sum(dtype=np.float64))
+        return found, End(boundary, tuple(channels), iterates)

@@ -267,7 +267,9 @@ def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, me
 
 
 DIFFUSED = {Stage.BOUNDARY, Stage.SOURCES_R, Stage.SPECTRA, Stage.SOLUTION}
-ONCE, OFTEN = {Stage.FIRST_VOLUME, Stage.RESOLVED}, {Stage.RETURNS, Stage.SECOND_VOLUME, Stage.FLUENCE}
+ONCE, OFTEN = {Stage.FIRST_VOLUME, Stage.RESOLVED}, {Stage.RETURNS, Stage.SECOND_VOLUME, Stage.OFTEN_SCATTERED}
+ALL_WAYS, FORWARD = {Stage.EVEN_BEAMS, Stage.EVENNESS}, {Stage.ONWARDS, Stage.EXITS}
+HAZY = "material.sigma_s_prime=[0.1,0.1,0.1]", "material.sigma_a=[0.01,0.01,0.01]"
 DARK = "material.sigma_s_prime=[0.001,0.001,0.001]", "material.sigma_a=[0.1,0.1,0.1]"
 BEAMS = {Stage.BEAMS, Stage.BEAMS_AROUND}
 
@@ -277,8 +279,9 @@ BEAMS = {Stage.BEAMS, Stage.BEAMS_AROUND}
     [
         *((name, set(), DIFFUSED | ONCE | OFTEN | BEAMS) for name in ("Coke", "Sprite", "Merlot", "Chardonnay")),
         (DARK, BEAMS | ONCE, OFTEN | {Stage.SOURCES_R, Stage.SOURCES_G, Stage.SOURCES_B}),
-        ("Shampoo", BEAMS | ONCE | OFTEN | {Stage.SOURCES_R}, {Stage.SOURCES_G, Stage.SOURCES_B}),
-        ("marble", DIFFUSED, BEAMS | ONCE | OFTEN),
+        (HAZY, BEAMS | ONCE | OFTEN | ALL_WAYS, FORWARD),
+        ("Shampoo", BEAMS | ONCE | OFTEN | FORWARD | {Stage.SOURCES_R}, ALL_WAYS | {Stage.SOURCES_G, Stage.SOURCES_B}),
+        ("marble", DIFFUSED, BEAMS | ONCE | OFTEN | ALL_WAYS),
     ],
 )
 def test_a_material_runs_what_it_needs(context, mesh, material, run, spared):
@@ -292,6 +295,23 @@ def test_a_material_runs_what_it_needs(context, mesh, material, run, spared):
         assert not renderer.transport_stages.timings
         assert not frame.exitance.any()
     assert frame.radiance[inside(frame)].min() > 0.0
+
+
+def test_even_light_is_solved_for_once_a_material(context, mesh):
+    """Another light or camera asks nothing more of it; another material asks for its solution, along the same rays."""
+    renderer, half = Renderer(context), np.ones((16, 32, 3), np.float32)
+    half[:8] = 0.2
+    lit = in_environment(mesh, half, *HAZY)
+    scenes = (
+        white(mesh, *HAZY),
+        lit,
+        apply_set(lit, ["camera.azimuth_deg=40"]),
+        apply_set(lit, ["material.sigma_a=[0.02,0.01,0.01]"]),
+    )
+    shown = [renderer.render(scene, samples=1).timings.keys() for scene in scenes]
+    asked = [ALL_WAYS & stages for stages in shown]
+    assert asked == [ALL_WAYS, set(), set(), {Stage.EVENNESS}]
+    assert [Stage.OFTEN_SCATTERED in stages for stages in shown] == [True, True, False, True]
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,12 @@
 """Light that enters again, in the boundary integral equation: furnaces, dark channels, convex objects, two bodies."""
 
-import functools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 
 from milkglass.core.geometry.bodies import find_bodies
-from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.refine import refined
-from milkglass.core.geometry.sculpture import SPACING, sculpture
 from milkglass.core.light.exchange import Exchange, cast_hits
 from milkglass.core.material.library import Material
 from milkglass.core.material.medium import Medium
@@ -21,8 +17,7 @@ from milkglass.core.transport.diffusion.reentry import diffuse_reflectance
 from milkglass.core.transport.diffusion.solver import DiffusionTransport, Problem
 from milkglass.core.transport.separate import OfBodies
 from tests.support.diffusing import MARBLE, collimated, samples_of
-from tests.support.furnaces import furnace
-from tests.support.shapes import torus_knot
+from tests.support.furnaces import bowl, coarse_sculpture, furnace, knot, shape, sphere, torus
 from tests.support.solids import ball, block, mesh_of
 
 BLACK = Medium(0.002, 30.0, 1.5)
@@ -31,35 +26,6 @@ BLACK = Medium(0.002, 30.0, 1.5)
 def exchange_of(mesh, edge=0.05) -> Exchange:
     fine = refined(mesh, edge * float(np.ptp(mesh.bounds, axis=0).max()))
     return Exchange(fine, cast_hits(fine.mesh))
-
-
-def knot():
-    return torus_knot()
-
-
-def torus():
-    return mesh_of(trimesh.creation.torus(30.0, 12.0, major_sections=64, minor_sections=32))
-
-
-def bowl():
-    angles = np.linspace(0.0, 0.5 * np.pi, 24)
-    sides = [radius * np.column_stack([np.sin(angles), -np.cos(angles)]) for radius in (30.0, 27.0)]
-    return mesh_of(trimesh.creation.revolve(np.concatenate([sides[0], sides[1][::-1]]), sections=48))
-
-
-def sphere():
-    return mesh_of(ball(30.0, subdivisions=4))
-
-
-def coarse_sculpture():
-    """The built-in one of fewer faces."""
-    vertices, faces, normals = sculpture(1.6 * SPACING)
-    return Mesh.of(vertices, normals, faces)
-
-
-@functools.cache
-def shape(make):
-    return make()
 
 
 @pytest.mark.slow

@@ -206,6 +206,16 @@ def test_clear_and_murky_bodies_in_a_white_furnace_are_white(stretch):
 
 
 @pytest.mark.slow
+def test_a_colour_that_a_light_gains_is_scattered_as_often_as_the_others(sphere):
+    """While it was dark, even light was asked for nothing of it."""
+    media, stages = [Medium(0.1, 0.0, ETA)] * 3, Stages()
+    red = np.array([1.0, 0.0, 0.0], np.float32)
+    replace(sphere, beams=replace(sphere.beams, power=sphere.beams.power * red)).solved(media, stages)
+    leaving = sphere.leaving(np.full(3, 0.1), sphere.solved(media, stages).resolved.glow, 2)
+    np.testing.assert_allclose(leaving[:, 1:], leaving[:, [0, 0]], rtol=1e-3)
+
+
+@pytest.mark.slow
 def test_forward_scattering_in_a_white_furnace_is_white():
     """What flies on forward, and what the surface sends back of it, add up to light from everywhere alike."""
     found, white = lit(ball(RADIUS, subdivisions=5), sky), Surroundings.of(np.ones((2, 4, 3), np.float32))
