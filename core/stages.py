@@ -231,6 +231,7 @@ class Stage(StrEnum):
     OCCLUDED_HIGHLIGHTS = "occluded highlights", Part.LOOK
     PIXEL_DETAIL = "detail of pixels", Part.LOOK
     ENVIRONMENT_HIGHLIGHTS = "environment highlights", Part.LOOK
+    LAMPS_AT_VERTICES = "lamps at vertices", Part.LOOK
     LIT_VERTICES = "light at vertices", Part.LOOK
     COMPOSITE = "composite", Part.LOOK
     EXPOSURE = "exposure", Part.LOOK

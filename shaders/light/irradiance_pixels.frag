@@ -5,7 +5,8 @@
 // core/transport/diffusion/pixels.py: here in o_local.rgb, and on the other side of a thin slab in the three alphas.
 // Highlight: Phong 1975, irradiance at normal incidence * max(0, r.l)^shininess, r the mirrored eye ray; of an
 // environment, its radiance under the same lobe, prefiltered (core/light/highlights.py).
-// SHARES: in o_irradiance and o_specular the visible shares of lamps, a channel each.
+// SHARES: in o_irradiance and o_specular the visible shares of lamps, a channel each. What a lamp gives at a place depends
+// on little of the matter: it is stored, and read for other matter.
 // SOFT: of a light with a size, through the shadow maps of its sub-lights. DETAIL: the surface has colours or relief.
 #include "irradiance.glsl"
 #include "sheet.glsl"
@@ -33,6 +34,11 @@ uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towa
 #ifdef SHARES
 uniform vec3 u_first_lamps;  // 1 in the channel of this lamp, where it is one of them, else 0
 uniform vec3 u_last_lamps;
+uniform bool u_stores;              // whether to write what lamplight.glsl gives, in place of all else
+uniform bool u_stored;              // whether to read that
+uniform sampler2D t_lamp_entering;  // o_irradiance of what was stored: E, its cosine
+uniform sampler2D t_lamp_behind;    // o_specular: likewise on the other side of a thin slab
+uniform sampler2D t_lamp_seen;      // o_local: thickness of the slab, visible share of the lamp
 
 // E of the light regardless of what is in its way.
 vec3 unshadowed_irradiance(vec3 position, vec3 normal) {
@@ -74,7 +80,15 @@ void main() {
         irradiance = shading.a * texelFetch(t_reentering, pixel, 0).rgb;
         if (u_thin_reach > 0.0) behind.irradiance = texelFetch(t_reentering_behind, pixel, 0).rgb;
     } else {
-        Lamplight light = lamplight(position.xyz, normal, shading, to_eye, normal_and_body.a);
+        Lamplight light;
+#ifdef SHARES
+        if (u_stored) {
+            vec4 entering = texelFetch(t_lamp_entering, pixel, 0), other_side = texelFetch(t_lamp_behind, pixel, 0);
+            float thickness = texelFetch(t_lamp_seen, pixel, 0).r;
+            light = Lamplight(entering.rgb, vec3(0.0), entering.a, Behind(other_side.rgb, thickness, other_side.a));
+        } else
+#endif
+        light = lamplight(position.xyz, normal, shading, to_eye, normal_and_body.a);
         irradiance = light.irradiance;
         specular = light.specular;
         cosine = light.cosine;
@@ -98,7 +112,14 @@ void main() {
         if (u_sheet_reach > 0.0) local += light_through_sheet(behind);
     }
 #ifdef SHARES
-    float share = brightness(irradiance) / max(brightness(unshadowed_irradiance(position.xyz, normal)), 1e-20);
+    if (u_stores) {
+        float share = brightness(irradiance) / max(brightness(unshadowed_irradiance(position.xyz, normal)), 1e-20);
+        o_irradiance = vec4(irradiance, cosine);
+        o_specular = vec4(behind.irradiance, behind.cosine);
+        o_local = vec4(behind.thickness, share, 0.0, 0.0);
+        return;
+    }
+    float share = texelFetch(t_lamp_seen, pixel, 0).g;
     irradiance = share * u_first_lamps;
     specular += share * u_last_lamps;
 #endif

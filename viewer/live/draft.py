@@ -11,8 +11,8 @@ PATH_STEPS = 4, 2, 1  # pixels along squares of which as many rays of sight are 
 DRAFTED_STEPS = 0, 1  # likewise, after a draft of what rays would find, beside which few of them look coarse
 DRAWN = "while something moves: light through the object is drawn from its front and back at each pixel"
 FEW_RAYS = "while something moves: one ray for 16 pixels, most where what is mirrored or seen through parts differs"
-AT_VERTICES = "while the camera moves: light as it is known at the vertices, at full size"
-BY_PIXELS = "while the camera moves: every pixel of a smaller picture is lit: "
+AT_VERTICES = "while the camera or the material moves: light as it is known at the vertices, at full size"
+BY_PIXELS = "while something moves: every pixel of a smaller picture is lit: "
 STEPS_A_FRAME = 8  # of lights with a size: shadow maps, shares of the surface samples, bands of the picture
 STEP_SECONDS = 0.03  # after which a frame begins no other; each takes up to about 0.05 without a GPU
 

@@ -1,8 +1,8 @@
 """Irradiance, (2): of the surface samples by transform feedback, of the pixels light by light over the G-buffer."""
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -97,8 +97,9 @@ class PixelIrradiancePass:
         bind_cleared(framebuffer)
         lamps = lamps_of(sources)
         for source, kind in itertools.product(sources, gather.kinds):
+            lamp, shares = target.lamps.get(source), target.stores or bool(target.lamps)
             detailed = gbuffer.detail is not None
-            program, triangle = self._drawn_with(soft=source.is_soft, detail=detailed, shares=target.holds_shares)
+            program, triangle = self._drawn_with(soft=source.is_soft, detail=detailed, shares=shares)
             values = {
                 **source.uniforms(kind.eta, sample, samples),
                 **source.shadow.depth_uniforms(),
@@ -116,12 +117,15 @@ class PixelIrradiancePass:
                 **highlights.uniforms(),
                 "t_highlights": highlights.environment,
             }
-            if target.holds_shares:
-                channel = np.eye(MOST_LAMPS)[lamps.index(source)] if source in lamps else np.zeros(MOST_LAMPS)
+            if shares:
+                channel = np.zeros(MOST_LAMPS) if lamp is None else np.eye(MOST_LAMPS)[lamps.index(source)]
+                stored = (gbuffer.normal,) * 3 if lamp is None else (lamp.irradiance, lamp.specular, lamp.local)
                 values |= {"u_first_lamps": tuple(channel[:3]), "u_last_lamps": tuple(channel[3:])}
+                values |= {"u_stores": target.stores, "u_stored": lamp is not None}
+                values |= dict(zip(("t_lamp_entering", "t_lamp_behind", "t_lamp_seen"), stored, strict=True))
             if source.is_soft:
                 values["u_edge"] = highlights.edge
-            tests = source.sub_lights // samples or 1 if source.is_soft else 0
+            tests = source.sub_lights // samples or 1 if source.is_soft and lamp is None else 0
             width, height = framebuffer.size
             rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, tests))))
             for low in range(0, height, rows):
@@ -186,12 +190,22 @@ class PixelLight:
 
     `local` is the exitance of `core.transport.base.LocalTerm`, or what light adds to the equation of
     `core.transport.diffusion.pixels`; then the alphas are the same on the other side of a thin slab.
-    Where it `holds_shares`, the visible share of each lamp takes the place of E and highlights, a channel each: first
-    those of `irradiance`, then those of `specular`.
+
+    Attributes
+    ----------
+    stores : bool
+        Whether it holds what one lamp gives whatever the matter, for pixels of other matter in the same light.
+    lamps : mapping
+        What each lamp gives, as targets that store it. Where there are any, no shadow is looked up, and visible shares
+        take the place of E and highlights, a channel each: first those of `irradiance`, then those of `specular`.
     """
 
     irradiance: moderngl.Texture
     specular: moderngl.Texture
     local: moderngl.Texture
     framebuffer: moderngl.Framebuffer
-    holds_shares: bool = False
+    stores: bool = False
+    lamps: "Lamps" = field(default_factory=dict)
+
+
+Lamps = Mapping[LightSource, PixelLight]

@@ -20,6 +20,7 @@ from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass, 
 from milkglass.viewer.passes.ground import GroundPass, GroundTargets
 from milkglass.viewer.passes.highlights import HighlightsPass
 from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
+from milkglass.viewer.passes.light_source import lamps_of
 from milkglass.viewer.passes.lit_vertices import LitVerticesPass
 from milkglass.viewer.passes.reentry import Reentry, ReentryPass, ReentryTargets
 from milkglass.viewer.passes.refined import RefinedSurface
@@ -27,7 +28,7 @@ from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render import remarks
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
-from milkglass.viewer.render.exitance import SurfaceExitance
+from milkglass.viewer.render.exitance import SurfaceExitance, lamps_key
 from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
@@ -82,7 +83,7 @@ class Shading:
         self._ground_lighting = GroundLighting(context, stages, exitance)
         self._tracing = Tracing(context, stages, self._composite, exitance, worker)
         self._seen: GBuffer | None = None
-        self._lit_by: tuple[object, ...] = ()  # what the light of the last picture depends on
+        self._lit_by: tuple[object, ...] = ()  # what the lamps' light in the last picture depends on
 
     def shade(
         self,
@@ -119,7 +120,7 @@ class Shading:
         if paths is not None and ground is not None:
             paths = self._ground_lighting.below(paths, ground, lit, gather)
         at_vertices = request.may_be_at_vertices and self.serves_at_vertices(scene, lit, gather, paths)
-        self._lit_by = _light_key(lit, gather)
+        self._lit_by = _lamps_key(lit, gather)
         if at_vertices:
             composite = self._between_vertices(scene, lit, gather)
         else:
@@ -248,9 +249,9 @@ class Shading:
     def serves_at_vertices(self, scene: Scene, lit: LitScene, gather: Gather, paths: Paths | None) -> bool:
         """Whether a picture that may be is drawn from light at the vertices.
 
-        Not where light has changed since the last picture: lighting them for one takes longer than a smaller picture.
+        Not where lamps have changed since the last picture: lighting them for one takes longer than a smaller picture.
         """
-        return alike(self._lit_by, _light_key(lit, gather)) and not self.pixels_alone(scene, lit, gather, paths)
+        return alike(self._lit_by, _lamps_key(lit, gather)) and not self.pixels_alone(scene, lit, gather, paths)
 
     def _between_vertices(self, scene: Scene, lit: LitScene, gather: Gather) -> Composite:
         """Draw radiance from light that is known at the vertices, which no move of the camera changes."""
@@ -278,17 +279,22 @@ class Shading:
         return run(Stage.COMPOSITE, [targets, light, scene.gloss, lit.lobes, drawn, clip.tobytes(), lobes], shade)
 
     def _lit_vertices(self, lit: LitScene, gather: Gather) -> LitVertices:
-        """Light the vertices, which no move of the camera does again."""
+        """Light the vertices, which no move of the camera does again, and no other matter by its lamps."""
         surface = refined_surface(lit, gather)
+        lamps = self._stages.spread(
+            Stage.LAMPS_AT_VERTICES,
+            (*_lamps_key(lit, gather), *lamps_key(gather)),
+            lambda: self._exitance.lamps_at(surface, lit, gather, _sharing(lit)),
+        )
 
         def light() -> Steps[LitVertices]:
-            exitance, shares = yield from self._exitance.of_refined(surface, lit, gather, _sharing(lit))
+            exitance, shares = yield from self._exitance.of_refined(surface, lit, gather, lamps)
             buffers = lit.model.buffers if surface is None else surface.buffers
             first, last = np.split(shares, [MOST_LAMPS // 2], axis=1)
             values = (np.ascontiguousarray(part, np.float32) for part in (exitance, first, last))
             return LitVertices(buffers, *(self._context.buffer(part) for part in values))
 
-        return self._stages.spread(Stage.LIT_VERTICES, _light_key(lit, gather), light)
+        return self._stages.spread(Stage.LIT_VERTICES, (lamps, *lit.sources, *gather.key), light)
 
     def _marks(self, lit: LitScene, surface: RefinedSurface | None) -> moderngl.Buffer | None:
         """Return the body of each vertex of what is drawn, where there are several."""
@@ -457,6 +463,6 @@ def _sharing(lit: LitScene) -> int:
     return PARTS if large else 1
 
 
-def _light_key(lit: LitScene, gather: Gather) -> tuple[object, ...]:
-    """Return all that light at the vertices depends on."""
-    return refined_surface(lit, gather), lit.model, lit.body_marks, *lit.sources, *gather.key
+def _lamps_key(lit: LitScene, gather: Gather) -> tuple[object, ...]:
+    """Return all that lamps' light at the vertices depends on, but for the matter's little."""
+    return refined_surface(lit, gather), lit.model, lit.body_marks, *lamps_of(lit.sources)

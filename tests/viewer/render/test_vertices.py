@@ -1,4 +1,4 @@
-"""Pictures from light at the vertices, while the camera moves: they look as those at rest, and light nothing again."""
+"""Pictures from light at the vertices, in a drag: they look as those at rest, and see no lamp again."""
 
 from dataclasses import replace
 
@@ -13,6 +13,7 @@ from milkglass.viewer.render.picture import PictureRequest, read_image
 from milkglass.viewer.render.vertices import without_gaps
 from milkglass.viewer.scene.camera import model_camera
 from milkglass.viewer.scene.lights import DirectionalLight, PointLight, SphereLight, SpotLight
+from milkglass.viewer.scene.scene import apply_set
 from tests.support.rendering import BACK, MeshRenderer, scene_of
 from tests.support.shapes import cube
 
@@ -30,7 +31,12 @@ class Moved:
 
     def __init__(self, context, mesh: Mesh, scene):
         self.renderer, self.scene = MeshRenderer(context, mesh), scene
-        self.lit = self.renderer.light(scene)
+        self.change()
+
+    def change(self, *assignments: str):
+        """Light the scene with other settings, `assignments` as of ``--set``, and scatter the light."""
+        self.scene = apply_set(self.scene, list(assignments))
+        self.lit = self.renderer.light(self.scene)
         self.gather = self.renderer.gather(self.lit, self.renderer.scatter(self.lit))
 
     def draw(self, azimuth: float, *, at_vertices: bool):
@@ -85,6 +91,28 @@ def test_a_camera_that_moves_lights_nothing_again(context, monkeypatch):
     assert len({picture.tobytes() for picture in pictures}) == 3
     moved.draw(80.0, at_vertices=False)
     assert lit
+
+
+@pytest.mark.parametrize(("method", "assignments"), [("ewald", ()), ("layered", ("environment.builtin=studio",))])
+def test_other_matter_is_drawn_at_vertices_and_sees_no_lamp_again(context, monkeypatch, method, assignments):
+    lamps = LAMPS if method == "ewald" else LAMPS[:1]
+    moved, stored = Moved(context, SHAPES["knot"](), scene_of(*assignments, method=method, lights=lamps)), []
+    steps = PixelIrradiancePass.steps
+
+    def counted(self, gbuffer, sources, gather, highlights, camera, target, *rest):
+        stored.append(target.stores)
+        return steps(self, gbuffer, sources, gather, highlights, camera, target, *rest)
+
+    monkeypatch.setattr(PixelIrradiancePass, "steps", counted)
+    moved.draw(20.0, at_vertices=False)
+    before = moved.draw(20.0, at_vertices=True)
+    assert stored.count(True) >= len(lamps)  # an environment may have some of its own
+    stored.clear()
+    moved.change("material.sigma_s_prime=[1.5, 2.0, 1.0]", "material.sigma_a=[0.02, 0.1, 0.3]")
+    after = moved.draw(20.0, at_vertices=True)
+    assert stored == [False]  # of vertices, with no shadow
+    assert rms(after, before) > 10.0
+    assert rms(after, moved.draw(20.0, at_vertices=False)) <= MOST_RMS
 
 
 def test_pixels_at_rest_are_as_if_nothing_had_moved(context):
