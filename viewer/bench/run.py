@@ -66,7 +66,6 @@ class Plan:
     processes: tuple[Scheme, ...] = (PAPER, DEFAULT)
     process_repeats: int = 3
     photographs: tuple[int, ...] = (1024,)  # pixels a side
-    window: tuple[Scheme, ...] = (LAYERED[1], DEFAULT)
     window_repeats: int = 24
     sight_repeats: int = 5  # clear and murky matter
     # the transport relative to bare transforms, on shapes and on the model of the scene
@@ -108,7 +107,7 @@ QUICK = Plan(
     frames=(PAPER, DEFAULT),
     frame_repeats=2,
     process_repeats=1,
-    window=(),
+    window_repeats=0,
     sight_repeats=0,
     yardsticks=("knot",),
     yardstick_repeats=5,
@@ -135,7 +134,7 @@ PARTS = {
     "frames": ("frames",),
     "photographs": ("photographs",),
     "processes": ("processes",),
-    "window": ("window",),
+    "window": ("window_repeats",),
     "sight": ("sight_repeats",),
     "yardsticks": ("yardsticks",),
     "solving": ("solved",),
@@ -282,14 +281,10 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
                 for s in plan.processes
             )
             bench_report.report_processes(report, _collected(processes, len(plan.processes), "first picture"))
-    window: list[bench_window.WindowRow] = []
-    for scheme in plan.window:
-        found_rows = bench_window.window_rows(
-            _with_scheme(scene, scheme), f"{model_name}, {size}, {scheme}", plan.window_repeats
-        )
-        window += _collected(found_rows, bench_window.ROWS_A_SETTING, f"window, {scheme}")
-    if window:
-        bench_window.report_window(report, window)
+    if plan.window_repeats:
+        window = bench_window.window_rows(scene, plan.window_repeats)
+        in_window = _collected(window, bench_window.n_rows(), "window")
+        bench_window.report_window(report, f"{model_name}, {size}", in_window)
     if plan.sight_repeats:
         with tempfile.TemporaryDirectory() as folder:
             sight = bench_sight.sight_rows(scene, Path(folder), plan.sight_repeats)

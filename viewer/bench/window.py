@@ -1,52 +1,52 @@
-"""Speed of the window: its contents, driven by mouse events, in a framebuffer of the size of a window.
+"""Speed of the window beside other viewers that draw the same mesh opaque, in turns, by processor time.
 
-Frames are timed from the event that causes them until OpenGL has drawn them; presentation is not included.
+The window's contents are driven by mouse events, in a framebuffer of the size of a window. Frames are timed from the
+event that causes them until OpenGL has drawn them; presentation is not included, of the other viewers neither.
 """
 
+import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import trimesh
 
-from milkglass.core.stages import exhausted
+from milkglass.viewer.assets.keeper import Assets
+from milkglass.viewer.bench import opaque_viewers
+from milkglass.viewer.bench.opaque_viewers import TURN_DEG, OpaqueViewer
 from milkglass.viewer.bench.report import BenchReport
 from milkglass.viewer.bench.speed import Timing
 from milkglass.viewer.gl.context import current, headless_context
 from milkglass.viewer.gui.events import MouseButton, MouseMoved
-from milkglass.viewer.passes.gbuffer import GBufferPass
-from milkglass.viewer.passes.irradiance import Highlights, PixelIrradiancePass
-from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.window.layout import PANEL_WIDTH
 from milkglass.viewer.window.replay import Headless
 
+OURS, ANCHOR = "milkglass", "Polyscope"
 MIN_HEIGHT = 800  # of the window, px, so that it contains the sliders
 TEXT_HEIGHT = 15.0  # px
 TURN_PIXELS = 4.0  # of the pointer in a frame of an orbit
 SLIDE_PIXELS = 1.5  # of the pointer in a frame of a slider
-TIMEOUT = 30.0  # seconds, for a volume
-ORBIT, ORBIT_DRAFT, PLAIN = "orbit, full quality", "orbit, as dragged", "orbit, without scattering"
-EXPOSURE, FIRST, SETTLED = "exposure slider", "material: new light on the screen", "material: settled, antialiased"
+TIMEOUT = 120.0  # seconds, for a picture
+OPENED = "first picture, the process from its start"
+ORBIT, ORBIT_DRAGGED = "orbit, at rest", "orbit, as dragged"
+EXPOSURE, FIRST, SETTLED = "exposure slider", "material slider, first new picture", "material slider, until at rest"
 REST, PANEL = "user interface, nothing drawn anew", "of which the panel"
-TARGETS = {ORBIT_DRAFT: "12 a second", EXPOSURE: "50 ms", FIRST: "150 ms", PANEL: "3 ms"}
-ROWS_A_SETTING = 8
-TARGET_SHARE = 0.6  # of the frame rate without scattering
+CASES = (ORBIT, ORBIT_DRAGGED, FIRST, SETTLED, EXPOSURE, REST, PANEL)
+WANTED_MS = {FIRST: 60.0, EXPOSURE: 50.0, PANEL: 3.0}  # at most
+WANTED_RATIOS = {ORBIT_DRAGGED: 0.4}  # to the anchor's picture of an orbit, at most
 
 
 @dataclass(frozen=True)
 class WindowRow:
-    """Times of one action in the window: of a frame of it, or until its end."""
+    """Processor times of one case by one program: of a picture, or until it is there."""
 
-    setting: str
-    action: str
+    program: str
+    case: str
     time: Timing
-
-    @property
-    def rate(self) -> float:
-        """Mean number of frames a second."""
-        return 1e3 / float(np.mean(self.time.times))
 
 
 class DrivenWindow(Headless):
@@ -64,13 +64,12 @@ class DrivenWindow(Headless):
         self.timed(super().frame)
 
     def timed(self, work: Callable[[], object]) -> float:
-        """Run a task, wait for OpenGL, advance the clock, and return the time, ms."""
-        start = time.perf_counter()
+        """Run a task, wait for OpenGL, advance the clock, and return the processor time of all threads, ms."""
+        start, used = time.perf_counter(), time.process_time()
         work()
         self._context.finish()
-        elapsed = time.perf_counter() - start
-        self.now += elapsed
-        return 1e3 * elapsed
+        self.now += time.perf_counter() - start
+        return 1e3 * (time.process_time() - used)
 
     def at(self, name: str, share: float = 0.5) -> tuple[float, float]:
         """Return the position of a control of the panel, at a share of its width."""
@@ -93,18 +92,18 @@ class DrivenWindow(Headless):
         self.release()
 
     def move(self, by: float) -> float:
-        """Move the pointer to the right, draw, and return the time, ms."""
+        """Move the pointer to the right, draw, and return the processor time, ms."""
         self._place = (self._place[0] + by, self._place[1])
         self.app.handle(MouseMoved(*self._place))
         return self.timed(lambda: self.app.frame(self.target))
 
     def until(self, condition: Callable[[], bool]) -> float:
-        """Draw as a window does until a condition holds, and return the time, ms."""
-        start = time.perf_counter()
+        """Draw as a window does until a condition holds, and return the processor time, ms."""
+        start, used = time.perf_counter(), time.process_time()
         while not condition() and time.perf_counter() < start + TIMEOUT:
             self.timed(self._wait)
             self.frame()
-        return 1e3 * (time.perf_counter() - start)
+        return 1e3 * (time.process_time() - used)
 
     def _wait(self) -> None:
         """Wait as a window does, until a frame is due or the worker is done."""
@@ -121,51 +120,36 @@ class DrivenWindow(Headless):
             self.frame()
 
 
-class UnscatteredPicture:
-    """The picture of a window without scattering: irradiance at every pixel."""
+def window_rows(scene: Scene, repeats: int) -> Iterator[WindowRow]:
+    """Yield times of the window of a scene: orbit, sliders, and the user interface alone; those of other viewers too.
 
-    def __init__(self, window: DrivenWindow) -> None:
-        assert window.app.view.picture is not None
-        self._window, context = window, window.target.ctx
-        self._gbuffer, self._light = GBufferPass(context), PixelIrradiancePass(context)
-        self._tonemap = TonemapPass(context)
-        self._image = window.app.view.picture.image
-        self._black = context.texture((1, 1), 3, dtype="f4")
-        self._targets = self._gbuffer.targets(self._image.size), self._light.targets(self._image.size)
-
-    def draw(self, scene: Scene) -> None:
-        """Draw the picture and the contents of the window."""
-        finished = self._window.app.view.live.finished
-        assert finished is not None
-        lit, (gbuffer, light) = finished.lit, self._targets
-        self._gbuffer.render(lit.model.buffers, lit.camera.world_to_clip, gbuffer)
-        kind = finished.gather.kinds[0]
-        textures = kind.tables
-        local = replace(textures.tables.local, reach=0.0)
-        flat = replace(kind, tables=replace(textures, tables=replace(textures.tables, local=local)))
-        surface = replace(finished.gather, kinds=(flat,))
-        highlights = Highlights(scene.gloss, self._black)
-        exhausted(self._light.steps(gbuffer, lit.sources, surface, highlights, lit.camera, light))
-        average = self._tonemap.log_average(light.irradiance) or 1.0
-        no_background = Background(self._black, 0.0, 0.0)
-        self._tonemap.render(light.irradiance, average, scene.display, no_background, lit.camera, self._image)
-        self._window.app.frame(self._window.target)
+    Other viewers that are installed draw one picture for each one of an orbit.
+    """
+    with tempfile.TemporaryDirectory() as folder, current(headless_context()):
+        path = Path(folder) / "model.ply"
+        mesh, _ = Assets().mesh(scene.model)
+        trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(path)
+        started = opaque_viewers.started(path, min(scene.display.image_size))
+        with started as rivals, closing(DrivenWindow(scene)) as window:
+            yield from (WindowRow(name, OPENED, Timing((other.first,))) for name, other in rivals.items())
+            for program, case, times in _measured(window, rivals, repeats):
+                yield WindowRow(program, case, Timing(tuple(times)))
 
 
-def window_rows(scene: Scene, setting: str, repeats: int) -> Iterator[WindowRow]:
-    """Yield times of the window of a scene: orbit, sliders, and the user interface alone."""
-    with current(headless_context()), closing(DrivenWindow(scene)) as window:
-        for action, times in _measured(window, repeats):
-            yield WindowRow(setting, action, Timing(tuple(times)))
+def n_rows() -> int:
+    """Return the number of rows of `window_rows`, for a progress bar."""
+    return len(CASES) + 2 * len(opaque_viewers.installed())
 
 
-def _measured(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, list[float]]]:
-    yield from _orbits(window, repeats)
+def _measured(
+    window: DrivenWindow, rivals: Mapping[str, OpaqueViewer], repeats: int
+) -> Iterator[tuple[str, str, list[float]]]:
+    yield from _orbits(window, rivals, repeats)
     yield from _materials(window, max(3, repeats // 4))
     for section in ("Material", "Lights", "Tone mapping"):  # folded to make room
         window.click(window.at(f"section.{section}", 0.3))
     window.press(window.at("display.key", 0.4))
-    yield EXPOSURE, [window.move(SLIDE_PIXELS) for _ in range(repeats)]
+    yield OURS, EXPOSURE, [window.move(SLIDE_PIXELS) for _ in range(repeats)]
     window.release()
     window.settle()
     with_panel: list[float] = []
@@ -175,36 +159,43 @@ def _measured(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, list[fl
             window.app.actions.panel_shown = panel_shown
             window.frame()  # for the layout
             times.append(window.timed(lambda: window.app.frame(window.target)))
-    yield REST, with_panel
+    yield OURS, REST, with_panel
     # Of medians: differences of single frames are mostly noise.
-    yield PANEL, [float(np.median(with_panel) - np.median(without_panel))]
+    yield OURS, PANEL, [float(np.median(with_panel) - np.median(without_panel))]
 
 
-def _orbits(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, list[float]]]:
-    """Yield times of an orbit: at full quality and without scattering in turns, then as dragged by the mouse."""
-    session, live, unscattered = window.app.session, window.app.view.live, UnscatteredPicture(window)
-    full_times, unscattered_times, start = [], [], window.now
+def _orbits(
+    window: DrivenWindow, rivals: Mapping[str, OpaqueViewer], repeats: int
+) -> Iterator[tuple[str, str, list[float]]]:
+    """Yield times of an orbit: as dragged by the mouse and by other viewers in turns, then at full quality."""
+    session, live = window.app.session, window.app.view.live
+    at_rest: list[float] = []
+    start = window.now
     for i in range(repeats + 1):
         camera = session.scene.camera
-        session.look(replace(camera, azimuth_deg=camera.azimuth_deg + TURN_PIXELS * 0.35))
-        elapsed = window.timed(lambda: window.app.frame(window.target))
-        live.wait(TIMEOUT)
-        window.frame()  # takes the result of the worker for the new view
+        session.look(replace(camera, azimuth_deg=camera.azimuth_deg + TURN_DEG))
+        elapsed = window.timed(lambda: window.app.frame(window.target)) + window.timed(lambda: live.wait(TIMEOUT))
+        elapsed += window.timed(lambda: window.app.frame(window.target))  # takes what the worker has for the new view
         window.now = start  # the clock is reset, so that nothing is antialiased in between
-        elapsed_unscattered = window.timed(lambda: unscattered.draw(session.scene))
         if i:
-            full_times.append(elapsed)
-            unscattered_times.append(elapsed_unscattered)
+            at_rest.append(elapsed)
     window.settle()
     width, height = window.app.view.size
     window.press((0.3 * width, 0.5 * height))
-    dragged = [window.move(TURN_PIXELS) for _ in range(repeats)]
+    window.move(TURN_PIXELS)  # what every drag does once
+    dragged: list[float] = []
+    opaque: dict[str, list[float]] = {name: [] for name in rivals}
+    for _ in range(repeats):
+        dragged.append(window.move(TURN_PIXELS))
+        for name, other in rivals.items():
+            opaque[name].append(other.turn())
     window.release()
     window.settle()
-    yield from ((ORBIT, full_times), (ORBIT_DRAFT, dragged), (PLAIN, unscattered_times))
+    yield from ((OURS, ORBIT, at_rest), (OURS, ORBIT_DRAGGED, dragged))
+    yield from ((name, ORBIT_DRAGGED, times) for name, times in opaque.items())
 
 
-def _materials(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, list[float]]]:
+def _materials(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, str, list[float]]]:
     """Yield times of a step of a slider of the material, until its volume is drawn and until the picture is settled."""
     live, first, settled = window.app.view.live, [], []
     for i in range(repeats + 1):
@@ -218,41 +209,34 @@ def _materials(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, list[f
         if i:
             first.append(elapsed)
             settled.append(elapsed + remaining)
-    yield from ((FIRST, first), (SETTLED, settled))
+    yield from ((OURS, FIRST, first), (OURS, SETTLED, settled))
 
 
-def report_window(report: BenchReport, rows: Sequence[WindowRow]) -> None:
-    """Report a table a setting, and the rate of orbiting relative to a picture without scattering."""
-    for setting in dict.fromkeys(row.setting for row in rows):
-        rows_by_action = {row.action: row for row in rows if row.setting == setting}
-        report.table(
-            f"The window, {setting}",
-            ["what", "ms, minimum / median", "frames a second", "wanted"],
-            (
-                [
-                    row.action,
-                    f"{row.time.minimum:.1f} / {row.time.median:.1f}",
-                    f"{row.rate:.1f}" if row.action in (ORBIT, ORBIT_DRAFT, PLAIN, EXPOSURE) else "",
-                    TARGETS.get(row.action, ""),
-                ]
-                for row in rows_by_action.values()
-            ),
-        )
-        orbit, draft = (rows_by_action[PLAIN].time.median / rows_by_action[a].time.median for a in (ORBIT, ORBIT_DRAFT))
-        report.say(
-            f"Orbiting has {100.0 * orbit:.0f} % of the rate without scattering at full quality (wanted: "
-            f"{100.0 * TARGET_SHARE:.0f} %), {100.0 * draft:.0f} % as dragged."
-        )
-    report.csv(
-        "window.csv",
-        [
-            {
-                "setting": row.setting,
-                "what": row.action,
-                "min_ms": row.time.minimum,
-                "median_ms": row.time.median,
-                "frames_a_second": row.rate,
-            }
+def report_window(report: BenchReport, title: str, rows: Sequence[WindowRow]) -> None:
+    """Report a table, with ratios to the anchor's picture of an orbit where it is installed, and `window.csv`."""
+    anchor = next((row.time.median for row in rows if (row.program, row.case) == (ANCHOR, ORBIT_DRAGGED)), None)
+    report.table(
+        f"The window, {title}",
+        ["program", "case", "CPU ms, minimum / median", f"of an orbit's picture by {ANCHOR}", "wanted"],
+        (
+            [
+                row.program,
+                row.case,
+                f"{row.time.minimum:.1f} / {row.time.median:.1f}",
+                f"{row.time.median / anchor:.2f}" if anchor else "",
+                _wanted(row),
+            ]
             for row in rows
-        ],
+        ),
     )
+    if anchor is None:
+        report.say(f'Without {ANCHOR} there is nothing to compare with: pip install "milkglass[rivals]".')
+    report.csv("window.csv", [{"program": row.program, "case": row.case, "cpu_ms": row.time.median} for row in rows])
+
+
+def _wanted(row: WindowRow) -> str:
+    if row.program != OURS:
+        return ""
+    if row.case in WANTED_MS:
+        return f"{WANTED_MS[row.case]:g} ms"
+    return f"{WANTED_RATIOS[row.case]:g}" if row.case in WANTED_RATIOS else ""

@@ -3,6 +3,7 @@
 import builtins
 import csv
 import dataclasses
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,9 +24,12 @@ from milkglass.core.stages import Stage, Stages
 from milkglass.viewer.assets import sources
 from milkglass.viewer.bench import (
     exchange as bench_exchange,
+    opaque_viewers,
+    report as bench_report,
     run as bench,
     sight as bench_sight,
     solving as bench_solving,
+    speed as bench_speed,
     window as bench_window,
 )
 from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
@@ -40,7 +44,6 @@ from milkglass.viewer.scene.settings import TransportSettings
 from tests.support.benching import NOTHING, assert_finite
 
 SMALL = Scheme("layered", 2, 16)
-SETTLING = bench_window.FIRST, bench_window.SETTLED
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -108,19 +111,32 @@ def test_first_picture_has_time_and_memory(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_window_is_measured_and_reported(tmp_path, capsys, small_object):
-    plan = replace(NOTHING, window=(SMALL,), window_repeats=3, image_size=(96, 64))
-    bench.run_plan(plan, tmp_path)
+def test_window_is_measured_beside_other_viewers(tmp_path, capsys, monkeypatch, small_object):
+    viewer = tmp_path / "stand_in.py"  # of a program that draws at once
+    drawn = "print('hello\\ncpu_ms 2.5', flush=True)\n"
+    viewer.write_text(f"import sys\n{drawn}for _ in sys.stdin:\n    {drawn}")
+    monkeypatch.setattr(opaque_viewers, "installed", lambda: (bench_window.ANCHOR,))
+    monkeypatch.setattr(opaque_viewers, "COMMAND", (sys.executable, str(viewer)))
+    bench.run_plan(replace(NOTHING, window_repeats=3, image_size=(96, 64)), tmp_path)
     rows = rows_of(tmp_path / "window.csv")
     assert_finite(rows)
-    assert [row["what"] for row in rows] == [
-        bench_window.ORBIT, bench_window.ORBIT_DRAFT, bench_window.PLAIN, bench_window.FIRST, bench_window.SETTLED,
-        bench_window.EXPOSURE, bench_window.REST, bench_window.PANEL,
-    ]  # fmt: skip
-    assert len(rows) == bench_window.ROWS_A_SETTING
-    first, settled = (float(next(r for r in rows if r["what"] == what)["median_ms"]) for what in SETTLING)
-    assert 0.0 < first < settled < 1e3 * bench_window.TIMEOUT
-    assert "of the rate without scattering" in capsys.readouterr().out
+    assert list(rows[0]) == ["program", "case", "cpu_ms"]
+    of_others = {row["case"]: float(row["cpu_ms"]) for row in rows if row["program"] == bench_window.ANCHOR}
+    assert of_others == {bench_window.OPENED: 2.5, bench_window.ORBIT_DRAGGED: 2.5}
+    ours = {row["case"]: float(row["cpu_ms"]) for row in rows if row["program"] == bench_window.OURS}
+    assert set(ours) == set(bench_window.CASES)
+    assert 0.0 < ours[bench_window.FIRST] < ours[bench_window.SETTLED]
+    assert f"{ours[bench_window.ORBIT_DRAGGED] / 2.5:.2f}" in capsys.readouterr().out
+
+
+def test_without_other_viewers_the_window_is_measured_alone(capsys):
+    report = bench_report.BenchReport(None)
+    bench_window.report_window(
+        report, "a mesh", [bench_window.WindowRow(bench_window.OURS, bench_window.FIRST, bench_speed.Timing((7.0,)))]
+    )
+    printed = capsys.readouterr().out
+    assert "7.0" in printed
+    assert "milkglass[rivals]" in printed
 
 
 @pytest.mark.slow
@@ -141,11 +157,11 @@ def test_light_between_parts_is_measured_beside_none(tmp_path, monkeypatch, few_
 
 def test_parts_can_be_run_alone():
     alone = bench.of_parts(bench.QUICK, ["window", "rivals"])
-    assert alone.window == bench.FULL.window  # which the small selection lacks
+    assert alone.window_repeats == bench.FULL.window_repeats  # which the small selection lacks
     assert alone.rivals == bench.QUICK.rivals
     fields = {field for of_part in bench.PARTS.values() for field in of_part}
     assert fields < {field.name for field in dataclasses.fields(bench.Plan)}
-    assert not any(getattr(alone, field) for field in fields - {"window", "rivals"})
+    assert not any(getattr(alone, field) for field in fields - {"window_repeats", "rivals"})
     assert bench.of_parts(bench.QUICK, bench.PARTS) is bench.QUICK
     for names in (["windows"], ["window", ""], []):
         with pytest.raises(InputError, match=r"choose parts of the benchmark from convolution, .*, window, "):
