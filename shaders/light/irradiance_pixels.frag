@@ -21,11 +21,11 @@
 
 uniform sampler2D t_position;  // rgb world, mm; a 1 where the object is
 uniform sampler2D t_normal;    // a: body
-uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a thin slab
+uniform sampler2D t_visible;   // visible share of the environment's light; a: on the other side of a thin slab, see u_stored
 uniform sampler2D t_lobe;      // of the highlight's
 uniform bool u_occluded;       // whether t_visible is there
-uniform sampler2D t_reentering;         // E of light that left the object and enters it again; any of another kind
-uniform sampler2D t_reentering_behind;  // the same on the other side of the object
+uniform sampler2D t_known;         // E of light that left the object and enters it again, see u_stored; any of another kind
+uniform sampler2D t_known_behind;  // the same on the other side of the object
 uniform bool u_occluded_lobe;  // whether t_lobe is there
 uniform float u_clear_from;    // number of the first body that scatters no light
 uniform float u_clear_eta;     // of the surface of such
@@ -35,10 +35,8 @@ uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towa
 uniform vec3 u_first_lamps;  // 1 in the channel of this lamp, where it is one of them, else 0
 uniform vec3 u_last_lamps;
 uniform bool u_stores;              // whether to write what lamplight.glsl gives, in place of all else
-uniform bool u_stored;              // whether to read that
-uniform sampler2D t_lamp_entering;  // o_irradiance of what was stored: E, its cosine
-uniform sampler2D t_lamp_behind;    // o_specular: likewise on the other side of a thin slab
-uniform sampler2D t_lamp_seen;      // o_local: thickness of the slab, visible share of the lamp
+uniform bool u_stored;       // whether to read that of a lamp, as stored in the order of the outputs: t_known holds E and its
+                             // cosine, t_known_behind the same behind a slab, t_visible the lamp's share, a: its thickness
 
 // E of the light regardless of what is in its way.
 vec3 unshadowed_irradiance(vec3 position, vec3 normal) {
@@ -77,14 +75,14 @@ void main() {
         specular = environment_highlight(shading.xyz, to_eye, lobe);
         specular *= above_surface(normal, shading.xyz, reflect(-to_eye, shading.xyz));
     } else if (u_light_kind == LIGHT_REENTERING) {
-        irradiance = shading.a * texelFetch(t_reentering, pixel, 0).rgb;
-        if (u_thin_reach > 0.0) behind.irradiance = texelFetch(t_reentering_behind, pixel, 0).rgb;
+        irradiance = shading.a * texelFetch(t_known, pixel, 0).rgb;
+        if (u_thin_reach > 0.0) behind.irradiance = texelFetch(t_known_behind, pixel, 0).rgb;
     } else {
         Lamplight light;
 #ifdef SHARES
         if (u_stored) {
-            vec4 entering = texelFetch(t_lamp_entering, pixel, 0), other_side = texelFetch(t_lamp_behind, pixel, 0);
-            float thickness = texelFetch(t_lamp_seen, pixel, 0).r;
+            vec4 entering = texelFetch(t_known, pixel, 0), other_side = texelFetch(t_known_behind, pixel, 0);
+            float thickness = texelFetch(t_visible, pixel, 0).a;
             light = Lamplight(entering.rgb, vec3(0.0), entering.a, Behind(other_side.rgb, thickness, other_side.a));
         } else
 #endif
@@ -116,10 +114,10 @@ void main() {
         float share = brightness(irradiance) / max(brightness(unshadowed_irradiance(position.xyz, normal)), 1e-20);
         o_irradiance = vec4(irradiance, cosine);
         o_specular = vec4(behind.irradiance, behind.cosine);
-        o_local = vec4(behind.thickness, share, 0.0, 0.0);
+        o_local = vec4(vec3(share), behind.thickness);
         return;
     }
-    float share = texelFetch(t_lamp_seen, pixel, 0).g;
+    float share = texelFetch(t_visible, pixel, 0).r;
     irradiance = share * u_first_lamps;
     specular += share * u_last_lamps;
 #endif

@@ -31,10 +31,9 @@ uniform sampler2D t_lobe;       // visible share of the highlight of an environm
 uniform bool u_occluded_lobe;   // whether it is there
 uniform float u_surround_strength;  // see highlights.glsl
 uniform bool u_fresnel;
-uniform sampler2D t_seen_mirrored;  // what rays of sight found, see viewer/passes/composite.py
-uniform sampler2D t_seen_through;
+uniform sampler2D t_seen_mirrored;  // what rays of sight found, see viewer/passes/composite.py; a: in place of rgb, the
+uniform sampler2D t_seen_through;   // share of a ray that collides before it leaves the object
 uniform sampler2D t_seen_scattered;
-uniform sampler2D t_seen_collided;  // share of a ray that collides before it leaves the object
 uniform bool u_traced;            // whether any were followed
 uniform bool u_traced_inside;     // whether inside, too
 uniform vec3 u_left_to_surface;   // share of exitance that they do not find
@@ -146,21 +145,23 @@ void main() {
     vec3 to_eye = normalize(u_eye.xyz - u_eye.w * position.xyz);
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
+    vec4 seen_mirrored = vec4(0.0, 0.0, 0.0, 1.0), seen_through = seen_mirrored, seen_scattered = seen_mirrored;
+    if (u_traced) {
+        seen_mirrored = texelFetch(t_seen_mirrored, pixel, 0);
+        seen_through = texelFetch(t_seen_through, pixel, 0);
+        seen_scattered = texelFetch(t_seen_scattered, pixel, 0);
+    }
     vec3 shown = vec3(entering);
     if (u_traced_inside) {
         // M / e times what collides along the ray; where matter is thick that is F_t M (core/paths/tree.py).
         vec3 coordinates = volume_coordinates(position.xyz, normal_and_body.a);
         shown = 1.0 + textureLod(t_concentration, coordinates, 0.0).rgb;
-        if (u_traced) shown *= texelFetch(t_seen_collided, pixel, 0).rgb;
+        shown *= vec3(seen_mirrored.a, seen_through.a, seen_scattered.a);
     }
-    vec3 subsurface = u_left_to_surface * shown * exitance / u_exit_normalisation;
+    vec3 subsurface = u_left_to_surface * shown * exitance / u_exit_normalisation + seen_scattered.rgb;
     vec3 highlight = specular.rgb + mirrored_self(pixel, position.xyz, normal, to_eye, entering, exitance);
-    vec3 unscattered = vec3(0.0);
-    if (u_traced) {
-        highlight += u_mirror_strength * texelFetch(t_seen_mirrored, pixel, 0).rgb;
-        unscattered = texelFetch(t_seen_through, pixel, 0).rgb;
-        subsurface += texelFetch(t_seen_scattered, pixel, 0).rgb;
-    }
+    highlight += u_mirror_strength * seen_mirrored.rgb;
+    vec3 unscattered = seen_through.rgb;
     o_radiance = u_weight * vec4(subsurface + highlight + unscattered, 1.0);
     o_position = u_weight * vec4(position.xyz, 1.0);
     o_normal = u_weight * vec4(normal, 1.0);

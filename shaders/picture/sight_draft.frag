@@ -46,10 +46,9 @@ const float LEAST_MET = 0.15;     // cosine up to which a surface is grazed
 const float LEAST_WEIGHT = 0.02;  // of what is mirrored inside; less leaves with the rest
 const float NEGLIGIBLE = 1e-3;
 
-layout(location = 0) out vec4 o_mirror;
+layout(location = 0) out vec4 o_mirror;  // a, as of the next two: R, G and B of the share of the ray that collides
 layout(location = 1) out vec4 o_unscattered;
 layout(location = 2) out vec4 o_scattered;
-layout(location = 3) out vec4 o_collided;
 
 vec3 surroundings(sampler2D environment, vec3 place, vec3 direction) {
     vec3 radiance = u_environment_intensity * textureLod(environment, latlong_uv(u_environment_rotation * direction), 0.0).rgb;
@@ -195,7 +194,7 @@ void main() {
         if (max(weight.r, max(weight.g, weight.b)) < NEGLIGIBLE) break;
         ray = reflect(ray, outward);
     }
-    o_unscattered = vec4(unscattered, 1.0);
-    o_scattered = vec4(scattered, 1.0);
-    o_collided = vec4(collided, 1.0);
+    o_mirror.a = collided.r;
+    o_unscattered = vec4(unscattered, collided.g);
+    o_scattered = vec4(scattered, collided.b);
 }

@@ -14,7 +14,7 @@ from milkglass.viewer.passes.irradiance import Highlights, PixelLight
 from milkglass.viewer.scene.camera import Camera
 
 OUTPUTS = ("radiance", "position", "normal", "irradiance", "exitance", "subsurface", "specular", "unscattered")
-SEEN = "t_seen_mirrored", "t_seen_through", "t_seen_scattered", "t_seen_collided"  # samplers of `Traced.textures`
+SEEN = "t_seen_mirrored", "t_seen_through", "t_seen_scattered"  # samplers of `Traced.textures`
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class Traced:
     Attributes
     ----------
     textures : tuple of moderngl.Texture
-        What the first mirror shows, what is seen through the object, what scatters towards the eye on the way, and the
-        share of a ray that collides before it leaves; any where no rays are followed.
+        What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way; in
+        their alphas R, G and B of the share of a ray that collides before it leaves. Any where no rays are followed.
     left : tuple of R, G and B, optional
         Share of exitance that such rays do not find, in this sample of a pixel or another one, of each kind of matter.
     is_followed, goes_inside : bool
@@ -74,7 +74,7 @@ class CompositePass:
 
     def traced_textures(self, size: tuple[int, int]) -> tuple[moderngl.Texture, ...]:
         """Allocate the textures of `Traced` for (width, height) pixels."""
-        return tuple(float_texture(self._context, size, 3) for _ in range(len(SEEN)))
+        return tuple(float_texture(self._context, size) for _ in range(len(SEEN)))
 
     def targets(self, size: tuple[int, int], *, parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
         """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""

@@ -98,7 +98,12 @@ class PixelIrradiancePass:
         lamps = lamps_of(sources)
         for source, kind in itertools.product(sources, gather.kinds):
             lamp, shares = target.lamps.get(source), target.stores or bool(target.lamps)
-            detailed = gbuffer.detail is not None
+            detailed, again = gbuffer.detail is not None, gbuffer.reentry
+            known, known_behind = gbuffer.normal, gbuffer.normal
+            if lamp is not None:
+                known, known_behind = lamp.irradiance, lamp.specular
+            elif again is not None:
+                known, known_behind = again.irradiance, again.behind
             program, triangle = self._drawn_with(soft=source.is_soft, detail=detailed, shares=shares)
             values = {
                 **source.uniforms(kind.eta, sample, samples),
@@ -107,10 +112,10 @@ class PixelIrradiancePass:
                 **entering_uniforms(gbuffer.detail),
                 "t_position": gbuffer.position,
                 "t_normal": gbuffer.normal,
-                "t_visible": gbuffer.visible or gbuffer.normal,
+                "t_visible": lamp.local if lamp else gbuffer.visible or gbuffer.normal,
                 "t_lobe": gbuffer.lobe or gbuffer.normal,
-                "t_reentering": gbuffer.normal if gbuffer.reentry is None else gbuffer.reentry.irradiance,
-                "t_reentering_behind": gbuffer.normal if gbuffer.reentry is None else gbuffer.reentry.behind,
+                "t_known": known,
+                "t_known_behind": known_behind,
                 "u_occluded": source.occlusion is not None and gbuffer.visible is not None,
                 "u_occluded_lobe": source.occlusion is not None and gbuffer.lobe is not None,
                 "u_eye": tuple(camera.eye),
@@ -119,10 +124,8 @@ class PixelIrradiancePass:
             }
             if shares:
                 channel = np.zeros(MOST_LAMPS) if lamp is None else np.eye(MOST_LAMPS)[lamps.index(source)]
-                stored = (gbuffer.normal,) * 3 if lamp is None else (lamp.irradiance, lamp.specular, lamp.local)
                 values |= {"u_first_lamps": tuple(channel[:3]), "u_last_lamps": tuple(channel[3:])}
                 values |= {"u_stores": target.stores, "u_stored": lamp is not None}
-                values |= dict(zip(("t_lamp_entering", "t_lamp_behind", "t_lamp_seen"), stored, strict=True))
             if source.is_soft:
                 values["u_edge"] = highlights.edge
             tests = source.sub_lights // samples or 1 if source.is_soft and lamp is None else 0

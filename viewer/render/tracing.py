@@ -15,7 +15,7 @@ from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
 from milkglass.core.stages import Stage, Stages, Steps
 from milkglass.viewer.gl.context import current
-from milkglass.viewer.passes.composite import SEEN, CompositePass, Traced
+from milkglass.viewer.passes.composite import CompositePass, Traced
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
 from milkglass.viewer.passes.sight_draft import Drafted, GlowTextures, SightDraftPass, SurroundingTextures
@@ -174,9 +174,10 @@ class Tracing:
         textures = self._run(
             Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_textures((width, height))
         )
-        for texture, values in zip(textures, radiance, strict=True):
-            of_pixels = np.zeros((height * width, 3), np.float32)
-            of_pixels[pixels] = values
+        *shown, collided = radiance
+        for texture, values, share in zip(textures, shown, collided.T, strict=True):
+            of_pixels = np.zeros((height * width, 4), np.float32)
+            of_pixels[pixels, :3], of_pixels[pixels, 3] = values, share
             texture.write(of_pixels)
         return Traced(textures, goes_inside=tree.clear)
 
@@ -184,7 +185,9 @@ class Tracing:
         self, tree: "Tree", parts: "Iterator[tuple[Ints, Sight]]", count: int, superseded: threading.Event
     ) -> Steps[Float32]:
         """Return the mean radiance of `count` places by rays, part by part: (kinds, count, 3)."""
-        radiance, counts = np.zeros((len(SEEN), count, 3), np.float32), np.zeros(count, np.float32)
+        from milkglass.core.paths.tree import Seen
+
+        radiance, counts = np.zeros((len(Seen._fields), count, 3), np.float32), np.zeros(count, np.float32)
 
         def begun(rays: "Sight") -> "Future[Found]":
             return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())

@@ -66,6 +66,14 @@ def test_every_program_compiles_and_uses_every_uniform_that_it_declares(context,
     assert program.uniforms == declared
 
 
+@pytest.mark.parametrize("name", [name for name, (_, switches) in PROGRAMS.items() if "detail" not in switches])
+def test_a_program_samples_no_more_textures_than_every_driver_has_units(name):
+    """OpenGL 3.3 promises 16; colours and relief take more."""
+    files, switches = PROGRAMS[name]
+    text = compiled_lines(files[-1], **switches)
+    assert len(re.findall(r"^uniform \w*sampler\w+ \w+", text, re.MULTILINE)) <= 16
+
+
 def test_the_table_of_shaders_is_complete():
     """Every shader belongs to a program of shaders/README.md, every include to a shader, every switch to a program."""
     listed = {file for files, _ in PROGRAMS.values() for file in files}
