@@ -137,7 +137,8 @@ class Stage(StrEnum):
     CROSSING_LAMP = "rays through thin parts from lamp", Part.IRRADIANCE
     CROSSED_LAMP = "light through thin parts from lamp", Part.IRRADIANCE
     FROM_LAMPS = "unscattered light from lamps", Part.IRRADIANCE
-    UNSCATTERED = "all unscattered light", Part.IRRADIANCE
+    UNSCATTERED = "unscattered light to come", Part.IRRADIANCE
+    UNSCATTERED_SUM = "all unscattered light", Part.IRRADIANCE
     UNSCATTERED_LIGHT = "unscattered light", Part.IRRADIANCE
     TOTAL_FLUX = "flux with unscattered light", Part.IRRADIANCE
     SAMPLE_LEAVING = "leaving tints of samples", Part.SURFACE
@@ -178,6 +179,8 @@ class Stage(StrEnum):
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
     PATCH_FLUX = "flux into patches", Part.TRANSPORT
     RETURNED = "light that has returned", Part.TRANSPORT
+    PATCH_UNSCATTERED = "unscattered flux into patches", Part.TRANSPORT
+    KNOWN_UNSCATTERED = "unscattered light that is known", Part.TRANSPORT
     SURFACE_CROSSING = "exchange through thin parts of patches", Part.TRANSPORT
     SURFACE_GROUND = "exchange with the ground", Part.TRANSPORT
     SOURCES_R = "sources of R", Part.TRANSPORT

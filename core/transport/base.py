@@ -22,7 +22,8 @@ from milkglass.core.grid.layers import LayerGrid
 from milkglass.core.light.exchange import Exchange
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
-from milkglass.core.stages import Stages
+from milkglass.core.stages import Stage, Stages
+from milkglass.core.threads import computed_once
 from milkglass.core.transport.pixels import PixelTables
 
 if TYPE_CHECKING:  # compiled loops take half a second to import
@@ -56,6 +57,57 @@ class EnteringLight:
     direction: Vector | None = None
     position: Vector | None = None
     returned: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Unscattered:
+    """Light that has met the surface before but not scattered, mirrored or through thin parts; from all around.
+
+    It takes rays, so that it is computed when it is first asked for; until then what is known of such light stands for
+    it. Compared by identity.
+
+    Attributes
+    ----------
+    samples : SurfaceSamples
+        That it enters.
+    besides : (samples, 3) float32
+        E dA of the light that enters first.
+    compute : callable
+        Returns its irradiance at the vertices of the surface refined for exchange, (m, 3), and it as a light.
+    """
+
+    samples: SurfaceSamples
+    besides: Float32
+    compute: Callable[[], tuple[Float32, EnteringLight]]
+
+    @computed_once
+    def _computed(self) -> tuple[Float32, EnteringLight]:
+        return self.compute()
+
+    @property
+    def irradiance(self) -> Float32:
+        """Return E at the vertices of the surface refined for exchange, (m, 3)."""
+        return self._computed[0]
+
+    @property
+    def light(self) -> EnteringLight:
+        """Return it as a light on the samples."""
+        return self._computed[1]
+
+    @computed_once
+    def entering(self) -> Array:
+        """Return the flux of R, G and B that enters besides, (3,) float64."""
+        return np.asarray(self.besides.sum(axis=0, dtype=np.float64))
+
+    def growth(self, known: "Unscattered") -> Array | None:
+        """Return the factors on other such light, which is known, that estimate this, (3,); None on another surface.
+
+        Both are as bright as the light that enters besides, at most.
+        """
+        if known.samples is not self.samples:
+            return None
+        most = np.maximum(known.entering, known.light.flux.sum(axis=0, dtype=np.float64))
+        return np.asarray(np.divide(self.entering, most, out=np.zeros(3), where=most > 0.0))
 
 
 class Solid(Protocol):
@@ -145,6 +197,8 @@ class EnteringFlux:
         What its bodies are of, in their order, where that is more than one; `media` are then those of the first.
     external : (samples, 3) float32, optional
         Of the flux, what comes from other bodies, of which no beams tell.
+    unscattered : Unscattered, optional
+        Further light, neither in the flux nor among the lights.
     """
 
     solid: Solid
@@ -158,6 +212,15 @@ class EnteringFlux:
     beams: "Beams | None" = None
     matter: tuple[Matter, ...] = ()
     external: Float32 | None = None
+    unscattered: Unscattered | None = None
+
+    def with_unscattered(self, stages: Stages) -> "EnteringFlux":
+        """Return all light in the flux and among the lights: what is unscattered is computed."""
+        if self.unscattered is None:
+            return self
+        light = self.unscattered.light
+        flux = stages.run(Stage.TOTAL_FLUX, (self.flux, light), lambda: self.flux + light.flux)
+        return replace(self, flux=flux, lights=(*self.lights, light), unscattered=None)
 
     def kind_of(self, body: int) -> int:
         """Return the number of what a body is of."""
@@ -282,6 +345,10 @@ class Scattered(Protocol):
     @property
     def reentering(self) -> Float32 | None:
         """Return the irradiance of light that left the object and enters it again, at `Exchange`'s vertices, (m, 3)."""
+
+    @property
+    def estimates_unscattered(self) -> bool:
+        """Whether `Unscattered` light was not there yet: what was known of it counts as entering again."""
 
     def on_layers(self) -> Float32:
         """Return exitance on the layers, (3, *grid.shape), all bodies together; of an equation the flux M dA."""

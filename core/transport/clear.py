@@ -37,6 +37,7 @@ class NoExitance:
     is_solved = True
     boundaries = ()
     windows = resolved = reentering = None
+    estimates_unscattered = False
 
     @property
     def world_to_texture(self) -> Array:

@@ -44,6 +44,7 @@ class FftTransport(ABC):
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> "NodeExitance":
         """Return the exitance at the nodes of the light that enters a solid, in one step: `go_on` is not called."""
+        lit = lit.with_unscattered(stages)
         first = self._scattered(lit, stages)
         if lit.exchange is None:
             return first
@@ -176,7 +177,7 @@ class NodeExitance:
     windows = resolved = None
     residuals = 0.0, 0.0, 0.0
     convolutions = 0, 0, 0
-    is_solved = True
+    is_solved, estimates_unscattered = True, False
     boundaries = ()
 
     @property

@@ -109,6 +109,8 @@ class ScatteredInBodies:
     parts: tuple[Scattered | None, ...]
     waiting: bool = False
 
+    estimates_unscattered = False
+
     @property
     def lit_parts(self) -> list[Scattered]:
         """Return the parts of bodies that are not dark."""
@@ -268,6 +270,7 @@ class OfBodies:
 
         `stages` keep what the bodies have in common; times of the bodies' own steps are added to theirs.
         """
+        lit = lit.with_unscattered(stages)
         atlas = self.atlas(lit.grid)
         places = stages.run(Stage.BODY_SAMPLES, (atlas, lit.coordinates), lambda: self._placed(atlas, lit.coordinates))
         fluxes = stages.run(Stage.BODY_FLUX, (self, lit.flux), lambda: [lit.flux[body.chosen] for body in self._bodies])

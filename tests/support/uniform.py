@@ -28,7 +28,7 @@ class UniformlyScattered:
     windows = resolved = None
     residuals = 0.0, 0.0, 0.0
     convolutions = 0, 0, 0
-    is_solved = True
+    is_solved, estimates_unscattered = True, False
     boundaries = ()
     reentering = None
 

@@ -43,8 +43,10 @@ class Finished:
 
     def incoming(self) -> Float32:
         """Return the flux on the layers, (3, n_layers, height, width)."""
-        lit = self.lit
-        return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), lit.flux)
+        lit, flux = self.lit, self.lit.flux
+        if lit.unscattered is not None and not self.scattered.estimates_unscattered:
+            flux = flux + lit.unscattered.light.flux
+        return deposit(lit.grid, lit.transport.weights(lit.grid, lit.coordinates), flux)
 
     def outgoing(self) -> Float32:
         """Return exitance on the layers as of `core.transport.base.Scattered.on_layers`."""

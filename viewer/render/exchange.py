@@ -19,7 +19,7 @@ from milkglass.core.light.probe import Probe, lookup
 from milkglass.core.material.fresnel import row_of, transmittance
 from milkglass.core.material.medium import Medium
 from milkglass.core.stages import Stage, Stages
-from milkglass.core.transport.base import Matter
+from milkglass.core.transport.base import EnteringLight, Matter, Unscattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import CrossingsOf, FewCrossingsOf, HitsOf, RefinedOf
 from milkglass.viewer.gl.buffers import MeshBuffers
@@ -41,8 +41,9 @@ COARSE_ROWS = 32  # of a probe that mirrored rays meet
 class ExchangeStages:
     """Makes the exchange of light between parts of a surface, each step only when what it depends on has changed."""
 
-    def __init__(self, stages: Stages, assets: Assets, occlusions: OcclusionStages) -> None:
+    def __init__(self, stages: Stages, transport: Stages, assets: Assets, occlusions: OcclusionStages) -> None:
         self._run, self._assets, self._occlusions = stages.run, assets, occlusions
+        self._late = transport.run  # what is computed where light is scattered, perhaps in another thread
 
     def of(
         self,
@@ -124,22 +125,26 @@ class ExchangeStages:
     def unscattered(
         self,
         exchange: Exchange,
+        surface: SampledSurface,
+        flux: Float32,
         lamps: Sequence[tuple[Light, Float32]],
-        samples: SurfaceSamples,
         around: tuple[Probe, EnvironmentSettings] | None,
         matter: Sequence[Matter],
         of_sample: Ints | None,
         from_ground: Float32 | None = None,
-    ) -> Float32 | None:
-        """Return the irradiance at the vertices of light that has met the surface but not scattered, (n, 3), or None.
+    ) -> Unscattered | None:
+        """Return the light that has met the surface but not scattered, to be computed with transport; None for none.
 
         The surface has mirrored it onto itself, or it has crossed thin parts; or the ground returns it.
 
         Parameters
         ----------
         exchange : Exchange
-        lamps : of lights and what of them enters the samples, (m, 3)
-        samples : SurfaceSamples
+        surface : SampledSurface
+            Of m samples.
+        flux : (m, 3)
+            E dA of all light that enters these first.
+        lamps : of lights and their irradiance on the samples, (m, 3)
         around : probe and its environment, optional
             Light from all around, without what shines as lamps.
         matter : of kinds of bodies
@@ -148,16 +153,51 @@ class ExchangeStages:
         from_ground : (n, 3), optional
             What the ground returns.
         """
-        if not lamps and around is None:
+        if not lamps and around is None and from_ground is None:
+            return None
+        key: list[object] = [
+            exchange,
+            surface,
+            flux,
+            *lamps,
+            from_ground,
+            *(of_kind.eta for of_kind in matter),
+            of_sample,
+        ]
+        if around is not None:
+            key += [around[0], around[1].rotation_deg, around[1].intensity]
+        if exchange.crossings is not None:
+            key += of_channels(matter)
+
+        def compute() -> tuple[Float32, EnteringLight]:
+            entering = [(light, surface.unweighted(irradiance)) for light, irradiance in lamps]
+            arriving = self._irradiance(exchange, entering, surface.samples, around, matter, of_sample, from_ground)
+            again = self._flux(exchange, arriving, surface.samples)
+            return arriving, self._late(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again, returned=True))
+
+        return self._run(Stage.UNSCATTERED, key, lambda: Unscattered(surface.samples, flux, compute))
+
+    def _irradiance(
+        self,
+        exchange: Exchange,
+        lamps: Sequence[tuple[Light, Float32]],
+        samples: SurfaceSamples,
+        around: tuple[Probe, EnvironmentSettings] | None,
+        matter: Sequence[Matter],
+        of_sample: Ints | None,
+        from_ground: Float32 | None,
+    ) -> Float32:
+        """Return the irradiance of such light at the vertices, (n, 3), of lamps and what of them enters the samples."""
+        if from_ground is not None and not lamps and around is None:
             return from_ground
         parts, from_lamps = list[Float32]() if from_ground is None else [from_ground], list[Float32]()
         crossings, of_surface = exchange.crossings, exchange.indices or matter[0].eta
         extinctions = of_channels(matter)
-        mirror = self._run(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
+        mirror = self._late(Stage.MIRROR, [exchange.refined], lambda: Mirror(exchange.refined.mesh))
         for i, ((light, entering), (kind, eta)) in enumerate(
             itertools.product(lamps, enumerate(of_kind.eta for of_kind in matter)), start=1
         ):
-            rays = self._run(
+            rays = self._late(
                 Stage.LAMP_RAYS.of(i),
                 [mirror, samples, light, entering, eta, of_sample, kind],
                 lambda light=light, eta=eta, of_these=_of_kind(entering, of_sample, kind): lamp_rays(  # type: ignore[misc]
@@ -165,7 +205,7 @@ class ExchangeStages:
                 ),
             )
             from_lamps.append(
-                self._run(
+                self._late(
                     Stage.MIRRORED_LAMP.of(i),
                     [mirror, *rays, eta],
                     lambda rays=rays, eta=eta: mirror.irradiance(mirror.mirrored(*rays, eta=eta)),  # type: ignore[misc]
@@ -173,13 +213,13 @@ class ExchangeStages:
             )
             if crossings is None:
                 continue
-            received = self._run(
+            received = self._late(
                 Stage.CROSSING_LAMP.of(i),
                 [mirror, *rays, crossings.reach],
                 lambda rays=rays, eta=eta: mirror.crossing(*rays, eta=eta, reach=crossings.reach, through=of_surface),  # type: ignore[misc]
             )
             from_lamps.append(
-                self._run(
+                self._late(
                     Stage.CROSSED_LAMP.of(i),
                     [received, *extinctions],
                     lambda received=received: mirror.irradiance(received, extinctions),  # type: ignore[misc]
@@ -187,7 +227,7 @@ class ExchangeStages:
             )
         if from_lamps:
             parts.append(
-                self._run(
+                self._late(
                     Stage.FROM_LAMPS,
                     [mirror, *from_lamps],
                     lambda: mirror.averaged(np.sum(from_lamps, axis=0, dtype=np.float32), ROUNDS),
@@ -203,20 +243,18 @@ class ExchangeStages:
             light_around = [probe, environment.rotation_deg, environment.intensity]
             key = [mirror, exchange.hits, *light_around, of_surface]
             parts.append(
-                self._run(Stage.MIRRORED, key, lambda: mirror.averaged(exchange.hits.mirrored(of_surface, radiance)))
+                self._late(Stage.MIRRORED, key, lambda: mirror.averaged(exchange.hits.mirrored(of_surface, radiance)))
             )
             if crossings is not None:
                 key = [mirror, crossings, *light_around, *extinctions]
                 parts.append(
-                    self._run(Stage.CROSSED, key, lambda: mirror.averaged(crossings.irradiance(radiance, extinctions)))
+                    self._late(Stage.CROSSED, key, lambda: mirror.averaged(crossings.irradiance(radiance, extinctions)))
                 )
-        return self._run(Stage.UNSCATTERED, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
+        return self._late(Stage.UNSCATTERED_SUM, parts, lambda: np.asarray(np.sum(parts, axis=0), np.float32))
 
-    def flux(self, exchange: Exchange, unscattered: Float32, surface: SampledSurface) -> Float32:
+    def _flux(self, exchange: Exchange, unscattered: Float32, samples: SurfaceSamples) -> Float32:
         """Return the flux that enters the surface samples, (n, 3), for irradiance at the exchange's vertices."""
-        samples = surface.samples
-
-        at_samples = self._run(
+        at_samples = self._late(
             Stage.EXCHANGE_SAMPLES, [exchange.refined, samples], lambda: exchange.at_samples(samples)
         )
 
@@ -224,7 +262,7 @@ class ExchangeStages:
             entering = exchange.tinted(at_samples @ unscattered)
             return np.asarray(entering * samples.areas[:, None], np.float32)
 
-        return self._run(Stage.UNSCATTERED_FLUX, [*exchange.surface, samples, unscattered], interpolated)
+        return self._late(Stage.UNSCATTERED_FLUX, [*exchange.surface, samples, unscattered], interpolated)
 
 
 def of_channels(matter: Sequence[Matter]) -> tuple[tuple[float, ...], ...]:

@@ -61,7 +61,13 @@ class Lighting:
     """Lights scenes in one OpenGL context; every stage runs only when what it depends on has changed."""
 
     def __init__(
-        self, context: moderngl.Context, stages: Stages, effort: str, assets: Assets, ground: GroundPass
+        self,
+        context: moderngl.Context,
+        stages: Stages,
+        transport_stages: Stages,
+        effort: str,
+        assets: Assets,
+        ground: GroundPass,
     ) -> None:
         self._context = context
         self._run, self._spread = stages.run, stages.spread
@@ -74,7 +80,7 @@ class Lighting:
         self._layers = LayersPass(context)
         self._separation = Separation(context, stages, self._layers)
         self._occlusions = OcclusionStages(context, stages, assets)
-        self._exchanges = ExchangeStages(stages, assets, self._occlusions)
+        self._exchanges = ExchangeStages(stages, transport_stages, assets, self._occlusions)
         self._details = DetailStages(context, stages, assets)
         self._grounds = GroundStages(stages, assets, self._surround, ground)
         self._beams = BeamStages(stages, self._surround)
@@ -177,19 +183,14 @@ class Lighting:
             lambda: _total(irradiances, len(samples)) * surface.samples.areas[:, None],
         )
         lights = self._entering(surface, sources, irradiances) if quality.facts.takes_each_light else ()
-        unscattered = None if clear else from_ground
+        unscattered, lit_by, around = None, list[tuple[Light, Float32]](), None
         if exchange is not None and not draft:  # a turned lamp casts rays again
-            lit_by = [
-                (lamp, surface.unweighted(entering))
-                for lamp, entering in zip((*lamps, *strong), irradiances, strict=False)
-            ]
+            lit_by = list(zip((*lamps, *strong), irradiances, strict=False))
             around = (self._surround.rest(environment), environment) if shines(environment) else None
-            unscattered = self._exchanges.unscattered(exchange, lit_by, samples, around, matter, of_sample, from_ground)
-        if carrier is not None and unscattered is not None:
-            again = self._exchanges.flux(carrier, unscattered, surface)
-            flux = run(Stage.TOTAL_FLUX, [flux, again], lambda: flux + again)
-            if quality.facts.takes_each_light:
-                lights = *lights, run(Stage.UNSCATTERED_LIGHT, [again], lambda: EnteringLight(again, returned=True))
+        if carrier is not None:
+            unscattered = self._exchanges.unscattered(
+                carrier, surface, flux, lit_by, around, matter, of_sample, from_ground
+            )
         coordinates = run(Stage.LAYER_DEPTH, [surface, grid], lambda: self._layers.coordinates(surface.buffers, grid))
         beams = None
         if sight and not clear:
@@ -293,7 +294,8 @@ class Lighting:
     def _reentry(self, lit: LitScene, scattered: Scattered) -> Reentry | None:
         """Return the light that enters again, of an exchange that knows of any."""
         surface = lit.surface
-        if surface is None or (scattered.reentering is None and lit.unscattered is None):
+        unscattered = None if scattered.estimates_unscattered else lit.unscattered
+        if surface is None or (scattered.reentering is None and unscattered is None):
             return None
 
         def make() -> Reentry:
@@ -301,7 +303,7 @@ class Lighting:
             assert total is not None
             return Reentry(surface, total, reentering(self._lamps.no_probe, self._lamps.no_shadow))
 
-        return self._run(Stage.REENTRY, [surface, scattered.reentering, lit.unscattered], make)
+        return self._run(Stage.REENTRY, [surface, scattered.reentering, unscattered], make)
 
     def _windows(self, windows: Float32 | None) -> moderngl.Texture | None:
         """Upload where the bodies lie in an atlas."""

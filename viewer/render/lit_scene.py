@@ -16,7 +16,15 @@ from milkglass.core.light.indices import Indices
 from milkglass.core.material.medium import Medium
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.stages import alike
-from milkglass.core.transport.base import EnteringFlux, EnteringLight, Matter, Scattered, Transport, WholeObject
+from milkglass.core.transport.base import (
+    EnteringFlux,
+    EnteringLight,
+    Matter,
+    Scattered,
+    Transport,
+    Unscattered,
+    WholeObject,
+)
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
@@ -90,7 +98,7 @@ class LitScene:
     coordinates : (n, 3) float32
         Grid coordinates of the samples.
     flux : (n, 3) float32
-        E dA of the samples, all lights.
+        E dA of the samples, all lights that enter first.
     lights : tuple of EnteringLight
         Light by light, where the method takes each light.
     matter : tuple of Matter
@@ -108,8 +116,8 @@ class LitScene:
         What of them could not be had.
     exchange : Exchange, optional
         Of light between parts of the surface.
-    unscattered : (n, 3) float32, optional
-        Irradiance at the exchange's vertices of light that has met the surface before, mirrored or through thin parts.
+    unscattered : Unscattered, optional
+        Light that has met the surface before, mirrored or through thin parts; computed with transport.
     surface : RefinedSurface, optional
         Where light or its occlusion is known at the vertices of a refined mesh.
     beams : Beams, optional
@@ -140,7 +148,7 @@ class LitScene:
     detail: SurfaceDetail | None = None
     troubles: tuple[str, ...] = field(default=(), compare=False)
     exchange: Exchange | None = None
-    unscattered: Float32 | None = None
+    unscattered: Unscattered | None = None
     surface: RefinedSurface | None = field(default=None, compare=False)
     beams: "Beams | None" = None
     clear: "tuple[ClearPart, ...]" = ()
@@ -180,11 +188,13 @@ class LitScene:
         solid = WholeObject(self.model.mesh, self.samples)
         placed = solid, self.grid, self.coordinates, self.flux, self.lights, self.profiles, self.media
         several = self.matter if len(self.matter) > 1 else ()
-        return EnteringFlux(*placed, self.exchange, self.beams, several)
+        return EnteringFlux(*placed, self.exchange, self.beams, several, unscattered=self.unscattered)
 
     def entering_again(self, scattered: Scattered) -> Float32 | None:
         """Return the irradiance that meets the surface again, (n, 3) at the exchange's vertices; None for none."""
-        found = [part for part in (scattered.reentering, self.unscattered) if part is not None]
+        unscattered = None if scattered.estimates_unscattered else self.unscattered
+        known = None if unscattered is None else unscattered.irradiance
+        found = [part for part in (scattered.reentering, known) if part is not None]
         return np.asarray(np.sum(found, axis=0), np.float32) if found else None
 
     def is_same_light(self, other: "LitScene") -> bool:

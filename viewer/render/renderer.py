@@ -120,7 +120,7 @@ class Renderer:
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
         with current(context):
             ground = GroundPass(context)
-            self._lighting = Lighting(context, self.stages, effort, assets or Assets(), ground)
+            self._lighting = Lighting(context, self.stages, self.transport_stages, effort, assets or Assets(), ground)
             self._shading = Shading(context, self.stages, ground, worker or AtOnce())
 
     @property

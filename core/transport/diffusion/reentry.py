@@ -248,7 +248,7 @@ class Returned:
         before, now = (np.array([diffuse_reflectance(medium) for medium in of]) for of in (self.media, media))
         share = flux / np.maximum(flux + self.entering, tiny)
         ratio = np.minimum(now / np.maximum(before, tiny), MOST_RETURNED / np.maximum(share, tiny))
-        brighter = entering / np.maximum(self.entering, tiny)
+        brighter = np.divide(entering, self.entering, out=np.zeros(3), where=self.entering > 0.0)
         return np.asarray(ratio * (1.0 - share) / (1.0 - ratio * share) * brighter)
 
 

@@ -1,6 +1,6 @@
 """Solution of the diffusion equation, from which exitance is read at any point of the surface."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -45,8 +45,10 @@ class Solution:
         Relative residual at which a channel is solved.
     exchange : SurfaceExchange, optional
         By which light that leaves enters again.
-    returned : (m, 3) float32, optional
-        Without it, irradiance at the exchange's vertices that counted as entering again.
+    returned : callable, optional
+        Without it, returns (m, 3) float32, irradiance at the exchange's vertices that counted as entering again.
+    estimates_unscattered : bool
+        As of `core.transport.base.Scattered`.
     resolved : Resolved, optional
         What matter sends out along rays.
     lacks_light_within : bool
@@ -59,7 +61,8 @@ class Solution:
     window: float
     tolerance: float
     exchange: SurfaceExchange | None = None
-    returned: Float32 | None = None
+    returned: Callable[[], Float32] | None = None
+    estimates_unscattered: bool = False
     resolved: "Resolved | None" = None
     lacks_light_within: bool = False
 
@@ -139,7 +142,7 @@ class Solution:
     def reentering(self) -> Float32 | None:
         """Return the irradiance that enters again at the vertices of the exchange, (m, 3); None without one."""
         if self.exchange is None:
-            return self.returned
+            return None if self.returned is None else self.returned()
         return self.exchange.irradiance(self.exitance_of_patches, self.media)
 
     def on_layers(self) -> Float32:
@@ -157,7 +160,7 @@ def reached(
     window: float,
     tolerance: float,
     exchange: SurfaceExchange | None = None,
-    returned: Float32 | None = None,
+    returned: Callable[[], Float32] | None = None,
 ) -> Solution:
     """Return the solution that the channels' iterations have come to; alike channels share one."""
     ends = {channel: iteration.reached for channel, iteration in iterations.items()}

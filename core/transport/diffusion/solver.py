@@ -33,7 +33,7 @@ from milkglass.core.material.medium import NO_ABSORPTION, Medium
 from milkglass.core.paths.resolution import needs_beams, scatters_once
 from milkglass.core.stages import Stage, Stages
 from milkglass.core.threads import one_blas_thread, pool_map, thread_pool
-from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered
+from milkglass.core.transport.base import EnteringFlux, EnteringLight, GoOn, Scattered, Unscattered
 from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on_grid
 from milkglass.core.transport.diffusion.channel import Channel, Sources, lit
 from milkglass.core.transport.diffusion.collisions import InnerPaths
@@ -88,14 +88,17 @@ class Problem:
     media_within : R, G and B
         Of light within.
     external : (samples, 3) float32, optional
-        As of `core.transport.base.EnteringFlux`.
+    unscattered : Unscattered, optional
+        Both as of `core.transport.base.EnteringFlux`.
     is_preliminary : bool
-        Whether the solution is to be there at once: what enters again and where light goes through thin parts is next
-        to what is known.
+        Whether the solution is to be there at once: what enters again, unscattered or not, and where light goes through
+        thin parts is next to what is known.
     returned : Returned, optional
-        What is known of the former then.
+        What is known of light that has scattered then.
+    known_unscattered : Unscattered, optional
+        ... and of the other.
     paths : InnerPaths, optional
-        What is known of the latter.
+        What is known of paths through thin parts.
     """
 
     mesh: Mesh
@@ -107,14 +110,21 @@ class Problem:
     beams: "Beams | None" = None
     media_within: Sequence[Medium] = ()
     external: Float32 | None = None
+    unscattered: Unscattered | None = None
     is_preliminary: bool = False
     returned: Returned | None = None
+    known_unscattered: Unscattered | None = None
     paths: InnerPaths | None = None
+
+    @property
+    def estimates_unscattered(self) -> bool:
+        """Whether it does with what is known of unscattered light."""
+        return self.is_preliminary and self.unscattered is not None
 
     @property
     def key(self) -> tuple[object, ...]:
         """Return all that the solution depends on but the grid, and what is known before, as a key of stages."""
-        within = self.beams, *self.media_within, self.external
+        within = self.beams, *self.media_within, self.external, self.unscattered
         return self.mesh, self.samples, *self.lights, *self.media, self.exchange, *within
 
 
@@ -190,7 +200,7 @@ class DiffusionTransport:
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
         solid, light = lit.solid, (lit.grid, lit.lights, _solved(lit), lit.exchange, lit.beams, lit.media, lit.external)
-        return self.solve(Problem(solid.mesh, solid.samples, *light), stages, go_on)
+        return self.solve(Problem(solid.mesh, solid.samples, *light, lit.unscattered), stages, go_on)
 
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
         """Return the media of R, G and B, on which this transport depends, and those of each body."""
@@ -234,12 +244,15 @@ class DiffusionTransport:
         """
 
         def anew() -> Solution:
-            coarse = None
+            coarse, unscattered = None, None if problem.is_preliminary else problem.unscattered
             if go_on is not None:
                 coarse = self._coarse_solution(problem, stages, go_on)
                 if coarse is not None and not go_on(coarse):
                     self._keep_returned_of_coarse(coarse, problem, stages)
                     return coarse
+            if unscattered is not None:
+                key = unscattered, unscattered.light  # which is computed now, before all else takes memory
+                stages.run(Stage.KNOWN_UNSCATTERED, key, lambda: unscattered)
             sources, channels, returned = self._channels(problem, stages)
             boundary, exchange = sources.boundary, sources.exchange
             ended = None if self._coarse is None or coarse is None else self._coarse._last
@@ -247,7 +260,10 @@ class DiffusionTransport:
 
             def newest() -> Solution:
                 width = self.window_width(boundary.grid)
-                return reached(boundary, problem.media, channels, iterations, width, self.tolerance, exchange, returned)
+                solution = reached(
+                    boundary, problem.media, channels, iterations, width, self.tolerance, exchange, returned
+                )
+                return replace(solution, estimates_unscattered=problem.estimates_unscattered)
 
             solution, is_over = _advanced(newest, iterations, go_on)
             iterates = tuple(np.zeros(len(boundary.patches)) if at is None else at.iterate for at in solution.channels)
@@ -293,13 +309,17 @@ class DiffusionTransport:
             self._coarse = replace(self, resolution=self.resolution // 2 - 1, tolerance=COARSE_TOLERANCE)
         coarse, mesh = self._coarse, problem.mesh
         coarse._rays = lambda mesh: stages.run(Stage.RAYS, (mesh,), lambda: self._rays(mesh))
-        returned, paths = problem.returned, problem.paths
-        if not problem.is_preliminary:
-            returned, paths = self._known_returned(problem, stages), self._known_paths(problem)
         on_coarse = replace(
-            problem, grid=coarse.grid(mesh, np.eye(3)), is_preliminary=True, returned=returned, paths=paths,
-            beams=None, media_within=(), external=None,
-        )  # fmt: skip
+            problem, grid=coarse.grid(mesh, np.eye(3)), is_preliminary=True, beams=None, media_within=(), external=None
+        )
+        if not problem.is_preliminary:
+            kept = stages.kept(Stage.KNOWN_UNSCATTERED)
+            on_coarse = replace(
+                on_coarse,
+                returned=self._known_returned(problem, stages),
+                known_unscattered=None if kept is None else kept[1],
+                paths=self._known_paths(problem),
+            )
         return stages.run(
             Stage.COARSE_SOLUTION,
             (coarse, *on_coarse.key),
@@ -334,7 +354,9 @@ class DiffusionTransport:
 
         _keep_returned(coarse, exchange, light.entering, thread_pool().submit(entering_again).result, stages)
 
-    def _channels(self, problem: Problem, stages: Stages) -> tuple[Sources, list[Channel | None], Float32 | None]:
+    def _channels(
+        self, problem: Problem, stages: Stages
+    ) -> tuple[Sources, list[Channel | None], Callable[[], Float32] | None]:
         """Return the light, the equation of each channel, None for a dark one, and what counts as entering again."""
         media, eta = problem.media, problem.media[0].eta
         boundary, depths = self._surface(problem, stages)
@@ -345,7 +367,9 @@ class DiffusionTransport:
         exchange, between, lights = problem.exchange, None, problem.lights
         if problem.is_preliminary:
             lights = [light for light in lights if not light.returned]
-        elif exchange is not None:
+        elif problem.unscattered is not None:
+            lights = *lights, problem.unscattered.light
+        if exchange is not None and not problem.is_preliminary:
             geometry = stages.run(
                 Stage.EXCHANGE_GEOMETRY,
                 (boundary, *exchange.surface),
@@ -387,20 +411,34 @@ class DiffusionTransport:
         channels = {i: channel() for i, channel in makers.items()}
         return sources, [None if twin is None else channels[twin] for twin in twins], returned
 
-    def _with_returned(self, sources: Sources, problem: Problem, stages: Stages) -> tuple[Sources, Float32 | None]:
-        """Return the light with what has met the object before, and of that what is let out again at the vertices."""
-        patches, exchange, known = sources.boundary.patches, problem.exchange, problem.returned
+    def _with_returned(
+        self, sources: Sources, problem: Problem, stages: Stages
+    ) -> tuple[Sources, Callable[[], Float32] | None]:
+        """Return the light with what has met the object before, and what is estimated of that at the vertices."""
+        patches, estimates = sources.boundary.patches, list[tuple[Float32, Array]]()
         fluxes = [patches.sums @ light.flux for light in problem.lights if light.returned]
+        unscattered, before = problem.unscattered, problem.known_unscattered
+        if unscattered is not None and before is not None and (factors := unscattered.growth(before)) is not None:
+            flux = stages.run(Stage.PATCH_UNSCATTERED, (patches, before), lambda: patches.sums @ before.light.flux)
+            fluxes.append(factors * flux)
+            estimates.append((before.irradiance, factors))
         if fluxes:
             sources = replace(sources, shallow=np.sum(fluxes, axis=0, dtype=np.float64))
+        exchange, known = problem.exchange, problem.returned
         irradiance = None if known is None else known.irradiance()
-        if exchange is None or known is None or irradiance is None:
-            return sources, None
-        key = sources.boundary, exchange.refined, exchange.entering, exchange.faces
-        matrices = stages.run(Stage.PATCH_FLUX, key, lambda: flux_matrices(exchange, patches, problem.samples))
-        again = np.stack([matrices[i % len(matrices)] @ irradiance[:, i] for i in range(3)], axis=1)
-        growth = known.growth(again.sum(axis=0, dtype=np.float64), sources.entering, problem.media)
-        return replace(sources, again=growth * again), irradiance * growth.astype(np.float32)
+        if exchange is not None and known is not None and irradiance is not None:
+            key = sources.boundary, exchange.refined, exchange.entering, exchange.faces
+            matrices = stages.run(Stage.PATCH_FLUX, key, lambda: flux_matrices(exchange, patches, problem.samples))
+            again = np.stack([matrices[i % len(matrices)] @ irradiance[:, i] for i in range(3)], axis=1)
+            growth = known.growth(again.sum(axis=0, dtype=np.float64), sources.entering, problem.media)
+            sources = replace(sources, again=growth * again)
+            estimates.append((irradiance, growth))
+
+        def at_vertices() -> Float32:
+            found = [estimate * factors.astype(np.float32) for estimate, factors in estimates]
+            return np.asarray(np.sum(found, axis=0), np.float32)
+
+        return sources, at_vertices if estimates else None
 
     def shape(self, grid: LayerGrid, medium: Medium) -> ConvolutionShape:
         """Return sizes padded by the reach of a channel's G; at most by the extent, which is exact."""

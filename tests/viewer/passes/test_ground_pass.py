@@ -111,7 +111,7 @@ def entering(renderer: MeshRenderer, scene: Scene) -> np.ndarray:
     if again is None:
         return first
     points, normals = lit.samples.points, lit.samples.normals
-    return first + lit.surface.at(again - lit.unscattered, points, normals)
+    return first + lit.surface.at(again, points, normals)
 
 
 def in_furnace(reflectance: float, *assignments: str) -> Scene:
@@ -157,7 +157,7 @@ def test_a_lamp_by_way_of_the_ground_lights_the_ball_as_rays_say(renderer):
     lit, rng = renderer.light(scene), np.random.default_rng(0)
     samples = lit.samples
     chosen = rng.choice(np.flatnonzero(samples.normals[:, 1] < -0.2), 60, replace=False)
-    returned = lit.surface.at(lit.unscattered, samples.points, samples.normals)[chosen]
+    returned = lit.surface.at(lit.unscattered.irradiance, samples.points, samples.normals)[chosen]
     probe = lit.ground.standing.environment.probe.latlong
     returned = returned + irradiance_direct(probe, samples.normals[chosen], 1.0)
     expected = []

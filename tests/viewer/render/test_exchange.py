@@ -11,7 +11,9 @@ from milkglass.core.light.exchange import cast_hits
 from milkglass.core.light.mirror import Mirror
 from milkglass.core.material.fresnel import hemispherical_transmittance, reflectance
 from milkglass.core.stages import Part, Stage
+from milkglass.core.transport.diffusion.solver import NESTED
 from milkglass.viewer.assets import exchange
+from milkglass.viewer.render import exchange as lighting
 from milkglass.viewer.render.exchange import coarse, lamp_rays
 from milkglass.viewer.scene.lights import DirectionalLight
 from milkglass.viewer.scene.scene import Scene, apply_set
@@ -109,6 +111,34 @@ def test_paths_through_matter_are_followed_where_it_is_thin(context):
     assert MeshRenderer(context, plates(thickness=4.0, gap=4.0)).light(scene()).exchange.crossings is None
 
 
+def test_what_surfaces_mirror_of_other_light_is_found_after_the_first_picture(context, monkeypatch):
+    """Until then it is the last light's, as bright as the light is now; a change of colour leaves only that to find."""
+    renderer, followed, seen = MeshRenderer(context, corner()), [], []
+    monkeypatch.setattr(lighting, "lamp_rays", lambda *given: followed.append(1) or lamp_rays(*given))
+    start = scene(f"transport.resolution={NESTED}", "model.bodies=joined", "transport.method=diffusion")
+
+    def pictures(*lights):
+        followed.clear()
+        seen.clear()
+        lit = renderer.light(replace(start, lights=lights))
+        last = renderer.scatter(lit, lambda solution: seen.append((solution, len(followed))) or True)
+        return seen[0], [lit.entering_again(scattered) for scattered in (seen[0][0], last)]
+
+    (first, before), (known, settled) = pictures(DirectionalLight((0.0, -0.2, 1.0), (1.0, 1.0, 1.0)))
+    assert first.grid != renderer.light(start).grid
+    assert (before, len(followed)) == (0, 1)
+    assert known is None
+    (_, before), (known, brighter) = pictures(DirectionalLight((0.0, -0.2, 1.0), (3.0, 2.0, 1.0)))
+    assert (before, len(followed)) == (0, 1)
+    np.testing.assert_allclose(brighter, settled * (3.0, 2.0, 1.0), rtol=0.01, atol=1e-3)
+    np.testing.assert_allclose(known, brighter, rtol=0.01, atol=1e-3)
+    pictures()  # in the dark
+    (first, _), (known, settled) = pictures(DirectionalLight((0.0, 0.2, 1.0)))
+    assert known is None or np.isfinite(known).all()
+    assert np.isfinite(first.volume).all()
+    assert settled.any()
+
+
 @pytest.mark.slow
 def test_rays_are_cast_once_a_mesh(context, monkeypatch, tmp_path):
     monkeypatch.setattr("milkglass.viewer.assets.ray_cache.cache_folder", lambda: tmp_path)
@@ -129,11 +159,10 @@ def test_surroundings_in_the_mirror_are_those_of_the_probe(context, tmp_path):
     )  # fmt: skip
     renderer = MeshRenderer(context, corner())
     lit = renderer.light(around)
-    assert lit.unscattered is not None
-    eta = lit.eta
+    mirrored, eta = lit.unscattered.irradiance, lit.eta
     floor = (lit.surface.refined.mesh.normals[:, 1] > 0.99) & (np.abs(lit.surface.refined.mesh.vertices[:, 0]) < 5.0)
-    assert 0.0 < lit.unscattered[floor].mean() < 0.5 * np.pi * (1.0 - hemispherical_transmittance(eta)) * 1.5
-    np.testing.assert_allclose(lit.unscattered[:, 0], lit.unscattered[:, 2], rtol=1e-5)
+    assert 0.0 < mirrored[floor].mean() < 0.5 * np.pi * (1.0 - hemispherical_transmittance(eta)) * 1.5
+    np.testing.assert_allclose(mirrored[:, 0], mirrored[:, 2], rtol=1e-5)
 
 
 def test_a_lamp_is_mirrored_onto_the_floor(renderer):
