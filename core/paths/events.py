@@ -4,7 +4,9 @@ At every meeting a ray parts in two, by Fresnel's equations for unpolarised ligh
 1 - F_r refracted. A branch whose largest weight falls below `LEAST_WEIGHT` is dropped and its weight given to the other
 one, so that no energy is lost; what is mirrored where a path begins is kept whatever its weight. What has met the
 surface `EVENTS` times leaves along the refracted branch, or straight on where all is reflected. Rays that leave are
-cast again: in a concave object they enter again.
+cast again: in a concave object they enter again. To drop a branch is right where light comes from all around. A lamp in
+front of an object is seen through it in the branches that inner surfaces mirror alone, some hundredths of a ray before
+absorption, and is a hundred times as bright as what the others meet: rays of sight go on to `LEAST_BEFORE_LAMPS`.
 
 A ray knows all media that it is in, as the bits of a number. Of several that overlap one is there
 (`core.paths.surface`), and a surface where that does not change, or only to one of the same index that scatters no
@@ -27,6 +29,7 @@ EVENTS = 12
 NESTED_EVENTS = 16  # of media within others: light through a filled glass meets four surfaces at least
 MOST_PASSED = 64  # surfaces between two meetings
 LEAST_WEIGHT = 0.015
+LEAST_BEFORE_LAMPS = 1e-3  # a mirror at right angles leaves 0.02 of an index of 1.33, 0.04 of 1.5
 NEGLIGIBLE_WEIGHT = 1e-4  # of the largest channel: what absorption leaves of both branches, below which both end
 SMALLEST_NORMAL = 1e-6  # of interpolated normals: below, opposite ones have cancelled
 NONE, ALL = np.float32(0.0), np.float32(1.0)  # of a weight
@@ -167,6 +170,7 @@ def follow(
     *,
     clear: bool = True,
     enters: bool = True,
+    least: float = LEAST_WEIGHT,
 ) -> Iterator[Event]:
     """Yield the events of rays until all have escaped; their meetings are numbered from 0, in this order.
 
@@ -184,6 +188,8 @@ def follow(
         Whether rays go on inside; else refracted ones are absorbed at once.
     enters : bool
         Whether rays that leave are cast again, and may enter again.
+    least : float
+        Weight below which a branch is dropped.
     """
     chord = meeting = 0
     for number in range(met + 1, events + 1):
@@ -191,7 +197,7 @@ def follow(
             return
         chords, meetings, escaped = meet(surface, rays, extinction, chord)
         chord += len(chords.lengths)
-        mirrored, refracted, share = part(surface, meetings, number, events, meeting)
+        mirrored, refracted, share = part(surface, meetings, number, events, meeting, least)
         meeting += len(meetings.points)
         if not clear:
             refracted = none(refracted)
@@ -231,7 +237,12 @@ def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> t
 
 
 def part(
-    surface: Surface, meetings: Meetings, number: int, events: int = EVENTS, first: int = 0
+    surface: Surface,
+    meetings: Meetings,
+    number: int,
+    events: int = EVENTS,
+    first: int = 0,
+    least: float = LEAST_WEIGHT,
 ) -> tuple[Rays, Rays, Float32]:
     """Return the mirrored and the refracted rays, and the share that is mirrored, see `Event.mirrored`.
 
@@ -245,8 +256,10 @@ def part(
         After how many meetings paths end.
     first : int
         Number of the first of the meetings.
+    least : float
+        Weight below which a branch is dropped.
     """
-    return _part(meetings, surface.offset, number, events, first)
+    return _part(meetings, surface.offset, number, events, first, least)
 
 
 def joined(a: Rays, b: Rays) -> Rays:
@@ -402,7 +415,9 @@ def _meet(
 
 
 @compiled
-def _part(meetings: Meetings, offset: float, number: int, events: int, first: int) -> tuple[Rays, Rays, Float32]:
+def _part(
+    meetings: Meetings, offset: float, number: int, events: int, first: int, least: float
+) -> tuple[Rays, Rays, Float32]:
     k, channels = meetings.weights.shape
     origins, directions = np.empty((2, k, 3), np.float32), np.empty((2, k, 3), np.float32)
     weights = np.empty((2, k, channels), np.float32)
@@ -430,7 +445,7 @@ def _part(meetings: Meetings, offset: float, number: int, events: int, first: in
         largest = np.float32(0.0)
         for channel in range(channels):
             largest = max(largest, meetings.weights[i, channel])
-        shares = _kept(share, largest, number, events)
+        shares = _kept(share, largest, number, events, least)
         went_on[i] = shares[0]
         for branch in range(2):
             if shares[branch] <= 0.0:
@@ -484,7 +499,9 @@ def _part(meetings: Meetings, offset: float, number: int, events: int, first: in
 
 
 @compiled
-def _kept(share: np.float32, largest: np.float32, number: int, events: int) -> tuple[np.float32, np.float32]:
+def _kept(
+    share: np.float32, largest: np.float32, number: int, events: int, least: float
+) -> tuple[np.float32, np.float32]:
     """Return the shares of a ray's weight that its mirrored and its refracted branch go on with."""
     if largest < NEGLIGIBLE_WEIGHT:
         return NONE, NONE
@@ -493,8 +510,8 @@ def _kept(share: np.float32, largest: np.float32, number: int, events: int) -> t
     if share == ALL:
         return ALL, NONE
     mirrored, refracted = share, ALL - share
-    mirror_ends = number > 1 and mirrored * largest < LEAST_WEIGHT
-    refraction_ends = refracted * largest < LEAST_WEIGHT
+    mirror_ends = number > 1 and mirrored * largest < least
+    refraction_ends = refracted * largest < least
     if mirror_ends and (mirrored < refracted or not refraction_ends):
         return NONE, ALL
     if refraction_ends:

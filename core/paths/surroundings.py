@@ -124,6 +124,11 @@ class Surroundings(NamedTuple):
             NO_FLOOR,
         )
 
+    @property
+    def has_lamps(self) -> bool:
+        """Whether any lamps shine."""
+        return bool(self.lamps.radiance.any())
+
     def above(self, floor: Floor) -> "Surroundings":
         """Return the surroundings with a plane before the environment."""
         return self._replace(floor=floor)

@@ -22,7 +22,20 @@ import numpy as np
 
 from milkglass.core.arrays import Float32, Int32, Ints
 from milkglass.core.paths.compiled import compiled
-from milkglass.core.paths.events import EVENTS, Chords, Event, Meetings, Rays, follow, joined, meet, none, part
+from milkglass.core.paths.events import (
+    EVENTS,
+    LEAST_BEFORE_LAMPS,
+    LEAST_WEIGHT,
+    Chords,
+    Event,
+    Meetings,
+    Rays,
+    follow,
+    joined,
+    meet,
+    none,
+    part,
+)
 from milkglass.core.paths.glow import Glow
 from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
@@ -240,7 +253,10 @@ class Tree:
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
         collided, entered = np.zeros((len(first.points), 3), np.float32), [Surfaces.none()]
         crossed = list[Chords]()
-        for number, event in enumerate(follow(surface, rays, self.extinction, 1, self.events, clear=self.clear)):
+        # Where rays stay outside, lamps are seen in mirrors alone: as highlights.
+        least = LEAST_BEFORE_LAMPS if self.clear and self.surroundings.has_lamps else LEAST_WEIGHT
+        events = follow(surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least)
+        for number, event in enumerate(events):
             if not go_on():
                 raise PathsSuperseded
             self.surroundings.add(event.escaped, unscattered, int(number == 0))

@@ -63,7 +63,7 @@ class PathParts:
     Attributes
     ----------
     mirrors : bool
-        Whether the surface is smooth, and mirrors an environment by rays.
+        Whether the surface is smooth, and mirrors an environment, or itself where its inside is seen, by rays.
     clear : bool
         Whether light crosses the object unscattered.
     why : tuple of str
@@ -85,12 +85,15 @@ class PathParts:
         ]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
         clear = np.max(left) >= least or lit.beams is not None or bool(lit.clear)
-        mirrors = gloss.is_smooth and (around or (clear and lit.ground is not None))
+        # Of what the surface lets out, lamps alone show the mirror at rims, as of marble that nothing crosses.
+        glows = lit.beams is not None or bool(lit.clear) or not all(matter.scatters for matter in lit.matter)
+        mirrors = gloss.is_smooth and bool(around or (clear and (glows or lit.ground is not None)))
         smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
         if not scene.transport.shown_paths.mirror:
             mirror = "mirror: not shown"
         elif mirrors:
-            mirror = f"mirror: rays, of {'an environment' if around else 'the ground'} ({smooth})"
+            mirrored = "an environment" if around else "the object and the ground" if lit.ground else "the object"
+            mirror = f"mirror: rays, of {mirrored} ({smooth})"
         elif not around:
             mirror = "mirror: highlights of lamps alone, without an environment"
         else:

@@ -79,6 +79,17 @@ def test_light_along_the_axis_of_a_sphere_is_a_geometric_series():
     np.testing.assert_allclose(seen.mirror, r, rtol=1e-3)
 
 
+def test_a_lamp_before_a_sphere_is_seen_through_it_in_the_mirror_of_its_far_side():
+    """T^2 R a^2 (1 + R^2 a^2 + ...) of its radiance, and R more where what is left is not parted."""
+    surface, extinction = sphere(1.33), np.array([[0.02, 0.03, 0.1]], np.float32)
+    lamp = Lamp(DISC, (0.0, 0.0, 1.0), (200.0, 200.0, 100.0), float(np.cos(0.1)))
+    seen = Tree(surface, extinction, Surroundings.of(lamps=[lamp])).trace(sight(surface, 200, 0.1))
+    r, a = float(reflectance(1.33, 1.0)), np.exp(-2.0 * RADIUS * extinction)
+    expected = (1.0 - r) ** 2 * r * a**2 / (1.0 - r**2 * a**2) * lamp.radiance
+    np.testing.assert_allclose(seen.unscattered, np.broadcast_to(expected, seen.unscattered.shape), rtol=0.01 + r)
+    assert not seen.mirror.any()
+
+
 def test_uniform_glow_in_a_sphere_is_what_a_chord_gathers():
     """T / eta^2 S (1 - a) / s_t' of the first chord, over 1 - R a of all."""
     surface, extinction = sphere(2.0), np.array([[0.0, 0.03, 1.0]], np.float32)

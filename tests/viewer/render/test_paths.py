@@ -193,6 +193,15 @@ def test_an_object_shows_itself_in_its_mirror_whatever_is_shown_of_it(renderer):
     np.testing.assert_allclose(sum(frame.radiance for frame in frames[1:]), frames[0].radiance, atol=1e-5)
 
 
+def test_under_lamps_alone_an_object_shows_itself_in_its_mirror_as_in_a_dim_room(renderer):
+    pair = solids.mesh_of(solids.ball(8.0), solids.ball(6.0, (14.5, 0, 0), subdivisions=2))
+    lamps = (DirectionalLight((0.4, 0.5, 0.8), (3.0, 3.0, 3.0), angle_deg=60.0),)
+    dim = replace(in_environment(pair, np.full((16, 32, 3), 1e-6, np.float32), *MURKY), lights=lamps)
+    dark = replace(dim, environment=EnvironmentSettings())
+    seen, expected = (renderer.render(scene, samples=1) for scene in (dark, dim))
+    np.testing.assert_allclose(seen.specular, expected.specular, atol=2e-3)  # what scatters is what other beams tell
+
+
 def test_an_open_surface_says_that_it_has_no_parts_of_light(renderer):
     mesh = solids.mesh_of(solids.ball(15.0))
     scene = white(Mesh.of(mesh.vertices, mesh.normals, mesh.faces[500:]), *OPAQUE, "transport.light_paths=once")
@@ -251,17 +260,18 @@ def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, me
             scene = replace(scene, environment=EnvironmentSettings(), lights=(DirectionalLight((0.0, 0.0, 1.0)),))
         return [why.split(",")[0].split(" (")[0] for why in renderer.render(scene, samples=1).parts]
 
-    lamplit, diffuse = "mirror: highlights of lamps alone", ["once: none", "often: none", "surface: diffusion"]
+    lamplit, itself = "mirror: highlights of lamps alone", "mirror: rays"
+    diffuse = ["once: none", "often: none", "surface: diffusion"]
     nothing, none = ["once: none", "often: none", "surface: none"], "unscattered: none"
     assert parts(*OPAQUE, lamps=True) == [lamplit, none, *diffuse]
     assert parts(*OPAQUE, "specular.shininess=50") == ["mirror: highlights", none, *diffuse]
     assert parts(*OPAQUE, "specular.shininess=600") == ["mirror: rays", none, *diffuse]
     assert parts(*OPAQUE, "transport.light_paths=often") == ["mirror: not shown", none, *diffuse]
     assert parts(*CLEAR, "specular.shininess=50") == ["mirror: highlights", "unscattered: rays", *nothing]
-    assert parts(*CLEAR, lamps=True) == [lamplit, "unscattered: rays", *nothing]
+    assert parts(*CLEAR, lamps=True) == [itself, "unscattered: rays", *nothing]
     murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,0.01]"
     followed = ["once: beams and rays", "often: flights", "surface: none"]
-    assert parts(*murky, lamps=True) == [lamplit, "unscattered: rays", *followed]
+    assert parts(*murky, lamps=True) == [itself, "unscattered: rays", *followed]
     murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,5]"
     assert parts(*murky)[2:] == ["once: beams and rays", "often: flights", "surface: diffusion"]
 
