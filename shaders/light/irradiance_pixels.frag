@@ -34,7 +34,7 @@ uniform vec4 u_eye;            // homogeneous: (position, 1), or (direction towa
 #ifdef SHARES
 uniform vec3 u_first_lamps;  // 1 in the channel of this lamp, where it is one of them, else 0
 uniform vec3 u_last_lamps;
-uniform bool u_stores;              // whether to write what lamplight.glsl gives, in place of all else
+uniform bool u_stores;       // whether to write what lamplight.glsl gives, in place of all else
 uniform bool u_stored;       // whether to read that of a lamp, as stored in the order of the outputs: t_known holds E and its
                              // cosine, t_known_behind the same behind a slab, t_visible the lamp's share, a: its thickness
 

@@ -167,7 +167,7 @@ def _measured(
 def _orbits(
     window: DrivenWindow, rivals: Mapping[str, OpaqueViewer], repeats: int
 ) -> Iterator[tuple[str, str, list[float]]]:
-    """Yield times of an orbit: as dragged by the mouse and by other viewers in turns, then at full quality."""
+    """Yield times of an orbit: at full quality, then as dragged by the mouse and by other viewers in turns."""
     session, live = window.app.session, window.app.view.live
     at_rest: list[float] = []
     start = window.now

@@ -75,7 +75,7 @@ class SurfaceExitance:
     def lamps_at(self, surface: RefinedSurface | None, lit: LitScene, gather: Gather, sharing: int) -> Steps[Lamps]:
         """Compute what each lamp gives at all vertices of a refined surface, or of the object's mesh.
 
-        It depends on the lamps and on `lamps_key` of the matter. One part in `sharing` of a lamp's sub-lights is seen.
+        It depends on the lamps and on `matter_key`. One part in `sharing` of a lamp's sub-lights is seen.
         """
         gbuffer, depth = self._gbuffer(_vertices(surface, lit), lit, gather)
         lamps = {}
@@ -175,7 +175,7 @@ class SurfaceExitance:
         return GBuffer(position, normal, nothing, visible, reentry=again), depth
 
 
-def lamps_key(gather: Gather) -> tuple[object, ...]:
+def matter_key(gather: Gather) -> tuple[object, ...]:
     """Return all that `SurfaceExitance.lamps_at` depends on of the matter."""
     return *((kind.eta, kind.tables.tables.local.reach, kind.bodies) for kind in gather.kinds), gather.clear_from
 

@@ -28,7 +28,7 @@ from milkglass.viewer.passes.tonemap import Background, TonemapPass
 from milkglass.viewer.render import remarks
 from milkglass.viewer.render.bodies import bodies_warnings
 from milkglass.viewer.render.detail import DrawnDetail
-from milkglass.viewer.render.exitance import SurfaceExitance, lamps_key
+from milkglass.viewer.render.exitance import SurfaceExitance, matter_key
 from milkglass.viewer.render.ground import Ground, GroundLighting
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
@@ -283,7 +283,7 @@ class Shading:
         surface = refined_surface(lit, gather)
         lamps = self._stages.spread(
             Stage.LAMPS_AT_VERTICES,
-            (*_lamps_key(lit, gather), *lamps_key(gather)),
+            (*_lamps_key(lit, gather), *matter_key(gather)),
             lambda: self._exitance.lamps_at(surface, lit, gather, _sharing(lit)),
         )
 
