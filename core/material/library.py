@@ -194,7 +194,10 @@ def key_of(name: str) -> str:
 def _is_number(value: object) -> bool:
     if isinstance(value, bool):  # True is a Real
         return False
-    return isinstance(value, Real) and math.isfinite(value)
+    try:
+        return isinstance(value, Real) and math.isfinite(value)
+    except OverflowError:  # an integer beyond 1e308
+        return False
 
 
 def _checked_vector(value: object, label: str, high: float, unit: str) -> tuple[float, float, float]:

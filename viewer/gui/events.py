@@ -4,11 +4,16 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.given_file import given_bytes
 
 BUTTONS = ("left", "right", "middle")
+MOST_BYTES = 1 << 30  # of a recording: days of moving the pointer
+LARGEST_SIDE = 16384  # of a window
+LARGEST_SCALE = 16.0  # of its text
+LARGEST_NUMBER = 3.5e38  # that ImGui takes
 
 
 @dataclass(frozen=True)
@@ -138,21 +143,21 @@ def read_recording(path: str | Path) -> tuple[str, list[Event]]:
         Naming the file and the line that is wrong.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise InputError(f"{path}: cannot read the recording ({reason})") from error
+        lines = given_bytes(Path(path), "the recording", MOST_BYTES).decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: cannot read the recording (not a text file)") from error
     contents = list(_parsed(path, lines))
-    if not contents or contents[0].get("milkglass recording") != 1:
+    scene = contents[0].get("scene") if contents else None
+    if not isinstance(scene, str) or contents[0].get("milkglass recording") != 1:
         raise InputError(f"{path} is not a recording; make one with `milkglass view --record FILE`")
-    return str(contents[0]["scene"]), [_event(path, i, content) for i, content in enumerate(contents[1:], start=2)]
+    return scene, [_event(path, i, content) for i, content in enumerate(contents[1:], start=2)]
 
 
 def _parsed(path: str | Path, lines: list[str]) -> Iterator[dict[str, Any]]:
     for i, line in enumerate(lines, start=1):
         try:
             content = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):
             raise InputError(f"{path}: line {i} is not part of a recording; record it again")
@@ -164,6 +169,31 @@ def _event(path: str | Path, number: int, content: dict[str, Any]) -> Event:
         ((name, values),) = content.items()
         values = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
         event: Event = _KINDS[name](**values)
+        fits = all(_is_of(getattr(event, key), kind) for key, kind in get_type_hints(type(event)).items())
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise InputError(f"{path}: line {number} is not an event; record it again") from None
+        fits = False
+    if not fits or (isinstance(event, MouseButton) and event.button not in BUTTONS):
+        raise InputError(f"{path}: line {number} is not an event; record it again")
+    if isinstance(event, Resized) and not _is_window(event):
+        raise InputError(f"{path}: line {number} makes a window that no screen shows; record it again")
     return event
+
+
+def _is_window(event: Resized) -> bool:
+    return 0.0 < event.text_scale <= LARGEST_SCALE and all(
+        0 <= side <= LARGEST_SIDE for side in (*event.size, *event.pixels)
+    )
+
+
+def _is_of(value: object, kind: Any) -> bool:
+    """Tell whether a value is of a field's type; a number may be whole, and must be finite."""
+    if get_origin(kind) is tuple:
+        kinds = get_args(kind)
+        if not isinstance(value, tuple) or (kinds[-1] is not Ellipsis and len(value) != len(kinds)):
+            return False
+        return all(_is_of(element, kinds[0]) for element in value)
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+    if isinstance(value, str):
+        value.encode()  # half a letter, a surrogate, is no text
+    return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))

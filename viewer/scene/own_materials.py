@@ -12,25 +12,28 @@ one.
 """
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import platformdirs
+from filelock import FileLock, Timeout
 
 from milkglass.core.errors import InputError
 from milkglass.core.material import library as materials
 from milkglass.core.material.library import Material
 from milkglass.viewer.scene import toml_files
 from milkglass.viewer.scene.declaration import nearest, shown
+from milkglass.viewer.scene.given_file import given_bytes, reason_of
 
 SOURCE = "own"
 KEYS = ("sigma_s_prime", "sigma_a", "eta", "g")
 OPTIONAL: dict[str, Any] = {"g": (0.0, 0.0, 0.0)}
 COEFFICIENTS = {"name": KEYS, "mix_with": tuple(f"mix_{key}" for key in KEYS)}  # that a scene has in a name's place
 LONGEST_NAME = 60
-MAX_BYTES = 10_000_000
+PATIENCE = 10.0  # seconds that another process may take to change the file
 
 Materials = tuple[Material, ...]
 
@@ -103,26 +106,29 @@ def save(name: str, material: Material) -> Material:
         If the name is the library's or no name, or the file cannot be read or written.
     """
     saved = replace(material, name=checked_name(name), source=SOURCE)
-    key, existing = materials.key_of(saved.name), stored()
-    if any(materials.key_of(candidate.name) == key for candidate in existing):
-        _write(file(), [saved if materials.key_of(candidate.name) == key else candidate for candidate in existing])
-    else:
-        _write(file(), [*existing, saved])
+    key = materials.key_of(saved.name)
+    with _changing() as existing:
+        if any(materials.key_of(candidate.name) == key for candidate in existing):
+            _write(file(), [saved if materials.key_of(candidate.name) == key else candidate for candidate in existing])
+        else:
+            _write(file(), [*existing, saved])
     return saved
 
 
 def delete(name: str) -> None:
     """Remove an own material from the file."""
-    _write(file(), [candidate for candidate in stored() if candidate.name != name])
+    with _changing() as existing:
+        _write(file(), [candidate for candidate in existing if candidate.name != name])
 
 
 def rename(name: str, new: str) -> None:
     """Give an own material another name, which none of the others has."""
     new = checked_name(new)
-    rest = [candidate for candidate in stored() if candidate.name != name]
-    if any(materials.key_of(candidate.name) == materials.key_of(new) for candidate in rest):
-        raise InputError(f'"{new}" is another of your materials; choose another name')
-    _write(file(), [replace(candidate, name=new) if candidate.name == name else candidate for candidate in stored()])
+    with _changing() as existing:
+        rest = [candidate for candidate in existing if candidate.name != name]
+        if any(materials.key_of(candidate.name) == materials.key_of(new) for candidate in rest):
+            raise InputError(f'"{new}" is another of your materials; choose another name')
+        _write(file(), [replace(old, name=new) if old.name == name else old for old in existing])
 
 
 def import_from(path: Path) -> Materials:
@@ -133,17 +139,18 @@ def import_from(path: Path) -> Materials:
     InputError
         Naming the file and what is wrong in it, or the material that would change one that is known.
     """
-    by_key = {materials.key_of(candidate.name): candidate for candidate in stored()}
     try:
         new = read(path)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
-    for candidate in new:
-        before = by_key.get(materials.key_of(candidate.name))
-        if before is not None and _content(before) != _content(candidate):
-            raise InputError(f'{path}: you have another "{candidate.name}"; rename one of them')
-        by_key.setdefault(materials.key_of(candidate.name), candidate)
-    _write(file(), by_key.values())
+    with _changing() as existing:
+        by_key = {materials.key_of(candidate.name): candidate for candidate in existing}
+        for candidate in new:
+            before = by_key.get(materials.key_of(candidate.name))
+            if before is not None and _content(before) != _content(candidate):
+                raise InputError(f'{path}: you have another "{candidate.name}"; rename one of them')
+            by_key.setdefault(materials.key_of(candidate.name), candidate)
+        _write(file(), by_key.values())
     return new
 
 
@@ -191,12 +198,35 @@ def read(path: Path) -> Materials:
         raise InputError(f"{path}: cannot read the materials ({error.strerror or error})") from error
 
 
+@contextmanager
+def _changing() -> Iterator[Materials]:
+    """Yield the own materials while no other process may change them, so that what two save at once is all kept.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, its folder cannot be written, or another process holds it for `PATIENCE`.
+    """
+    path = file()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(path.with_suffix(".lock"))
+        lock.acquire(timeout=PATIENCE)
+    except Timeout:
+        raise InputError(f"{path}: another milkglass has been changing it for {PATIENCE:g} s; try again") from None
+    except (OSError, NotImplementedError) as error:
+        raise InputError(f"{path}: cannot write the materials ({reason_of(error)})") from error
+    try:
+        _read.cache_clear()  # a file replaced twice within one tick of its clock looks unchanged
+        yield stored()
+    finally:
+        lock.release()
+
+
 @functools.lru_cache(maxsize=8)
 def _read(path: Path, changed: int, size: int) -> Materials:
-    if size > MAX_BYTES:
-        raise InputError(f"{path}: {size / 1e6:.0f} MB are too large for materials")
     found: dict[str, Material] = {}
-    for name, content in toml_files.parse(path.read_bytes(), path).items():
+    for name, content in toml_files.parse(given_bytes(path, "the materials"), path).items():
         try:
             material = _material(name, content)
         except InputError as error:
@@ -231,8 +261,4 @@ def _write(path: Path, stored_materials: Iterable[Material]) -> None:
         material.name: {key: list(v) if isinstance(v := getattr(material, key), tuple) else v for key in KEYS}
         for material in stored_materials
     }
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot write the materials ({error.strerror or error})") from error
     toml_files.write(path, toml_files.dumps(document), "the materials")

@@ -21,6 +21,7 @@ from milkglass.core.stages import Part
 from milkglass.viewer.scene import own_materials, toml_files
 from milkglass.viewer.scene.camera import view_rotation
 from milkglass.viewer.scene.declaration import Setting, is_required, nearest, settings_of, shown
+from milkglass.viewer.scene.given_file import given_bytes, reason_of
 from milkglass.viewer.scene.keys import MATERIALS, Key, values_moving
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, Light
 from milkglass.viewer.scene.material_settings import COMBINATIONS, RIVALS
@@ -163,11 +164,7 @@ class Scene:
             Naming the file, the table and key, the problem and the fix.
         """
         path = Path(path)
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: cannot read the scene file ({error.strerror or error})") from error
-        document = toml_files.parse(data, path)
+        document = toml_files.parse(given_bytes(path, "the scene file"), path)
         try:
             return _from_document(document, path.parent)
         except InputError as error:
@@ -179,8 +176,12 @@ class Scene:
 
     @classmethod
     def from_toml(cls, text: str) -> "Scene":
-        """Read what `to_toml` returned."""
-        return _from_document(tomllib.loads(text), Path(os.path.sep))
+        """Read what `to_toml` returned; raise `InputError` for anything else."""
+        try:
+            document = tomllib.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"not a scene ({reason_of(error)})") from error
+        return _from_document(document, Path(os.path.sep))
 
     def save(self, path: str | Path) -> None:
         """Write a scene file, whole or not at all; paths in it become relative to it where possible."""

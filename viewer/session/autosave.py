@@ -1,16 +1,15 @@
 """Edits that were not saved when a program ended by itself: a file for each process, offered at the next start."""
 
 import contextlib
-import ctypes
 import json
 import os
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.processes import is_running
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.whole_file import replacement
 from milkglass.viewer.session.session import Session
@@ -109,19 +108,3 @@ class Autosave:
             return LeftBehind(scene, None if path is None else Path(path), file.stat().st_mtime, file)
         except (OSError, ValueError, KeyError, TypeError, InputError):
             return None
-
-
-def is_running(number: int) -> bool:
-    """Tell whether there is a process of a number."""
-    if sys.platform == "win32":
-        limited_information = 0x1000
-        handle = ctypes.windll.kernel32.OpenProcess(limited_information, 0, number)
-        ctypes.windll.kernel32.CloseHandle(handle)
-        return bool(handle)
-    try:
-        os.kill(number, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

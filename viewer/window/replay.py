@@ -14,6 +14,7 @@ from milkglass.viewer.gui.command import find
 from milkglass.viewer.gui.events import Drawn, Event, Invoked, Resized, read_recording
 from milkglass.viewer.live.photograph_work import PhotoWork
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.whole_file import confined
 from milkglass.viewer.window import commands
 from milkglass.viewer.window.app import App
 
@@ -21,8 +22,10 @@ LONGEST = 600.0  # seconds that a picture may take to come to rest
 
 
 @one_blas_thread()
-def play(path: Path, *, in_window: bool) -> Scene:
+def play(path: Path, *, in_window: bool, into: Path | None = None) -> Scene:
     """Replay a recording and return the scene that it ends with.
+
+    A recording acts with the rights of whoever plays it: it writes files into the folder `into` alone, or none.
 
     Raises
     ------
@@ -31,19 +34,25 @@ def play(path: Path, *, in_window: bool) -> Scene:
     """
     text, events = read_recording(path)
     _check_commands(path, events)
-    scene = Scene.from_toml(text)
-    if in_window:
-        from milkglass.viewer.window.window import Window
+    try:
+        scene = Scene.from_toml(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if into is not None and not into.is_dir():
+        raise InputError(f"--into {into}: there is no such folder; create it for what the replay writes")
+    with confined(into):
+        if in_window:
+            from milkglass.viewer.window.window import Window
 
-        window = Window(scene, None, None)
-        try:
-            feed(window.app, events, window.draw, at_its_pace=True)
-            return window.app.session.scene
-        finally:
-            window.close()
-    with current(headless_context()), closing(Headless(scene)) as replay:
-        replay.feed(events)
-        return replay.app.session.scene
+            window = Window(scene, None, None)
+            try:
+                feed(window.app, events, window.draw, at_its_pace=True)
+                return window.app.session.scene
+            finally:
+                window.close()
+        with current(headless_context()), closing(Headless(scene)) as replay:
+            replay.feed(events)
+            return replay.app.session.scene
 
 
 def _check_commands(path: Path, events: Iterable[Event]) -> None:

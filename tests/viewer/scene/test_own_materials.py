@@ -1,6 +1,8 @@
 """A person's own materials: kept, found, mixed in, exchanged, and never in the way of the library."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -93,7 +95,7 @@ def test_a_broken_file_is_one_sentence_that_names_it_and_is_left_alone(content, 
         with pytest.raises(InputError):
             change()
     assert path.read_bytes() == data
-    assert os.listdir(folder) == ["materials.toml"]
+    assert sorted(os.listdir(folder)) == ["materials.lock", "materials.toml"]
 
 
 def test_a_scene_keeps_coefficients_and_needs_no_file(tmp_path, folder):
@@ -208,3 +210,22 @@ def test_a_folder_that_cannot_be_written_is_told(folder):
     folder.write_text("a file where the folder should be")
     with pytest.raises(InputError, match=r"materials\.toml: cannot (read|write) the materials"):
         own_materials.save("candle", WAX)
+
+
+def test_processes_that_save_at_once_lose_nothing(folder):
+    code = (
+        "import sys; from milkglass.core.material.library import Material\n"
+        "from milkglass.viewer.scene import own_materials\n"
+        "from pathlib import Path\n"
+        "for i in range(12): own_materials.save(f'{sys.argv[1]} {i}', Material('', (1, 1, 1), (0, 0, 0)))"
+    )
+    saving = [subprocess.Popen([sys.executable, "-c", code, name]) for name in ("one", "two", "three")]
+    assert [process.wait() for process in saving] == [0, 0, 0]
+    assert len(own_materials.stored()) == 36
+
+
+def test_an_integer_beyond_any_number_is_refused(folder, tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD.replace("1.44", "1" + 400 * "0"))
+    with pytest.raises(InputError, match="eta must be a number from 1 to 3"):
+        own_materials.import_from(path)

@@ -11,11 +11,13 @@ from milkglass.viewer.gui.events import (
     Closed,
     Drawn,
     Dropped,
+    Key,
     MouseButton,
     MouseMoved,
     Recorder,
     Resized,
     Scrolled,
+    Typed,
     read_recording,
 )
 from milkglass.viewer.live.live import Live
@@ -85,16 +87,66 @@ def test_what_had_come_to_rest_before_an_event_comes_to_rest_before_it_again(con
     view.close()
 
 
+HEAD = '{"milkglass recording": 1, "scene": ""}'
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
         ("", "not a recording"),
         ("{}", "not a recording"),
         ("hello", "line 1"),
-        ('{"milkglass recording": 1, "scene": ""}\n{"A": {}}', "line 2"),
+        ('{"milkglass recording": 1}', "not a recording"),
+        (f'{HEAD}\n{{"A": {{}}}}', "line 2"),
+        (f'{HEAD}\n{{"MouseButton": {{"button": "nope", "pressed": true}}}}', "line 2"),
+        (f'{HEAD}\n{{"Drawn": {{"time": 1}}}}\n{{"Drawn": {{"time": "soon"}}}}', "line 3"),
+        (f'{HEAD}\n{{"MouseMoved": {{"x": NaN, "y": 1}}}}', "line 2"),
+        (f'{HEAD}\n{{"Dropped": {{"paths": [1]}}}}', "line 2"),
+        (f'{HEAD}\n{{"Resized": {{"size": [200000, 10], "pixels": [200000, 10]}}}}', "line 2 makes a window"),
+        (
+            f'{HEAD}\n{{"Resized": {{"size": [20, 10], "pixels": [20, 10], "text_scale": 1e6}}}}',
+            "line 2 makes a window",
+        ),
+        (f'{HEAD}\n{{"Typed": {{"text": "\\ud800"}}}}', "line 2"),
+        (f"{HEAD}\n" + "[" * 100_000, "line 2"),
     ],
 )
 def test_what_is_no_recording_is_said_in_one_sentence(tmp_path, text, word):
     (tmp_path / "bad.jsonl").write_text(text)
     with pytest.raises(InputError, match=word):
         read_recording(tmp_path / "bad.jsonl")
+
+
+def test_a_scene_that_is_none_names_the_recording(tmp_path):
+    (tmp_path / "bad.jsonl").write_text('{"milkglass recording": 1, "scene": "[x"}')
+    with pytest.raises(InputError, match=r"bad\.jsonl: not a scene"):
+        play(tmp_path / "bad.jsonl", in_window=False)
+
+
+def typed(keys):
+    """Events of keys that are pressed together, and of text."""
+    for words in keys:
+        if isinstance(words, str):
+            yield from (Typed(letter) for letter in words)
+        else:
+            yield from (Key(name, True) for name in words)
+            yield from (Key(name, False) for name in reversed(words))
+
+
+@pytest.mark.slow
+def test_a_replay_writes_into_the_folder_given_alone(context, tmp_path):
+    """A recording of a stranger must not replace a file of whoever plays it."""
+    victim, target = tmp_path / "victim.toml", tmp_path / "into"
+    target.mkdir()
+    victim.write_text("of the person")
+    for path, into, writes in ((victim, None, False), (victim, target, False), (target / "s.toml", target, True)):
+        recorder = Recorder(tmp_path / "r.jsonl", small_scene(write_knot(tmp_path / "knot.ply")).to_toml())
+        keys = (("left_ctrl", "left_shift", "s"), ("left_ctrl", "a"), str(path), ("enter",), ("enter",))
+        clock = 0.0
+        for event in (Resized(SIZE, SIZE), *typed(keys), Closed()):
+            recorder.add(event)
+            recorder.add(Drawn(clock := clock + 0.05))
+        recorder.close()
+        play(tmp_path / "r.jsonl", in_window=False, into=into)
+        assert victim.read_text() == "of the person"
+        assert (target / "s.toml").exists() == writes
