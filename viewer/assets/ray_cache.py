@@ -3,7 +3,6 @@
 import contextlib
 import hashlib
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,8 +44,10 @@ class RayCache:
         try:
             # Opened here: of a damaged file numpy would leave it open.
             with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
+                if str(content["key"]) != path.stem:  # the file of another mesh
+                    return None
                 arrays = {name: content[name] for name in dtypes}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except Exception:  # whatever NumPy and zipfile raise on a damaged file: rays are then cast anew
             return None
         if any(array.dtype != dtypes[name] for name, array in arrays.items()):
             return None
@@ -60,7 +61,7 @@ class RayCache:
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacement(path) as temporary:
-                np.savez(temporary, allow_pickle=False, **arrays)
+                np.savez(temporary, allow_pickle=False, key=np.array(path.stem), **arrays)
             _trim(path.parent)
 
     def path(self, mesh: Mesh) -> Path:

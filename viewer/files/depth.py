@@ -8,7 +8,8 @@ import numpy as np
 
 from milkglass.core.arrays import Float32
 from milkglass.core.errors import InputError
-from milkglass.viewer.files.images import read_channels, read_photo, write_exr, write_png
+from milkglass.viewer.files.images import MAX_PIXELS, read_channels, read_photo, write_exr, write_png
+from milkglass.viewer.scene.given_file import check_given, reading
 from milkglass.viewer.scene.whole_file import replacement
 
 
@@ -51,14 +52,16 @@ def _write_exr(path: Path, depth: Float32) -> None:
 
 
 def _read_npy(path: Path) -> Float32:
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "not a NumPy array of numbers"
-        raise InputError(f"the depth map {path} cannot be read ({reason}); save it with numpy.save") from error
-    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
+    check_given(path, "the depth map")
+    with reading(path, "the depth map"):
+        # Mapped, not read: what a header claims is then held against the file's length before any memory is taken.
+        values = np.lib.format.open_memmap(path, mode="r")
+    if values.ndim != 2 or values.dtype.kind not in "fiu":
         raise InputError(f"the depth map {path} must hold one array (height, width) of numbers; save the depth alone")
-    return values.astype(np.float32)
+    if values.size > MAX_PIXELS:
+        raise InputError(f"the depth map {path} measures {values.shape[1]}x{values.shape[0]}; reduce it to 8192x8192")
+    with np.errstate(over="ignore"):  # beyond float32 is infinite, which is refused as what the file itself holds
+        return np.array(values, np.float32)
 
 
 def _write_npy(path: Path, depth: Float32) -> None:

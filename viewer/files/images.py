@@ -5,9 +5,12 @@ written under a temporary name in the same folder and then renamed: no reader se
 left behind.
 """
 
+import contextlib
 import itertools
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import struct
+import zlib
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ import numpy.typing as npt
 import OpenImageIO as oiio  # noqa: N813 (its own documentation's name)
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.given_file import check_given, reading
 from milkglass.viewer.scene.whole_file import replacement
 
 Pixels8 = npt.NDArray[np.uint8]
@@ -207,10 +211,18 @@ def _read(
     _check_input(path, suffixes)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # else colours are multiplied by alpha on the way in
-    source = oiio.ImageInput.open(str(path), config)
-    if source is None:
-        oiio.geterror()  # fetched so that it is not printed at exit
-        raise InputError(f"{path} cannot be read: it is damaged or not a {path.suffix} file.")
+    with reading(path, "the image"):
+        source = oiio.ImageInput.open(str(path), config)
+        if source is None:
+            _drop_error(oiio.geterror)
+            raise InputError(f"{path} cannot be read: it is damaged or not a {path.suffix} file.")
+        return _pixels(source, path, dtype, limit)
+
+
+def _pixels(
+    source: oiio.ImageInput, path: Path, dtype: str, limit: int | None
+) -> tuple[list[str], npt.NDArray[np.generic]]:
+    """Return what `_read` returns, of a file that is open, and close it."""
     try:
         spec = source.spec()
         if source.format_name() != _FORMATS[path.suffix.lower()]:
@@ -224,11 +236,17 @@ def _read(
         dtype = dtype or _stored(spec.format)
         pixels = None if spec.deep else source.read_image(0, 0, 0, len(names), dtype)
         if pixels is None:
-            source.geterror()
+            _drop_error(source.geterror)
             raise InputError(f"{path} cannot be read: it is cut short, damaged or has deep pixels.")
         return names, upright(pixels, spec.get_int_attribute("Orientation", 1))
     finally:
         source.close()
+
+
+def _drop_error(fetch: Callable[[], str]) -> None:
+    """Fetch an error of OpenImageIO, which it would print at exit; one that quotes a damaged file may be no UTF-8."""
+    with contextlib.suppress(UnicodeDecodeError):
+        fetch()
 
 
 def _stored(kind: oiio.TypeDesc) -> str:
@@ -239,20 +257,33 @@ def _stored(kind: oiio.TypeDesc) -> str:
 
 
 def _check_input(path: Path, suffixes: Collection[str]) -> None:
-    try:
+    with reading(path, "the image"):
         if path.is_dir():
             raise InputError(f"{path} is a folder: name an image file.")
         if not path.exists():
             raise InputError(f"{path} does not exist: check the path.")
         if path.suffix.lower() not in suffixes:
             raise InputError(f"{path} must end in {', '.join(suffixes)} to be read here.")
-        with path.open("rb") as file:
-            # libpng would print its own complaint about a file that ends early.
-            cut_short = path.suffix.lower() == ".png" and b"IEND" not in file.read()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
-    if cut_short:
-        raise InputError(f"{path} cannot be read: it is cut short or not a PNG file.")
+        check_given(path, "the image")
+        # libpng would print its own complaints.
+        damaged = path.suffix.lower() == ".png" and not _is_whole_png(path.read_bytes())
+    if damaged:
+        raise InputError(f"{path} cannot be read: it is cut short, damaged or not a PNG file.")
+
+
+def _is_whole_png(content: bytes) -> bool:
+    """Tell whether content is chunks of a PNG, each with its checksum, to the last; what follows that is left alone."""
+    at = len(_PNG_START)
+    if content[:at] != _PNG_START:
+        return False
+    while at + 12 <= len(content):
+        length, name = struct.unpack_from(">I4s", content, at)
+        chunk, at = content[at + 4 : at + 8 + length], at + 12 + length
+        if at > len(content) or zlib.crc32(chunk) != struct.unpack_from(">I", content, at - 4)[0]:
+            return False
+        if name == b"IEND":
+            return True
+    return False
 
 
 def upright(pixels: npt.NDArray[np.generic], orientation: int) -> npt.NDArray[np.generic]:
@@ -290,6 +321,7 @@ def _count(mask: npt.NDArray[np.bool_]) -> str:
     return f"{count:,} pixel{'' if count == 1 else 's'}"
 
 
+_PNG_START = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"\0\0\0\0IEND\xaeB\x60\x82"  # the last chunk: length, name, checksum
 
 

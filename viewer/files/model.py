@@ -23,8 +23,10 @@ from milkglass.core.geometry.mesh import Mesh, check_size, compact, place_in_wor
 from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
+from milkglass.viewer.files.decoding import textures_only
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
+from milkglass.viewer.scene.given_file import reading
 
 LONGEST_HEAD = 1 << 16  # bytes in which an OBJ file names its materials
 MOST_NAMED = 20  # parts in a sentence
@@ -176,10 +178,10 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
     path = Path(path)
     check_size(size_mm)
     up_rotation(up)
-    with texture_troubles() as troubles:
-        scene = _read(path)
     looks = LookParts(path.suffix.lower())
-    vertices, normals, faces, rows = _join(scene, looks)
+    with texture_troubles() as troubles, textures_only(), reading(path, "the model"):
+        scene = _read(path)
+        vertices, normals, faces, rows = _join(scene, looks)
     if len(faces) == 0:
         raise InputError(f"{path} has no faces (points or lines only); export it as a triangle mesh.")
     _check_vertices(path, vertices, faces)
@@ -224,6 +226,8 @@ def _read(path: Path) -> trimesh.Scene:
     try:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty; export the model again.")
+        if suffix == ".off":
+            _check_off(path)
         with _quiet():
             # Seams of textures would cost our normals; `viewer.files.model_look` has them by corners.
             options = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
@@ -236,6 +240,22 @@ def _read(path: Path) -> trimesh.Scene:
         raise InputError(
             f"{path} could not be read as a {suffix} model ({reason}); check the file or export it again."
         ) from error
+
+
+def _check_off(path: Path) -> None:
+    """Raise InputError for an OFF file of fewer lines than its head promises, which trimesh takes for whole."""
+    lines = (line.split(b"#")[0].split() for line in path.read_bytes().splitlines())
+    words = [line for line in lines if line]
+    if words and words[0][0].upper() == b"OFF":
+        words[0] = words[0][1:]
+    counts = [line for line in words if line][:1]
+    promised = sum(int(word) for word in counts[0][:2]) if counts else 0
+    present = sum(map(bool, words)) - len(counts)
+    if present < promised:
+        raise InputError(
+            f"{path} is cut short: its head promises {promised:,} lines of vertices and faces, but {present:,} follow; "
+            "export it again."
+        )
 
 
 def _has_materials(path: Path) -> bool:

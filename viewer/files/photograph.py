@@ -18,6 +18,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.threads import thread_pool
 from milkglass.viewer.files.images import PixelsInt, read_photo
 
+LEAST_SIDE = 16  # pixels of a photograph, as of any picture
 MIN_SIDE = 8  # pixels of the outline's longer side
 # Coverage below the first counts as none and above the second as full: what JPEG leaves around an edge.
 NO_COVERAGE, FULL_COVERAGE = 0.02, 0.98
@@ -130,6 +131,10 @@ def load_photo(path: Path, mask_path: Path | None) -> Photo:
     """
     painted = None if mask_path is None else thread_pool().submit(read_photo, mask_path)
     pixels, profile = read_photo(path)
+    if min(pixels.shape[:2]) < LEAST_SIDE:
+        raise InputError(
+            f"{path} measures {pixels.shape[1]}x{pixels.shape[0]} pixels: take one of {LEAST_SIDE}x{LEAST_SIDE} or more"
+        )
     mask: PixelsInt
     if mask_path is None or painted is None:
         mask_path, mask = Path("the mask"), np.zeros(pixels.shape[:2], np.uint8)

@@ -21,6 +21,8 @@ from milkglass.viewer.photograph.enlarge import enlarged
 from milkglass.viewer.photograph.framing import Framing
 from milkglass.viewer.scene.settings import CameraSettings
 
+DEEPEST = 50.0  # times the photograph's width: a camera that holds the whole object must still show it
+
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
@@ -135,6 +137,12 @@ def make_geometry(
         )
     else:
         height = mapped
+        depth_in_widths = np.ptp(mapped[outline.inner]) / max(share.shape)
+        if depth_in_widths > DEEPEST:
+            raise InputError(
+                f"the depth map {depth} makes the object {depth_in_widths:.3g} times as deep as it is wide: "
+                "check its unit, mm, or lower --depth-strength"
+            )
     mesh = height_surface(outline, height, base, framing.mm)
     centre = mesh.bounds.mean(axis=0)
     mesh = replace(mesh, vertices=mesh.vertices - centre.astype(np.float32))

@@ -1,8 +1,11 @@
 """viewer.files.model_look: colours and relief of files, and what is wrong with them."""
 
+import os
+
 import numpy as np
 import pytest
 import trimesh
+from PIL import EpsImagePlugin
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.bodies import find_bodies
@@ -174,6 +177,28 @@ def test_a_damaged_texture_is_told_and_left_out(tmp_path):
     detail, (warning,) = detail_at(path)
     assert detail is None
     assert warning.startswith("ball.glb: its colour texture could not be read")
+
+
+@pytest.mark.parametrize("suffix", ["obj", "glb"])
+def test_a_texture_that_is_a_program_does_not_run(tmp_path, monkeypatch, suffix):
+    """Pillow hands PostScript to Ghostscript, whatever the file is called."""
+    postscript = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 4 4\n%%EndComments\n0 0 4 4 rectfill\n%%EOF\n"
+    ran = tmp_path / "ran"
+    (tmp_path / "bin").mkdir()
+    ghostscript = tmp_path / "bin" / "gs"
+    ghostscript.write_text(f"#!/bin/sh\ntouch {ran}\nexit 1\n")
+    ghostscript.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    monkeypatch.setattr(EpsImagePlugin, "gs_binary", None)  # where Pillow remembers that there is no Ghostscript
+    path = write_ball(tmp_path / f"ball.{suffix}", picture(np.random.default_rng(0).integers(0, 255, (64, 64, 3))))
+    (holder,) = tmp_path.glob("*.png") if suffix == "obj" else [path]
+    content = holder.read_bytes()
+    start = content.index(b"\x89PNG")
+    holder.write_bytes(content[:start] + postscript + content[start + len(postscript) :])
+    detail, warnings = detail_at(path)
+    assert not ran.exists()
+    assert detail is None
+    assert any("texture" in warning for warning in (*read_model(path, 20.0).warnings, *warnings))
 
 
 def test_pictures_that_a_person_named_must_be_right(tmp_path):

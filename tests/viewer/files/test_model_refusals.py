@@ -9,7 +9,7 @@ import trimesh
 
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import flaws
-from milkglass.viewer.files.model import load_model, supported_suffixes
+from milkglass.viewer.files.model import load_model, read_model, supported_suffixes
 from tests.support.model_files import box, save, write_obj
 
 
@@ -57,6 +57,16 @@ def test_refuses_a_truncated_file(tmp_path: Path) -> None:
         path = save(box(), tmp_path / f"cut.{suffix}")
         path.write_bytes(path.read_bytes()[:-30])
         assert "could not be read as a" in refusal(path)
+
+
+def test_refuses_an_off_file_of_fewer_faces_than_it_promises(tmp_path: Path) -> None:
+    path = save(box(), tmp_path / "box.off")
+    whole = path.read_text()
+    path.write_text("# a box, \n" + whole.replace("OFF\n8 12", "OFF 8 12"))
+    assert len(read_model(path, 100.0).mesh.faces) == 12
+    path.write_text("\n".join(whole.splitlines()[:-4]))
+    with pytest.raises(InputError, match="cut short: its head promises 20 lines of vertices and faces, but 16 follow"):
+        read_model(path, 100.0)
 
 
 def test_refuses_points(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from milkglass.core.display import srgb
 from milkglass.core.photograph.surround import filled, filled_halves
 from milkglass.viewer.commands.cli import main
-from milkglass.viewer.files.images import read_channels, read_photo, write_png
+from milkglass.viewer.files.images import read_channels, read_photo, write_exr, write_png
 from milkglass.viewer.files.photograph import Photo, load_photo
 from milkglass.viewer.photograph.composite import BACKGROUNDS, LAYER_CHANNELS, Compositor, encoded
 from milkglass.viewer.photograph.edit import edit
@@ -132,6 +132,12 @@ def test_the_command_keeps_bits_and_writes_depth(context, tmp_path: Path) -> Non
         (["--depth", "nan.npy"], "NaN"),
         (["--depth", "small.npy"], "3 x 3"),
         (["--depth", "photo.txt"], "must end in"),
+        (["--depth", "deep.npy"], "times as deep as it is wide"),
+        (["--depth", "huge.npy"], "NaN or infinite"),
+        (["--depth", "claims.npy"], "damaged or of another kind"),
+        (["--depth", "letters.npy"], "array (height, width) of numbers"),
+        (["--output", "mask.png"], "would overwrite the mask"),
+        (["--output", "room.exr"], "would overwrite the environment"),
         (["--depth-output", "x.tif"], "must end in"),
         (["--material", "jad"], "jade"),
     ],
@@ -148,13 +154,28 @@ def test_bad_input_is_one_sentence(options, said, tmp_path: Path, monkeypatch, c
         write_png(f"{name}.png", np.rint(pixels * 255).astype(np.uint8)[..., None])
     np.save("nan.npy", np.where(mask > 0.0, np.nan, 0.0))
     np.save("small.npy", np.zeros((3, 3)))
+    np.save("deep.npy", np.random.default_rng(0).random(mask.shape) * 1e6)
+    np.save("huge.npy", np.full(mask.shape, 1e300))
+    np.save("letters.npy", np.full(mask.shape, "a"))
+    claimed = (tmp_path / "small.npy").read_bytes().replace(b"(3, 3), }", b"(3, 10000000000), }", 1)
+    (tmp_path / "claims.npy").write_bytes(claimed)
+    write_exr("room.exr", {name: np.ones((4, 8), np.float32) for name in "RGB"})
     given = {"--mask": "mask.png", "--material": "jade", "--output": "out.png"} | dict([options])
+    given |= {"--environment": "room.exr"} if given["--output"] == "room.exr" else {}
     assert main(["edit", "photo.png", *(word for pair in given.items() for word in pair)]) == 2
     message = capsys.readouterr().err
     assert said in message
     assert message.count("\n") == 1
     assert not (tmp_path / "out.png").exists()
     assert (tmp_path / "photo.png").read_bytes() == before
+
+
+def test_a_photograph_too_small_for_a_picture_is_told(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("photo.png", "mask.png"):
+        write_png(name, np.full((12, 40, 3), 255, np.uint8))
+    assert main(["edit", "photo.png", "--mask", "mask.png", "--output", "out.png"]) == 2
+    assert "photo.png measures 40x12 pixels: take one of 16x16 or more" in capsys.readouterr().err
 
 
 def test_photographs_of_all_sorts_are_read(tmp_path: Path) -> None:
