@@ -1,4 +1,8 @@
-"""The command line. Exit codes: 0 done, 1 a comparison failed, 2 bad input (one sentence on stderr)."""
+"""The command line.
+
+Exit codes: 0 done, 1 a comparison failed, 2 bad input (one sentence on stderr), 3 an error of this program, 128 and its
+number for a signal.
+"""
 
 import os
 import sys
@@ -11,7 +15,7 @@ import typer
 
 from milkglass import __version__
 from milkglass.core.errors import InputError
-from milkglass.viewer.commands import edit as edit_command
+from milkglass.viewer.commands import edit as edit_command, endings
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
 from milkglass.viewer.files.formats import PICTURE_FORMATS, check_picture_output, format_of
 from milkglass.viewer.scene.scene import Scene, default_scene, first_look
@@ -21,6 +25,8 @@ if TYPE_CHECKING:
 
 # OpenGL, FFTW and the window are imported inside the commands that need them: help and tables stay fast and
 # work on a machine that has none of them.
+DEBUG = "--debug"
+PIPE_CLOSED = 141  # what a shell says of a program that wrote to a closed pipe
 DEFAULT_PICTURE = "milkglass.png"
 RENDERED = " or ".join(f"{suffix} ({kind.rendered})" for suffix, kind in PICTURE_FORMATS.items())
 DEFAULT_SAMPLES = 4
@@ -42,8 +48,11 @@ app.command()(edit_command.edit)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; bad input gives one sentence on stderr."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    debugging = DEBUG in words
     try:
-        code = app(args=words, prog_name="milkglass", standalone_mode=False)
+        with endings.terminated():
+            code = app(args=[word for word in words if word != DEBUG], prog_name="milkglass", standalone_mode=False)
+            sys.stdout.flush()
     except typer.TyperException as error:
         return _fail(usage_sentence(error))
     except InputError as error:
@@ -52,6 +61,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail("not enough memory; ask for a smaller --image-size, --resolution or --layers")
     except (KeyboardInterrupt, typer.Abort):
         return 130
+    except SystemExit as ending:  # of a signal; of rich, with 1, where the pipe that it prints to is closed
+        return PIPE_CLOSED if ending.code == 1 else int(ending.code or 0)
+    except Exception as error:
+        if isinstance(error, OSError) and (sentence := endings.of_system(error)) is not None:
+            return _fail(sentence) if sentence else PIPE_CLOSED
+        if debugging:
+            raise
+        _say(endings.of_program(error))
+        return 3
     return code if isinstance(code, int) else 0
 
 
@@ -59,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def default(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+    debug: Annotated[  # taken by `main`, so that it may stand anywhere
+        bool, typer.Option(DEBUG, help="Show the traceback of an error of this program.")
+    ] = False,
 ) -> None:
     """Show the default scene in a window; without a display, write a picture of it."""
     if version:
@@ -80,6 +101,9 @@ def view(
         str | None, typer.Option(metavar="FILE", help="Record the interaction: frames and events.")
     ] = None,
     play: Annotated[str | None, typer.Option(metavar="FILE", help="Replay a recording, without a display too.")] = None,
+    into: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder that a replay may write into; none without.")
+    ] = None,
     photo: Annotated[str | None, typer.Option(metavar="FILE", help="Photograph whose object is edited.")] = None,
     mask: Annotated[str | None, typer.Option(metavar="FILE", help="Its mask; without one it is painted.")] = None,
 ) -> None:
@@ -92,7 +116,7 @@ def view(
     if play is not None:
         from milkglass.viewer.window import replay
 
-        replay.play(Path(play), in_window=has_display())
+        replay.play(Path(play), in_window=has_display(), into=None if into is None else Path(into))
         return
     if not has_display():
         raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
