@@ -6,6 +6,7 @@ layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_behind;
 
 void main() {
-    o_irradiance = vec4(v_irradiance, 1.0);
-    o_behind = vec4(v_behind, 1.0);
+    // Interpolation rounds, and so gives a little less than 0 between vertices of 0.
+    o_irradiance = vec4(max(v_irradiance, 0.0), 1.0);
+    o_behind = vec4(max(v_behind, 0.0), 1.0);
 }

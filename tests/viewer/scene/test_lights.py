@@ -236,3 +236,14 @@ def test_a_kind_in_the_registry_is_in_scene_files_options_and_tables(tmp_path, m
 def light_help():
     options = inspect.signature(scene_options(lambda scene: None)).parameters
     return get_args(options["light"].annotation)[1].help
+
+
+def test_a_light_at_the_end_of_its_range_turns():
+    """A turn of a box leaves the box."""
+    turn = turn_matrix(np.array([0.0, 0.6, 0.8]), 20.0)
+    light = DirectionalLight((1e6, 1e6, -1e6)).turned(turn)
+    expected = np.array([1.0, 1.0, -1.0]) @ turn
+    np.testing.assert_allclose(
+        np.divide(light.direction, np.abs(light.direction).max()), expected / np.abs(expected).max()
+    )
+    PointLight((1e9, -1e9, 1e9), fixed_to="camera").in_world(turn)

@@ -107,7 +107,20 @@ class Light(ABC):
 
     def turned(self, turn: Array) -> Self:
         """Return the light turned about the origin: vectors v become v @ turn, (3, 3)."""
-        return self.with_values(**{key: turned_vector(getattr(self, key), turn) for key in self.VECTORS})
+        vectors = {key: turned_vector(getattr(self, key), turn) for key in self.VECTORS}
+        return self.with_values(**{key: self._in_range(key, vector) for key, vector in vectors.items()})
+
+    def _in_range(self, key: str, vector: Vector) -> Vector:
+        """Return a vector shortened to what its key may be, as no turn keeps a box: of directions nothing is lost.
+
+        A place is at 1000 km then, from where no light matters.
+        """
+        high = settings_of(self)[key].high
+        longest = max(map(abs, vector))
+        if high is None or longest <= high:
+            return vector
+        x, y, z = (high * (component / longest) for component in vector)
+        return x, y, z
 
     def in_world(self, rotation: Array) -> Self:
         """Return the light fixed to the world where it is now; `rotation` as `viewer.scene.camera.Camera.rotation`."""
