@@ -1,9 +1,15 @@
 """The C library's heap, whose size counts at the peak: it keeps what was freed, and OpenGL's textures come on top."""
 
 import ctypes
+import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
+from milkglass.core.errors import InputError
+
+# Bytes of a pixel at the peak, measured from 512 x 512 to 4096 x 4096: of a picture alone, and with all its layers.
+PICTURE_BYTES, LAYERS_BYTES = 110, 255
 _ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
 
 
@@ -23,6 +29,36 @@ def give_back() -> None:
     trim = _glibc("malloc_trim")
     if trim is not None:
         trim(0)
+
+
+def check_size(size: tuple[int, int], *, layers: bool) -> None:
+    """Raise `InputError` for a picture, of a width and height, that the machine has not the memory for at this moment.
+
+    Where the system does not say how much there is, nothing is refused.
+    """
+    needed, available = size[0] * size[1] * (LAYERS_BYTES if layers else PICTURE_BYTES), available_bytes()
+    if available is not None and needed > available:
+        kind = " with all its layers" if layers else ""
+        raise InputError(
+            f"display.image_size: a picture of {size[0]}x{size[1]}{kind} takes about {needed / 1e9:.1f} GB of memory, "
+            f"and {available / 1e9:.1f} are free; ask for a smaller --image-size"
+        )
+
+
+def available_bytes() -> int | None:
+    """Return the memory that a process may still take, None where the system does not say."""
+    free = _number("/proc/meminfo", r"MemAvailable:\s+(\d+) kB", 1024)
+    most = _number("/sys/fs/cgroup/memory.max", r"(\d+)\s*", 1)  # of a container, whose caches count as used
+    return min((limit for limit in (free, most) if limit is not None), default=None)
+
+
+def _number(path: str, pattern: str, unit: int) -> int | None:
+    """Return a number that a file of the system has, in bytes."""
+    try:
+        found = re.search(pattern, Path(path).read_text(encoding="ascii"))
+    except OSError:
+        return None
+    return int(found[1]) * unit if found else None
 
 
 def _glibc(name: str) -> Callable[..., int] | None:

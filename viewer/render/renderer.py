@@ -75,6 +75,7 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
 
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:
     """Draw a picture and let go of all that is behind it, before it is read back: the peak of memory is lower."""
+    memory.check_size(scene.display.image_size, layers=parts)
     renderer = Renderer()
     request = PictureRequest(pixel_offsets(samples, seed), parts=parts)
     picture = renderer.draw(scene, request, progress=progress, last=True)

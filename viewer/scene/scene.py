@@ -50,6 +50,7 @@ __all__ = [
 # A vessel is of glass, where nothing is said of its parts.
 BUILTIN_MATERIALS = {vessel: {"glass": MaterialSettings.clear(1.52)} for vessel in ("tumbler", "bottle")}
 # Keys that exclude each other: choosing one side drops the other, so "--material jade" works on any scene.
+MOST_LIGHTS = 64  # each has shadow maps of some 25 MB
 MOST_PARTS = 30  # one less than `core.paths.surface.MOST_MEDIA`, which needs numerics that reading a scene does without
 CLEAR = {"sigma_s_prime": [0, 0, 0], "sigma_a": [0, 0, 0]}  # of a part, where its table does not say more
 PartMaterials = tuple[tuple[str, MaterialSettings], ...]
@@ -92,6 +93,7 @@ class Scene:
             if not isinstance(lights, list | tuple) or not all(isinstance(light, Light) for light in lights):
                 names = ", ".join(kind.__name__ for kind in LIGHT_KINDS.values())
                 raise InputError(f"lights must be a tuple of {names}, or None")
+            _check_count(lights)
             object.__setattr__(self, "lights", tuple(lights))
         materials = self.materials or BUILTIN_MATERIALS.get(self.model.builtin_name or "", ())
         object.__setattr__(self, "materials", _checked_materials(materials))
@@ -186,6 +188,14 @@ class Scene:
     def save(self, path: str | Path) -> None:
         """Write a scene file, whole or not at all; paths in it become relative to it where possible."""
         toml_files.write(path, _to_toml(self, Path(os.path.abspath(path)).parent), "the scene file")
+
+
+def _check_count(lights: Collection[object]) -> None:
+    if len(lights) > MOST_LIGHTS:
+        raise InputError(
+            f"lights has {len(lights):,} entries, at most {MOST_LIGHTS} are drawn; make several one, "
+            "or a light probe of them (environment.path)"
+        )
 
 
 def _checked_materials(given: PartMaterials | Mapping[str, MaterialSettings]) -> PartMaterials:
@@ -357,6 +367,7 @@ def _spelled_out(table: str, values: dict[str, Any]) -> dict[str, Any]:
 def _lights(content: Any, label: str) -> tuple[Light, ...]:
     if not isinstance(content, list) or not all(isinstance(light, dict) for light in content):
         raise InputError(f"{label} must be a list of tables; write [[lights]] for each, or lights = [] for none")
+    _check_count(content)
     return tuple(_light(light, f"{label}[{i}]") for i, light in enumerate(content))
 
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from milkglass.core.errors import InputError
 from milkglass.core.transport.diffusion.iteration import Iteration, Start
 from milkglass.viewer.bench.speed import process_row
 from milkglass.viewer.files.images import write_exr
+from milkglass.viewer.render import memory, renderer
 from milkglass.viewer.render.picture import Frame
 from milkglass.viewer.render.renderer import Renderer, render
 from milkglass.viewer.scene.scene import Scene, apply_set
@@ -29,6 +31,24 @@ def test_all_channels_of_the_default_picture_fit_in_memory(tmp_path):
     row = process_row(Scene(), "default", tmp_path, 1, "picture.exr")
     assert (tmp_path / "picture.exr").stat().st_size > 1e6
     assert 100.0 < row.megabytes < LIMIT
+
+
+@pytest.mark.parametrize("layers", [False, True])
+def test_a_picture_beyond_the_memory_there_is_is_refused_before_any_work(layers, monkeypatch):
+    scene = apply_set(Scene(), ["display.image_size=[4096, 2048]"])
+    monkeypatch.setattr(memory, "available_bytes", lambda: 5 * 10**8)
+    monkeypatch.setattr(renderer, "Renderer", lambda: pytest.fail("work began"))
+    draw = renderer.render if layers else renderer.render_image
+    with pytest.raises(InputError, match=r"4096x2048.* takes about .* GB of memory, and 0\.5 are free"):
+        draw(scene)
+    for enough in (10**10, None):
+        monkeypatch.setattr(memory, "available_bytes", lambda enough=enough: enough)
+        memory.check_size(scene.display.image_size, layers=layers)
+
+
+@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="where Linux tells")
+def test_the_memory_that_is_free_is_known():
+    assert 10**7 < memory.available_bytes() < 10**14
 
 
 @pytest.mark.slow

@@ -238,6 +238,15 @@ def light_help():
     return get_args(options["light"].annotation)[1].help
 
 
+def test_more_lights_than_are_drawn_are_refused(tmp_path):
+    with pytest.raises(InputError, match="lights has 65 entries, at most 64 are drawn"):
+        Scene(lights=(PointLight((0.0, 0.0, 300.0)),) * 65)
+    many = tmp_path / "many.toml"
+    many.write_text('[[lights]]\nkind = "point"\nposition_mm = [0, 0, 300]\n' * 2000)
+    with pytest.raises(InputError, match=r"many\.toml: lights has 2,000 entries"):
+        Scene.load(many)
+
+
 def test_a_light_at_the_end_of_its_range_turns():
     """A turn of a box leaves the box."""
     turn = turn_matrix(np.array([0.0, 0.6, 0.8]), 20.0)
