@@ -72,7 +72,7 @@ def find_bodies(mesh: Mesh) -> Bodies:
     component, count = _components(faces, proper, len(first))
     if count <= 1:
         return Bodies(np.zeros(len(faces), np.int32), 1, 0)
-    components = _Components(vertices - vertices.mean(axis=0), faces[proper], component[proper], count)
+    components = SurfaceComponents(vertices - vertices.mean(axis=0), faces[proper], component[proper], count)
     opened = np.flatnonzero(components.is_open)
     rims = np.stack([opened, np.repeat(opened[:1], len(opened))])
     crossed = components.crossings()
@@ -153,6 +153,11 @@ def components(mesh: Mesh) -> tuple[Ints, int]:
     return rank[component], count
 
 
+def component_of_faces(faces: Ints, n: int) -> Ints:
+    """Return the connected component of each face, (m,), for faces (m, 3) of n welded vertices, none used twice."""
+    return _components(faces, np.arange(len(faces)), n)[0]
+
+
 def has_volumes(mesh: Mesh) -> bool:
     """Whether every component of a closed mesh encloses a positive volume: none is a cavity or inside out."""
     component, count = components(mesh)
@@ -160,8 +165,17 @@ def has_volumes(mesh: Mesh) -> bool:
     return bool((np.bincount(component, volumes, count) > 0.0).all())
 
 
-class _Components:
-    """Components of a welded mesh: vertices (n, 3) about the origin, faces (m, 3), component (m,) of each face."""
+class SurfaceComponents:
+    """Components of a welded mesh: vertices (n, 3) about the origin, faces (m, 3), component (m,) of each face.
+
+    Attributes
+    ----------
+    volume : (count,) float64
+        Signed: negative where a component looks inwards.
+    is_open, is_balanced : (count,) bool
+        Whether an edge is of one face; whether each edge has as many faces on one side as on the other, as of a
+        surface that bounds matter.
+    """
 
     def __init__(self, vertices: Array, faces: Ints, component: Ints, count: int) -> None:
         self._vertices, self._faces, self._component, self._count = vertices, faces, component, count
@@ -169,13 +183,15 @@ class _Components:
         corners = faces.ravel()
         self._low, self._high = group_bounds(vertices[corners], np.repeat(component, 3), count)
         volumes = np.einsum("ij,ij->i", vertices[faces[:, 0]], face_cross(vertices, faces)) / 6.0
-        self._volume = np.bincount(component, volumes, count)
-        order, starts, sides, _ = half_edges(faces, len(vertices))
+        self.volume = np.bincount(component, volumes, count)
+        order, starts, sides, forward = half_edges(faces, len(vertices))
         side = order[starts]  # one side of each edge
         self._edges = np.stack([corners[side], faces[:, [1, 2, 0]].ravel()[side]])
         self._edge_component = component[side // 3]
         self.is_open = np.zeros(count, bool)
         self.is_open[self._edge_component[sides == 1]] = True
+        self.is_balanced = np.ones(count, bool)
+        self.is_balanced[self._edge_component[np.add.reduceat(np.where(forward, 1, -1)[order], starts) != 0]] = False
         # Moved just under the surface, an edge crosses other components only.
         self._under = vertices - TOUCHING_DISTANCE * self._size * vertex_normals(vertices, faces)
         self._pairs = overlapping_boxes(self._low, self._high)
@@ -204,9 +220,17 @@ class _Components:
 
     def enclosures(self, crossed: Ints) -> Ints:
         """Return pairs (2, k): a component, and the one whose matter encloses it."""
+        return self._innermost(*self.inside(crossed))
+
+    def inside(self, crossed: Ints) -> Ints:
+        """Return pairs (2, k): a component, and a closed one inside of which it lies, whichever way that looks.
+
+        They are told by the winding number, odd or even, of the outer one about points of the inner one.
+        """
         inner, outer = np.concatenate([self._pairs, self._pairs[::-1]], axis=1)
-        fits = ((self._low[inner] >= self._low[outer]) & (self._high[inner] <= self._high[outer])).all(axis=1)
-        fits &= ~self.is_open[outer]
+        near = TOUCHING_DISTANCE * self._size
+        fits = (self._low[inner] >= self._low[outer] - near) & (self._high[inner] <= self._high[outer] + near)
+        fits = fits.all(axis=1) & ~self.is_open[outer]
         inner, outer = inner[fits], outer[fits]
         if len(inner) == 0:
             return np.empty((2, 0), np.int64)
@@ -217,19 +241,17 @@ class _Components:
         votes = np.zeros(len(inner), np.int64)
         key = inner * self._count + outer
         for direction in _directions(VOTING_RAYS):
-            ray, face = rays.all_hits(
-                points, np.broadcast_to(direction, points.shape), 0.1 * TOUCHING_DISTANCE * self._size
-            )
+            ray, face = rays.all_hits(points, np.broadcast_to(direction, points.shape), 0.1 * near)
             hit, times = np.unique(candidate[ray] * self._count + of_face[face], return_counts=True)
             votes += np.isin(key, hit[times % 2 == 1])
         inside = 2 * votes > VOTING_RAYS
         inside &= ~np.isin(key, [crossed[0] * self._count + crossed[1], crossed[1] * self._count + crossed[0]])
-        return self._innermost(inner[inside], outer[inside])
+        return np.stack([inner[inside], outer[inside]])
 
     def _innermost(self, inner: Ints, outer: Ints) -> Ints:
         """Return the pairs with the smallest enclosing component, where the enclosing components do not cancel."""
-        nesting = np.bincount(inner, np.sign(self._volume[outer]), self._count)
-        order = np.lexsort((np.abs(self._volume[outer]), inner))
+        nesting = np.bincount(inner, np.sign(self.volume[outer]), self._count)
+        order = np.lexsort((np.abs(self.volume[outer]), inner))
         inner, outer = inner[order], outer[order]
         first = np.concatenate([[True], inner[1:] != inner[:-1]])[: len(inner)]
         enclosing = first & (nesting[inner] != 0.0)

@@ -72,6 +72,7 @@ class ModelFile:
     path: Path
     size_mm: float
     up: str
+    close_holes: bool = True
 
     @property
     def name(self) -> str:
@@ -80,7 +81,7 @@ class ModelFile:
 
     def load(self, assets: "Assets") -> FileModel:
         """Read the file."""
-        return read_model(self.path, self.size_mm, self.up)
+        return read_model(self.path, self.size_mm, self.up, close_holes=self.close_holes)
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,15 @@ class ModelInMemory:
 
 
 @dataclass(frozen=True)
-class PartedModel:
-    """A model some of whose parts have materials of their own; see `viewer.files.model.FileModel.parted`."""
+class SolidModel:
+    """A model in its matter: parts with materials of their own taken out, and what bounds the matter of each made out.
+
+    See `viewer.files.model.FileModel.parted` and, where the model is of a file, `FileModel.solid`.
+    """
 
     model: ModelSource
-    clear: tuple[str, ...]
-    scattering: tuple[str, ...]
+    parts: tuple[tuple[str, ...], tuple[str, ...]] | None
+    nested: str
 
     @property
     def name(self) -> str:
@@ -129,8 +133,12 @@ class PartedModel:
         return self.model.name
 
     def load(self, assets: "Assets") -> FileModel:
-        """Take the parts out of the model."""
-        model = assets.get(self.model).parted(self.clear, self.scattering, self.name)
+        """Take the parts out of the model and make out what bounds their matter."""
+        model = assets.get(self.model)
+        if self.parts is not None:
+            model = model.parted(*self.parts, self.name)
+        if isinstance(self.model, ModelFile):
+            model = model.solid(self.name, self.nested)
         if model.mesh.kinds is None:
             return model
         # Bodies of different matter are closed each by itself, though they may overlap.
@@ -430,9 +438,11 @@ class GroundRaysOf:
 
 
 def model_source(settings: ModelSettings) -> ModelSource:
-    """Return the source of a scene's model, without its clear parts."""
+    """Return the source of a scene's model in its matter, without its clear parts."""
     whole = whole_source(settings)
-    return whole if settings.parts is None else PartedModel(whole, *settings.parts)
+    if settings.parts is None and not isinstance(whole, ModelFile):
+        return whole
+    return SolidModel(whole, settings.parts, settings.nested)
 
 
 def whole_source(settings: ModelSettings) -> ModelSource:
@@ -440,7 +450,7 @@ def whole_source(settings: ModelSettings) -> ModelSource:
     if settings.mesh is not None:
         return ModelInMemory(settings.mesh)
     if settings.path is not None:
-        return ModelFile(settings.path, settings.size_mm, settings.up)
+        return ModelFile(settings.path, settings.size_mm, settings.up, settings.close_holes)
     assert settings.builtin_name is not None
     return BuiltinModel(settings.builtin_name, settings.size_mm, settings.up)
 
@@ -458,4 +468,4 @@ def probe_source(environment: EnvironmentSettings) -> Source[Probe]:
 def depends_on(source: object, path: Path) -> bool:
     """Tell whether a source reads a file, or is computed of a model in it."""
     parts = vars(source).values()
-    return any(part == path or (isinstance(part, ModelFile | PartedModel) and depends_on(part, path)) for part in parts)
+    return any(part == path or (isinstance(part, ModelFile | SolidModel) and depends_on(part, path)) for part in parts)

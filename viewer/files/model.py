@@ -18,9 +18,10 @@ import trimesh
 
 from milkglass.core.arrays import Array, Bools, Ints
 from milkglass.core.errors import InputError
-from milkglass.core.geometry.bodies import components
-from milkglass.core.geometry.mesh import Mesh, check_size, compact, place_in_world, up_rotation
+from milkglass.core.geometry.bodies import components, has_volumes
+from milkglass.core.geometry.mesh import Mesh, check_size, compact, flaws, place_in_world, up_rotation
 from milkglass.core.geometry.normals import unit
+from milkglass.core.geometry.solids import COUNTS, Solids, solids
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.decoding import textures_only
@@ -127,6 +128,61 @@ class FileModel:
             mesh = replace(mesh, kinds=kinds[left])
         return FileModel(mesh, self.warnings, look, clear=meshes)
 
+    def solid(self, name: str, nested: str = "hollow") -> "FileModel":
+        """Return the model with the boundaries of its matter alone, see `core.geometry.solids`.
+
+        Parameters
+        ----------
+        name : str
+            What sentences call the model.
+        nested : str
+            What a closed part within another is that looks the same way: "hollow" or "solid".
+        """
+        found = [solids(mesh, hollow=nested == "hollow") for mesh in (self.mesh, *self.clear)]
+        changed = [bounded for bounded in found if bounded is not None]
+        if not changed:
+            return self
+        mesh, *clear = (
+            before if bounded is None else _judged(bounded.mesh)
+            for before, bounded in zip((self.mesh, *self.clear), found, strict=True)
+        )
+        look, of_face, matter = self.look, self.of_face, found[0]
+        if matter is not None:
+            look = None if look is None else look.cut(matter.face, matter.weights)
+            of_face = None if of_face is None else of_face[matter.face]
+        said = f"{name}: {'; '.join(_clauses(changed, nested))}."
+        return FileModel(mesh, (said, *self.warnings), look, of_face, self.names, tuple(clear))
+
+
+def _judged(mesh: Mesh) -> Mesh:
+    """Return a mesh that knows whether only front faces are seen from outside."""
+    return replace(mesh, outward=flaws(mesh).solid and has_volumes(mesh))
+
+
+def _clauses(changed: Sequence[Solids], nested: str) -> Iterator[str]:
+    """Return clauses on what was done to the matter of a model."""
+    turned, joined, copies, within, count = (sum(getattr(solid, name) for solid in changed) for name in COUNTS)
+    if turned == count:
+        yield "its faces looked inwards and were turned outwards"
+    elif turned:
+        yield f"{_parts(turned)} looked inwards and {_were(turned)} turned outwards"
+    if joined:
+        yield f"{_parts(joined)} run into each other and were joined"
+    if copies:
+        yield f"{_parts(copies)} {_were(copies)} dropped as {'a copy' if copies == 1 else 'copies'}"
+    if within and nested == "hollow":
+        yield f"{_parts(within)} within another {_were(within)} taken for hollow (model.nested = solid fills that)"
+    elif within:
+        yield f"{_parts(within)} within another {_were(within)} dropped, as matter in matter (model.nested = solid)"
+
+
+def _parts(count: int) -> str:
+    return "1 closed part of it" if count == 1 else f"{count} closed parts of it"
+
+
+def _were(count: int) -> str:
+    return "was" if count == 1 else "were"
+
 
 def joined(*meshes: Mesh) -> Mesh:
     """Return meshes as one."""
@@ -145,17 +201,17 @@ def submesh(mesh: Mesh, chosen: Bools) -> Mesh:
 
 
 def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
-    """Return the mesh of a model file, and one sentence on its flaws or None; see `read_model`."""
-    model = read_model(path, size_mm, up)
+    """Return the mesh of a model file, the boundary of its matter, and one sentence on its flaws or None."""
+    model = read_model(path, size_mm, up).solid(str(path))
     return model.mesh, next(iter(model.warnings), None)
 
 
-def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
+def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: bool = True) -> FileModel:
     """Read a model file and place it in world space.
 
     Parts of a scene are joined, each with its transform. Normals of the file are kept, hard edges included,
-    and computed where the file has none. Vertices that agree are merged, degenerate faces dropped, a closed
-    mesh that is inside out is turned outwards.
+    and computed where the file has none. Vertices that agree are merged, degenerate faces and second copies dropped,
+    faces that look another way than their neighbours turned, holes closed. `FileModel.solid` does the rest.
 
     Parameters
     ----------
@@ -164,6 +220,8 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
         Longest side of the bounding box in world space, finite and > 0.
     up : str
         The file's up axis: x, y, z, -x, -y or -z.
+    close_holes : bool
+        Whether simple holes are closed, see `core.geometry.repair.caps`.
 
     Returns
     -------
@@ -192,9 +250,11 @@ def read_model(path: str | Path, size_mm: float, up: str = "y") -> FileModel:
         raise InputError(all_degenerate(path))
     placed = place_in_world(vertices[used], size_mm, up)
     names = _part_names(scene)
-    mesh, rows, warning = condition(path, placed, normals[used] @ up_rotation(up).T, triangles, rows[distinct])
-    warnings = (*filter(None, (warning,)), *(f"{path}: {trouble}." for trouble in troubles))
-    return FileModel(mesh, warnings, looks.look(rows), looks.parts(rows), names)
+    turned_up = normals[used] @ up_rotation(up).T
+    found = condition(path, placed, turned_up, triangles, rows[distinct], close_holes=close_holes)
+    look, of_face = looks.look(found.corners), looks.parts(found.corners)
+    said = (*(("; ".join(found.said),) if found.said else ()), *troubles)
+    return FileModel(found.mesh, tuple(f"{path}: {clause}." for clause in said), look, of_face, names)
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:

@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from milkglass.core.arrays import Bools, Float32, Int32, Ints
+from milkglass.core.arrays import Array, Bools, Float32, Int32, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.detail import MeshDetail, TextureSet
 from milkglass.core.geometry.mesh import Mesh
+from milkglass.core.geometry.solids import is_new
 from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
@@ -81,6 +82,18 @@ class Look:
         plain = len({material.factor for material in used}) == 1 and not self.mapped
         plain = plain and all(material.colour is None and material.normal is None for material in used)
         return None if plain and np.ptp(self.colours[look.rows.ravel()], axis=0).max() == 0.0 else look
+
+    def cut(self, face: Ints, weights: Array) -> "Look":
+        """Return the look of pieces of the faces, (k,), whose corners have barycentric weights there, (k, 3, 3)."""
+        rows, new = self.rows[face], is_new(weights)
+        coordinates, colours = (
+            np.einsum("ij,ijk->ik", weights[new], table[rows[np.nonzero(new)[0]]]).astype(np.float32)
+            for table in (self.coordinates, self.colours)
+        )
+        rows = np.take_along_axis(rows, weights.argmax(axis=2), axis=1)
+        rows[new] = len(self.coordinates) + np.arange(len(coordinates))
+        tables = np.concatenate([self.coordinates, coordinates]), np.concatenate([self.colours, colours.clip(0.0, 1.0)])
+        return Look(rows, *tables, self.material[face], self.materials, self.mapped)
 
 
 class LookParts:

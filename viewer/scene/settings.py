@@ -241,6 +241,16 @@ class ModelSettings:
         why="joined: all of the surface together, so that light crosses the air between parts (diffusion: where they "
             "are within about four nodes of each other); or separate: each closed part alone"
     )
+    nested: str = setting(
+        "text", "hollow", choices=("hollow", "solid"),
+        moves=Part.SHAPE,
+        why="what a closed part of a file within another is, where the two look the same way: a cavity, or more of the "
+            "same matter"
+    )
+    close_holes: bool = setting(
+        "boolean", True, moves=Part.SHAPE,
+        why="simple holes of a file's surface are closed, but for those of sheets"
+    )
     texture: Path | None = setting(
         "path", None, optional=True,
         moves=Part.SURFACE,

@@ -52,7 +52,7 @@ class Sketch:
         try:
             if settings.path.stat().st_size > LARGEST_FILE:
                 return None
-            model = read_model(settings.path, settings.size_mm, settings.up)
+            model = read_model(settings.path, settings.size_mm, settings.up, close_holes=settings.close_holes)
         except (OSError, InputError):
             return None  # who reads it again says so
         return cls(context, model.mesh, model)
