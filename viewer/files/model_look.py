@@ -27,6 +27,7 @@ from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
 Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
 
 MAX_TEXELS = 8192  # texels a side; larger textures of a file are averaged to fit
+MADE_UP = (2, 2)  # texels of the grey picture, of no file, that trimesh gives to coordinates without a material
 LINEAR_SUFFIXES = (".glb", ".gltf")  # whose vertex colours are linear (glTF 2.0, 3.7.2.1), not sRGB
 TROUBLES = ("image", "materials", "texture")  # words of what trimesh logs where it does without them
 
@@ -242,6 +243,8 @@ def _material(source: Any) -> MaterialLook:
     parts = getattr(source, "materials", None)  # of several, the first
     source = parts[0] if parts else source
     colour = getattr(source, "baseColorTexture", None) or getattr(source, "image", None)
+    if colour is not None and getattr(colour, "format", "") is None and colour.size == MADE_UP:
+        colour = None
     factor = getattr(source, "baseColorFactor", None)
     if factor is not None:
         factor = np.asarray(factor, np.float64)[:3] / (255.0 if np.asarray(factor).dtype.kind == "u" else 1.0)
