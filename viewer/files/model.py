@@ -25,6 +25,7 @@ from milkglass.core.geometry.solids import COUNTS, Solids, solids
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.decoding import textures_only
+from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
 from milkglass.viewer.scene.given_file import reading
@@ -238,6 +239,7 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
     up_rotation(up)
     looks = LookParts(path.suffix.lower())
     with texture_troubles() as troubles, textures_only(), reading(path, "the model"):
+        left_out = check_gltf(path) if path.suffix.lower() in SUFFIXES else ()
         scene = _read(path)
         vertices, normals, faces, rows = _join(scene, looks)
     if len(faces) == 0:
@@ -253,7 +255,7 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
     turned_up = normals[used] @ up_rotation(up).T
     found = condition(path, placed, turned_up, triangles, rows[distinct], close_holes=close_holes)
     look, of_face = looks.look(found.corners), looks.parts(found.corners)
-    said = (*(("; ".join(found.said),) if found.said else ()), *troubles)
+    said = (*(("; ".join(found.said),) if found.said else ()), *troubles, *left_out)
     return FileModel(found.mesh, tuple(f"{path}: {clause}." for clause in said), look, of_face, names)
 
 
@@ -288,6 +290,8 @@ def _read(path: Path) -> trimesh.Scene:
             raise InputError(f"{path} is empty; export the model again.")
         if suffix == ".off":
             _check_off(path)
+        if suffix == ".stl":
+            _check_stl(path)
         with _quiet():
             # Seams of textures would cost our normals; `viewer.files.model_look` has them by corners.
             options = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
@@ -300,6 +304,15 @@ def _read(path: Path) -> trimesh.Scene:
         raise InputError(
             f"{path} could not be read as a {suffix} model ({reason}); check the file or export it again."
         ) from error
+
+
+def _check_stl(path: Path) -> None:
+    """Raise ValueError for a binary STL file of another length than its head says, which trimesh takes for text."""
+    with path.open("rb") as file:
+        head = file.read(84)
+    promised = 84 + 50 * int.from_bytes(head[80:], "little")
+    if not head.lstrip().lower().startswith(b"solid") and path.stat().st_size != promised:
+        raise ValueError(f"its head promises {promised:,} bytes, but there are {path.stat().st_size:,}")
 
 
 def _check_off(path: Path) -> None:

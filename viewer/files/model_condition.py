@@ -68,7 +68,7 @@ def condition(
     if found.non_manifold_edges or found.inconsistent_edges:
         twice = repeated_faces(group[faces], component_of_faces(group[faces], len(first)))
         if twice.any():
-            said.append(f"{np.count_nonzero(twice)} of its faces are in it twice and count once")
+            said.append(f"{np.count_nonzero(twice)} of its faces lie on others of it and were left out")
             faces, corners = faces[~twice], corners[~twice]
             found = find_flaws(positions, group[faces])
     if not _is_sound(found):

@@ -1,6 +1,7 @@
 """viewer.files.model_look: colours and relief of files, and what is wrong with them."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -217,3 +218,23 @@ def test_pictures_that_a_person_named_must_be_right(tmp_path):
     detail, _ = detail_at(path, normal_map=tmp_path / "flat.png")
     assert detail.has_normals
     assert not detail.has_colours
+
+
+@pytest.mark.parametrize("library", ["", "mtllib missing.mtl\nusemtl gone\n"])
+def test_coordinates_without_a_material_are_the_material_alone(tmp_path: Path, library: str) -> None:
+    """trimesh makes up a grey picture for them."""
+    path = tmp_path / "unwrapped.obj"
+    path.write_text(f"{library}v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    look = read_model(path, 1.0).look
+    assert look is not None
+    assert look.mapped
+    assert not look.has_colours
+
+
+def test_text_need_not_be_utf_8(tmp_path: Path) -> None:
+    path = tmp_path / "latin.obj"
+    path.write_bytes("# Größe\nmtllib farben.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl rot\nf 1 2 3\n".encode("latin-1"))
+    (tmp_path / "farben.mtl").write_bytes("# Märchenfarben für Möbel\nnewmtl rot\nKd 1 0 0\n".encode("latin-1"))
+    model = read_model(path, 1.0)
+    assert not any("could not be read" in sentence for sentence in model.warnings)
+    assert model.names[0][0] == "rot"
