@@ -22,7 +22,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from milkglass.core.arrays import Array, Bools, Ints
-from milkglass.core.geometry.bodies import SurfaceComponents, component_of_faces
+from milkglass.core.geometry.bodies import SurfaceComponents, component_of_faces, components
 from milkglass.core.geometry.mesh import Mesh, compact, has_no_area, position_groups, repeats_vertex
 from milkglass.core.geometry.normals import unit
 
@@ -70,6 +70,8 @@ def solids(mesh: Mesh, *, hollow: bool) -> Solids | None:
     hollow : bool
         Whether a component within another that looks the same way is a cavity; else it is dropped, as matter in matter.
     """
+    if mesh.outward and mesh.kinds is None and components(mesh)[1] == 1:
+        return None
     of_kind = [np.arange(len(mesh.faces))]
     if mesh.kinds is not None:
         of_kind = [np.flatnonzero(mesh.kinds == kind) for kind in range(int(mesh.kinds.max()) + 1)]
