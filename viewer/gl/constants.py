@@ -17,7 +17,6 @@ from milkglass.viewer.scene.settings import BEHIND
 
 CUBE_VIEWS = 6  # of a shadow map around a light that stands amid the object
 MOST_LAMPS = 6  # whose visible shares are known at the vertices: as many as the G-buffer has room for
-BACKGROUND_COLOUR, BACKGROUND_TRANSPARENT, BACKGROUND_ENVIRONMENT = range(3)
 
 
 def _literal(value: float | Sequence[float]) -> str:
@@ -56,9 +55,6 @@ CONSTANTS: Mapping[str, str] = MappingProxyType(
             "LOBE_ORDER": LOBE_ORDER,
             "MIN_LOBE": MIN_LOBE,
             "MIN_NORMAL_HEIGHT": MIN_NORMAL_HEIGHT,
-            "BACKGROUND_COLOUR": BACKGROUND_COLOUR,
-            "BACKGROUND_TRANSPARENT": BACKGROUND_TRANSPARENT,
-            "BACKGROUND_ENVIRONMENT": BACKGROUND_ENVIRONMENT,
             "BEHIND_FILLED": BEHIND.index("filled"),
             "BEHIND_NOTHING": BEHIND.index("transparent"),
         }.items()

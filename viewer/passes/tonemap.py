@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from milkglass.core.display import linear
 from milkglass.viewer.display.base import SIDE
 from milkglass.viewer.display.registry import transform
-from milkglass.viewer.gl.constants import BACKGROUND_COLOUR, BACKGROUND_ENVIRONMENT, BACKGROUND_TRANSPARENT
 from milkglass.viewer.gl.context import draw_over_object, float_texture, leave_framebuffer
 from milkglass.viewer.gl.program import Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
@@ -37,10 +37,8 @@ class TonemapPass:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._average = Program(context, "fullscreen.vert", "tonemap_average.frag")
-        self._tonemap = Program(context, "fullscreen.vert", "tonemap.frag")
         self._reduce = context.vertex_array(self._average.program, [])
-        self._triangle = context.vertex_array(self._tonemap.program, [])
-        self._no_table = context.texture3d((1, 1, 1), 3, dtype="f4")
+        self._variants: dict[tuple[bool, ...], tuple[Program, moderngl.VertexArray]] = {}
         self._tables: dict[str, moderngl.Texture3D] = {}
 
     def log_average(self, radiance: moderngl.Texture, step: int = 1) -> float:
@@ -79,33 +77,39 @@ class TonemapPass:
         table = self._table(display.transform)
         # Nothing lit means nothing to expose for: the picture is black, not divided by zero.
         exposure = display.exposed_key / log_average if log_average > 0.0 else 0.0
+        name = display.background
+        is_transparent, is_surrounded = name == "transparent", name == "environment"
+        is_mixed = is_surrounded or ground is not None or not background.beside_depth
+        program, triangle = self._variant(table=table is not None, mixed=is_mixed, surround=is_surrounded)
+        values = {"t_radiance": radiance, "u_exposure": exposure, "u_directions": directions}
+        values |= {"u_white": display.white} if table is None else {"t_display": table}
+        colour = backdrop(name)
+        if is_mixed:
+            values |= {"t_ground": ground or radiance, "u_grounded": ground is not None}
+            values |= {"u_transparent": is_transparent}
+        if is_surrounded:
+            to_probe = np.eye(4)
+            to_probe[:3, :3] = world_to_probe(background.rotation_deg)
+            values |= {"t_probe": background.probe, "u_probe_intensity": background.intensity}
+            values |= {"u_clip_to_probe": np.linalg.inv(camera.world_to_clip) @ to_probe}
+        elif is_mixed:
+            values |= {"u_background": tuple(linear(np.array(colour)).tolist())}
+        program.set(values)
         target.use()
-        to_probe = np.eye(4)
-        to_probe[:3, :3] = world_to_probe(background.rotation_deg)
-        kind, colour = backdrop(display.background)
-        self._tonemap.set(
-            {
-                "t_radiance": radiance,
-                "t_ground": ground or radiance,
-                "u_grounded": ground is not None,
-                "t_probe": background.probe,
-                "t_display": table or self._no_table,
-                "u_photographic": table is None,
-                "u_exposure": exposure,
-                "u_white": display.white,
-                "u_background_kind": kind,
-                "u_background": colour,
-                "u_clip_to_probe": np.linalg.inv(camera.world_to_clip) @ to_probe,
-                "u_probe_intensity": background.intensity,
-                "u_directions": directions,
-            }
-        )
-        if background.beside_depth and ground is None and kind != BACKGROUND_ENVIRONMENT:
-            target.clear(*colour, 0.0 if kind == BACKGROUND_TRANSPARENT else 1.0)
-            draw_over_object(self._context, self._triangle, has_depth=True, adds=False)
-        else:
+        if is_mixed:
             self._context.enable_only(moderngl.NOTHING)
-            self._triangle.render(vertices=3)
+            triangle.render(vertices=3)
+        else:
+            target.clear(*colour, 0.0 if is_transparent else 1.0)
+            draw_over_object(self._context, triangle, has_depth=True, adds=False)
+
+    def _variant(self, **switches: bool) -> tuple[Program, moderngl.VertexArray]:
+        """Return the program of these switches, linked when first asked for, and the triangle that it draws."""
+        key = tuple(switches.values())
+        if key not in self._variants:
+            program = Program(self._context, "fullscreen.vert", "tonemap.frag", **switches)
+            self._variants[key] = program, self._context.vertex_array(program.program, [])
+        return self._variants[key]
 
     def _table(self, name: str) -> moderngl.Texture3D | None:
         """Return the table of a display transform, made when first asked for; None where the shader needs none."""
@@ -132,14 +136,9 @@ class TonemapPass:
         return np.asarray(sums.sum(axis=0, dtype=np.float64))
 
 
-def backdrop(name: str) -> tuple[int, tuple[float, float, float]]:
-    """Return the kind of a background, and its colour, sRGB, black where it has none."""
-    black = (0.0, 0.0, 0.0)
-    if name == "transparent":
-        return BACKGROUND_TRANSPARENT, black
-    if name == "environment":
-        return BACKGROUND_ENVIRONMENT, black
-    if name == "black":
-        return BACKGROUND_COLOUR, black
+def backdrop(name: str) -> tuple[float, float, float]:
+    """Return the colour of a background, sRGB; black where it has none."""
+    if not name.startswith("#"):
+        return 0.0, 0.0, 0.0
     red, green, blue = (int(name[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return BACKGROUND_COLOUR, (red, green, blue)
+    return red, green, blue

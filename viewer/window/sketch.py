@@ -63,7 +63,7 @@ class Sketch:
         `size` is the width and height of the picture there, in pixels.
         """
         whole, target.viewport = target.viewport, (0, 0, *size)
-        _, colour = backdrop(scene.display.background)
+        colour = backdrop(scene.display.background)
         target.clear(*colour, 1.0, depth=1.0, viewport=target.viewport)
         self._pass.render(self._buffers, model_camera(scene.camera, self._mesh, size), target)
         target.viewport = whole

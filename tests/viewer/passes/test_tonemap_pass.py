@@ -221,6 +221,26 @@ def bilinear(pixels, u, v):
     return (1 - fy) * upper + fy * ((1 - fx) * pixels[i1, j0] + fx * pixels[i1, j1])
 
 
+@pytest.mark.parametrize("name", TRANSFORMS)
+@pytest.mark.parametrize("background", ["#336699", "transparent"])
+def test_pixels_that_the_object_has_to_itself_are_as_if_they_were_mixed(context, tonemap_pass, name, background):
+    """Another program draws those, over the object's depth, whose colours take no way through linear light."""
+    pixels = in_range((32, 32))
+    pixels[:, 16:] = 0.0
+    radiance, camera = uploaded(context, pixels), place_camera(CameraSettings(), 50.0, (32, 32))
+    display, seen = DisplaySettings(key=1.0, transform=name, background=background), []
+    for beside_depth in (False, True):
+        target = context.framebuffer([context.texture((32, 32), 4)], context.depth_renderbuffer((32, 32)))
+        target.clear(depth=1.0)
+        target.clear(depth=0.5, viewport=(0, 0, 16, 32))  # the object
+        target.depth_mask = False
+        behind = Background(radiance, 0.0, 0.0, beside_depth)
+        tonemap_pass.render(radiance, 1.0, display, behind, camera, target)
+        seen.append(np.frombuffer(target.read(components=4), np.uint8).reshape(32, 32, 4).astype(int))
+    assert np.abs(seen[0] - seen[1]).max() <= 1
+    assert np.ptp(seen[1][:, :16, :3]) > 100
+
+
 # In whole frames
 
 
