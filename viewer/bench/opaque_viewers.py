@@ -5,6 +5,7 @@ turned mesh for each line that it reads, and writes the processor time of each, 
 """
 
 import importlib.util
+import math
 import subprocess
 import sys
 import time
@@ -108,9 +109,10 @@ class OpaqueViewer:
 
 @contextmanager
 def started(path: Path, side: int) -> Iterator[dict[str, OpaqueViewer]]:
-    """Start the programs that are installed, by name, and end them afterwards."""
+    """Start the programs that are installed, by name, and end them afterwards; without those that draw nothing."""
     with ExitStack() as stack:
-        yield {name: stack.enter_context(closing(OpaqueViewer(name, path, side))) for name in installed()}
+        viewers = {name: stack.enter_context(closing(OpaqueViewer(name, path, side))) for name in installed()}
+        yield {name: viewer for name, viewer in viewers.items() if not math.isnan(viewer.first)}
 
 
 def main(name: str, path: Path, side: int) -> None:

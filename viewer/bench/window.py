@@ -192,7 +192,7 @@ def _orbits(
     window.release()
     window.settle()
     yield from ((OURS, ORBIT, at_rest), (OURS, ORBIT_DRAGGED, dragged))
-    yield from ((name, ORBIT_DRAGGED, times) for name, times in opaque.items())
+    yield from ((name, ORBIT_DRAGGED, times) for name, times in opaque.items() if np.isfinite(times).all())
 
 
 def _materials(window: DrivenWindow, repeats: int) -> Iterator[tuple[str, str, list[float]]]:
@@ -229,6 +229,9 @@ def report_window(report: BenchReport, title: str, rows: Sequence[WindowRow]) ->
             for row in rows
         ),
     )
+    missing = set(opaque_viewers.installed()) - {row.program for row in rows if row.case == ORBIT_DRAGGED}
+    for name in sorted(missing):
+        report.say(f"{name} is installed, but did not draw: it has no row of an orbit.")
     if anchor is None:
         report.say(f'Without {ANCHOR} there is nothing to compare with: pip install "milkglass[rivals]".')
     report.csv("window.csv", [{"program": row.program, "case": row.case, "cpu_ms": row.time.median} for row in rows])

@@ -139,6 +139,16 @@ def test_without_other_viewers_the_window_is_measured_alone(capsys):
     assert "milkglass[rivals]" in printed
 
 
+def test_a_viewer_that_does_not_start_has_no_row_and_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(opaque_viewers, "installed", lambda: (bench_window.ANCHOR,))
+    monkeypatch.setattr(opaque_viewers, "COMMAND", (sys.executable, "-c", "raise SystemExit('no display')"))
+    with opaque_viewers.started(tmp_path / "model.ply", 64) as viewers:
+        assert viewers == {}
+    ours = bench_window.WindowRow(bench_window.OURS, bench_window.FIRST, bench_speed.Timing((7.0,)))
+    bench_window.report_window(bench_report.BenchReport(None), "a mesh", [ours])
+    assert f"{bench_window.ANCHOR} is installed, but did not draw" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 @pytest.mark.gl
 def test_light_between_parts_is_measured_beside_none(tmp_path, monkeypatch, few_rays, small_object):
