@@ -107,7 +107,7 @@ class TonemapPass:
         """Return the program of these switches, linked when first asked for, and the triangle that it draws."""
         key = tuple(switches.values())
         if key not in self._variants:
-            program = Program(self._context, "fullscreen.vert", "tonemap.frag", **switches)
+            program = Program(self._context, "fullscreen.vert", "tonemap.frag", varyings=(), **switches)
             self._variants[key] = program, self._context.vertex_array(program.program, [])
         return self._variants[key]
 
