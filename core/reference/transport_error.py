@@ -33,9 +33,9 @@ class PhotonReference:
     Attributes
     ----------
     regions : Regions
-    batches : (BATCHES, n_regions, 3)
-        Exitance M of scattered light that has not met the object again, from each batch of photons.
-    again : (BATCHES, n_regions, 3)
+    batches : (n_batches, n_regions, 3)
+        Exitance M of scattered light that has not met the object again, from each batch of photons, BATCHES a walk.
+    again : (n_batches, n_regions, 3)
         Exitance M of scattered light that has; zeros of a walk without light between parts.
     entered : (n_regions, 3)
         Irradiance E of the lights, F_t included.
@@ -53,6 +53,14 @@ class PhotonReference:
     def whole(self) -> "PhotonReference":
         """The reference of all scattered light, however often it has met the object."""
         return replace(self, batches=self.batches + self.again, again=np.zeros_like(self.again))
+
+    def joined(self, further: "PhotonReference") -> "PhotonReference":
+        """Return the reference of these photons and of as many `further` ones in each batch, of the same regions."""
+        batches = np.concatenate([self.batches, further.batches])
+        again = np.concatenate([self.again, further.again])
+        share = len(self.batches) / len(batches)
+        entered = share * self.entered + (1.0 - share) * further.entered
+        return replace(self, batches=batches, again=again, entered=entered, lost=max(self.lost, further.lost))
 
     @property
     def exitance(self) -> Array:
@@ -124,7 +132,7 @@ def photon_reference(
     mesh: Mesh,
     material: Material,
     lights: Sequence[PhotonLight],
-    n_regions: int = N_REGIONS,
+    regions: Regions | int = N_REGIONS,
     n_photons: int = N_PHOTONS,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -133,6 +141,7 @@ def photon_reference(
 ) -> PhotonReference:
     """Return the exitance of an object by photons, with a walk for each light and each different extinction.
 
+    `regions` are those of an earlier walk, or about how many are to be found.
     Surroundings take a walk a channel. `between_parts` as of `core.reference.photons.walk`. Channels of which that
     matters scatter forward.
 
@@ -141,7 +150,8 @@ def photon_reference(
     InputError
         If the mesh is not closed, or a channel is nearly clear.
     """
-    regions = find_regions(mesh, n_regions)
+    if isinstance(regions, int):
+        regions = find_regions(mesh, regions)
     solid = ClosedMesh(regions.mesh, regions.of_face)
     batches, entered = np.zeros((BATCHES, len(regions.areas), 3)), np.zeros((len(regions.areas), 3))
     again, lost = np.zeros_like(batches), 0.0

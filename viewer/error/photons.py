@@ -6,16 +6,21 @@ Both come of one walk (`core.reference.photons`), in which light that has met th
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from milkglass.core.arrays import Array
+import numpy as np
+from scipy.spatial import cKDTree
+
+from milkglass.core.arrays import Array, Floats, Ints
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
 from milkglass.core.reference.photon_lights import Beam, PhotonLight, Surroundings
+from milkglass.core.reference.regions import Regions
 from milkglass.core.reference.transport_error import (
     BetweenPartsError,
     PhotonReference,
     TransportError,
     between_parts_error,
     photon_reference,
+    region_means,
     transport_error,
 )
 from milkglass.core.transport.base import Scattered
@@ -31,7 +36,7 @@ N_REGIONS = 150  # of the surface, over which the exitance of photons and of the
 Solution = tuple[LitScene, Scattered]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PhotonError:
     """Errors of what is shown, against photons.
 
@@ -43,16 +48,33 @@ class PhotonError:
         Of the light between parts.
     whole : TransportError
         Of all light together, against photons however often they have met the object.
-    regions : int
-    lost : float
-        Share of the light lost at edges.
+    reference : PhotonReference
+        Of all light together.
+    exitance : (n, 3) float64
+        M of what is shown, the mean of each of its regions.
     """
 
     inside: TransportError
     between_parts: BetweenPartsError
     whole: TransportError
-    regions: int
-    lost: float
+    reference: PhotonReference
+    exitance: Array
+
+    @property
+    def noise(self) -> Array:
+        """Standard error of the photons' M, over its rms, (n, 3)."""
+        return np.asarray(np.sqrt(self.reference.variance) / self._size)
+
+    @property
+    def shares(self) -> Array:
+        """|M - M_ref| over the rms of M_ref, (n, 3), without what the photons' noise explains."""
+        beyond = (self.exitance - self.reference.exitance) ** 2 - self.reference.variance
+        return np.asarray(np.sqrt(np.maximum(beyond, 0.0)) / self._size)
+
+    @property
+    def _size(self) -> Array:
+        size = np.sqrt(np.square(self.reference.exitance).mean(axis=0))
+        return np.asarray(np.where(size > 0.0, size, 1.0))
 
 
 def photon_walk(
@@ -62,6 +84,7 @@ def photon_walk(
     photons: int,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
+    regions: Regions | int = N_REGIONS,
 ) -> PhotonReference:
     """Return the exitance of a scene's object by photons.
 
@@ -77,6 +100,8 @@ def photon_walk(
     seed : int
     progress : callable, optional
         Called with the finished share, in [0, 1]; what it raises ends the work.
+    regions : Regions or int
+        Of the surface, over which M is a mean; or how many of them are to be found.
 
     Raises
     ------
@@ -84,31 +109,59 @@ def photon_walk(
         If photons cannot walk in the mesh or the material.
     """
     lights, material = photon_lights(scene, probe), scene.material.resolve()
-    return photon_reference(mesh, material, lights, N_REGIONS, photons, seed, progress, between_parts=True)
+    return photon_reference(mesh, material, lights, regions, photons, seed, progress, between_parts=True)
 
 
-def photon_error(
-    reference: PhotonReference, shown: Solution, alone: Solution, illumination: Illumination
-) -> PhotonError:
-    """Return the error of what a transport has scattered, relative to photons under the same light.
+def evaluated(shown: Solution, alone: Solution, illumination: Illumination) -> tuple[Evaluate, Evaluate]:
+    """Return M of a picture as a function of surface points, and that of the same without light between parts.
+
+    Both are computed once, at the points that they are first asked for: those of a reference.
 
     Parameters
     ----------
-    reference : PhotonReference
     shown, alone : pairs of LitScene and Scattered
         The transport of a picture, and the same without light between parts; they may be the same.
     illumination : Illumination
         Without light between parts.
     """
     whole = _evaluated_once(scene_exitance(*shown, illumination))
-    inside = whole if alone is shown else _evaluated_once(scene_exitance(*alone, illumination))
+    return whole, whole if alone is shown else _evaluated_once(scene_exitance(*alone, illumination))
+
+
+def photon_error(reference: PhotonReference, whole: Evaluate, inside: Evaluate) -> PhotonError:
+    """Return the error of what a transport has scattered, as `evaluated`, relative to photons under the same light."""
+    everything = reference.whole
     return PhotonError(
         transport_error(reference, inside),
         between_parts_error(reference, inside, whole),
-        transport_error(reference.whole, whole),
-        len(reference.regions.areas),
-        reference.lost,
+        transport_error(everything, whole),
+        everything,
+        region_means(reference.regions, whole),
     )
+
+
+def seen_regions(regions: Regions, alpha: Floats, position: Floats, eye: Array) -> tuple[Ints, Ints, Ints]:
+    """Return the regions that a picture shows, with a pixel amid each: indices, rows and columns, (n,) each.
+
+    Parameters
+    ----------
+    regions : Regions
+    alpha, position : (h, w) and (h, w, 3) arrays
+        Where the picture shows the object, 1, and where that is, mm.
+    eye : (4,)
+        Homogeneous: (position, 1), or (direction towards the eye, 0).
+    """
+    rows, columns = np.nonzero(alpha >= 1.0)
+    points, normals = regions.samples.points.astype(np.float64), regions.samples.normals
+    facing = np.flatnonzero(((eye[:3] - eye[3] * points) * normals).sum(axis=1) > 0.0)  # none of a thin part's back
+    if not len(rows) or not len(facing):
+        return (np.empty(0, np.int64),) * 3
+    region = regions.of_sample[facing][cKDTree(points[facing]).query(position[rows, columns])[1]]
+    count = np.maximum(np.bincount(region), 1)
+    off = sum((values - (np.bincount(region, values) / count)[region]) ** 2 for values in (rows, columns))
+    order = np.lexsort((off, region))
+    found, first = np.unique(region[order], return_index=True)
+    return found, rows[order][first], columns[order][first]
 
 
 def _evaluated_once(evaluate: Evaluate) -> Evaluate:

@@ -28,7 +28,7 @@ from milkglass.viewer.assets.sources import PartedProbe
 from milkglass.viewer.error.eye import LEAST_ANGLE_DEG, PartError, eye_error, judged_by_eye, unseen_light
 from milkglass.viewer.error.illumination import lights_of, with_reentry
 from milkglass.viewer.error.map import error_map
-from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk, unlike_paths
+from milkglass.viewer.error.photons import evaluated, obstacle, photon_error, photon_walk, unlike_paths
 from milkglass.viewer.error.visible import DEFAULT_POINTS, Illumination, VisibleError, measure, visible_points
 from milkglass.viewer.files.images import Pixels8, check_output, write_png
 from milkglass.viewer.render.lit_scene import LitScene
@@ -102,7 +102,7 @@ def photon_content(
     """Return the error of a scene's transport relative to photons as JSON, or a reason why there is none.
 
     The fields are those of `TransportError` for transport alone, and of each part of `PhotonError` under its name;
-    arguments as of `viewer.error.photons.photon_walk` and `photon_error`.
+    arguments as of `viewer.error.photons.photon_walk` and `evaluated`.
     """
     start, lit = time.perf_counter(), renderer.light(scene)
     reason = obstacle(scene, lit)
@@ -118,15 +118,15 @@ def photon_content(
     if lit.exchange is not None:
         lit_alone = renderer.light(replace(scene, transport=replace(scene.transport, exchange="off")))
         alone = lit_alone, renderer.scatter(lit_alone)
-    error = photon_error(reference, shown, alone, illumination)
+    error = photon_error(reference, *evaluated(shown, alone, illumination))
     return {
         "of": "exitance over the whole surface, against photons",
         **_numbers(error.inside),
         "between_parts": _numbers(error.between_parts),
         "whole": _numbers(error.whole),
         "photons": photons,
-        "regions": error.regions,
-        "lost": error.lost,
+        "regions": len(error.exitance),
+        "lost": error.reference.lost,
         "seconds": round(time.perf_counter() - start, 3),
     }
 

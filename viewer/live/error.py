@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Array, Float32, Ints
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.stages import Part, Stages
@@ -38,7 +38,9 @@ from milkglass.viewer.scene.scene import Scene
 
 if TYPE_CHECKING:
     from milkglass.core.reference.equation import Occluder
+    from milkglass.core.reference.transport_error import PhotonReference
     from milkglass.viewer.error.photons import PhotonError
+    from milkglass.viewer.error.point_exitance import Evaluate
     from milkglass.viewer.error.visible import VisibleError
 
 LOG = logging.getLogger("milkglass")
@@ -47,8 +49,9 @@ Surface = tuple[Float32, Float32, Float32]  # alpha, position and exitance, see 
 LARGEST = 512  # pixels along the longer side of the picture that points are chosen from
 THREADS = max(1, (os.cpu_count() or 1) - 1)  # of the sum: one core is left to what draws
 WAKE_SECONDS = 0.1  # between frames that only show progress
-PHOTONS = 100_000  # of each light and mean free path: a noise of 4 % a region, and of its 150th root mean square 1 %
-NO_POINTS = "not here: photons judge the whole surface, not points of it"
+PHOTONS = 100_000  # of each light and mean free path: a noise of 4 % of each of 150 regions
+ROUNDS = 5  # that they walk in; after each there are numbers
+SEEDS_A_ROUND = 1000  # a walk of each light and mean free path takes one
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,47 @@ class Question:
 
 def _place(scene: Scene) -> Key:
     return scene.moving(Part.SHAPE, Part.VIEW)
+
+
+@dataclass(frozen=True, eq=False)
+class Dots:
+    """Places of a picture with what was found there.
+
+    Attributes
+    ----------
+    of : Question
+    rows, columns : (n,) int
+        Row 0 at the top.
+    size : (width, height)
+        Of the picture that was measured, pixels.
+    covered : int
+        How many of them show the object.
+    exitance, reference : (n, 3) float64
+        M of the picture and of the reference.
+    shares : (n, 3) float64
+        The error, over the rms of the reference.
+    noise : (n, 3) float64 or None
+        Standard error of the reference, over the same, where it has one: the error is what is beyond it.
+    """
+
+    of: Question
+    rows: Ints
+    columns: Ints
+    size: tuple[int, int]
+    covered: int
+    exitance: Array
+    reference: Array
+    shares: Array
+    noise: Array | None
+
+    @property
+    def values(self) -> Array:
+        """The error of the worst channel, (n,)."""
+        return np.asarray(self.shares.max(axis=1))
+
+    def lies_in(self, scene: Scene) -> bool:
+        """Whether they lie where they were measured in a scene's picture."""
+        return self.of.place == _place(scene)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +137,12 @@ class Measured:
     quality: Quality
     seconds: float
 
-    def lies_in(self, scene: Scene) -> bool:
-        """Whether the points lie where they were measured in a scene's picture."""
-        return self.of.place == _place(scene)
+    @property
+    def dots(self) -> Dots:
+        """The points, with what was found there."""
+        found, points = self.error, self.error.points
+        places = points.rows, points.columns, self.size, self.covered
+        return Dots(self.of, *places, points.exitance, found.reference, found.shares, None)
 
     @property
     def is_dark(self) -> bool:
@@ -105,18 +152,81 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Walked:
-    """A finished comparison with photons, over the whole surface.
+    """A comparison with photons, over the whole surface.
 
     Attributes
     ----------
     of : Question
     error : PhotonError
+    photons : int
+        Of each light and mean free path, so far.
+    dots : Dots
+        Of the regions that the picture shows.
     seconds : float
+        What it took.
     """
 
     of: Question
     error: "PhotonError"
+    photons: int
+    dots: Dots
     seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Photons that have walked in a light, and what is compared with them.
+
+    Attributes
+    ----------
+    key : Key
+        The light, and how many regions were asked for.
+    reference : PhotonReference
+    rounds : int
+        How many it has.
+    evaluates : pair of callables
+        See `viewer.error.photons.evaluated`.
+    error : PhotonError
+    seconds : float
+    """
+
+    key: Key
+    reference: "PhotonReference"
+    rounds: int
+    evaluates: "tuple[Evaluate, Evaluate]"
+    error: "PhotonError"
+    seconds: float
+
+    @classmethod
+    def of(
+        cls,
+        key: Key,
+        reference: "PhotonReference",
+        earlier: "Comparison | None",
+        evaluates: "Callable[[], tuple[Evaluate, Evaluate]]",
+        start: float,
+    ) -> "Comparison":
+        """Compare with a round of photons and the `earlier` ones, by what is evaluated once; `start`, when it began."""
+        from milkglass.viewer.error.photons import photon_error
+
+        if earlier is None:
+            found = evaluates()
+            return cls(key, reference, 1, found, photon_error(reference, *found), time.perf_counter() - start)
+        together = earlier.reference.joined(reference)
+        error = photon_error(together, *earlier.evaluates)
+        seconds = earlier.seconds + time.perf_counter() - start
+        return cls(key, together, earlier.rounds + 1, earlier.evaluates, error, seconds)
+
+    def shown(self, of: Question, surface: Surface, eye: Array) -> Walked:
+        """Return it with places in a picture that shows a surface, from an eye, (4,)."""
+        from milkglass.viewer.error.photons import seen_regions
+
+        alpha, position, _ = surface
+        regions, rows, columns = seen_regions(self.reference.regions, alpha, position, eye)
+        error, covered = self.error, int(np.count_nonzero(alpha))
+        found = (values[regions] for values in (error.exitance, error.reference.exitance, error.shares, error.noise))
+        dots = Dots(of, rows, columns, (alpha.shape[1], alpha.shape[0]), covered, *found)
+        return Walked(of, error, self.rounds * (PHOTONS // ROUNDS), dots, self.seconds)
 
 
 class Cancelled(Exception):  # noqa: N818 (it is no error)
@@ -128,6 +238,7 @@ class _Job:
 
     def __init__(self, of: Question, wake: Callable[[], object]) -> None:
         self.of, self.progress = of, 0.0
+        self.found: Walked | None = None  # so far
         self.cancelled = threading.Event()
         self.future: Future[Measured] | Future[Walked] | None = None
         self._wake, self._told = wake, time.monotonic()
@@ -156,11 +267,11 @@ class LiveError:
     result : Measured or None
         The last one, perhaps of an earlier picture.
     walked : Walked or None
-        In its place where transport solves an equation that is not (1).
+        In its place where transport solves an equation that is not (1); from the first round of photons on.
     trouble : str or None
         Why the picture could not be measured, a sentence.
     outdated : bool
-        Whether `result` is not of the picture on screen.
+        Whether both are not of the picture on screen.
     """
 
     def __init__(self, context: moderngl.Context, wake: Callable[[], object]) -> None:
@@ -174,7 +285,14 @@ class LiveError:
         self._asked: Question | None = None
         self._answered: Question | None = None
         self._occluder: tuple[Mesh, Occluder] | None = None  # of the last mesh; used by the worker alone
-        self._photons: tuple[Key, PhotonError] | None = None  # of the last light; used by the worker alone
+        self._compared: Comparison | None = None  # of the last light; used by the worker alone
+
+    @property
+    def dots(self) -> Dots | None:
+        """What is known at places of the picture; None before there is a measurement, or light."""
+        if self.walked is not None:
+            return self.walked.dots if self.walked.dots.reference.any() else None
+        return None if self.result is None or self.result.is_dark else self.result.dots
 
     @property
     def progress(self) -> float | None:
@@ -262,12 +380,15 @@ class LiveError:
         job.future.add_done_callback(lambda _: self._wake())  # type: ignore[union-attr]
 
     def _walk_of(self, scene: Scene, live: Live, finished: Finished) -> "Callable[[_Job], Walked]":
-        """Return what compares a solution without a ground with photons, in the worker; OpenGL is asked here."""
+        """Return what compares a solution without a ground with photons, in the worker; OpenGL is asked here.
+
+        A round of photons at a time; those of a light that goes on are kept for another view.
+        """
         from milkglass.viewer.error.eye import judged_by_eye
         from milkglass.viewer.error.illumination import lights_of
-        from milkglass.viewer.error.photons import obstacle, photon_error, photon_walk, unlike_paths
+        from milkglass.viewer.error.photons import evaluated, obstacle, photon_walk, unlike_paths
 
-        environment, key, shown_lit = scene.environment, light_key(scene), finished.lit
+        environment, shown_lit = scene.environment, finished.lit
         lit = shown_lit if shown_lit.ground is None else live.renderer.light(scene)
         is_by_eye, why = judged_by_eye(scene, lit.model.mesh)
         if is_by_eye and unlike_paths(scene, lit) is None:
@@ -279,23 +400,37 @@ class LiveError:
         without = replace(scene, transport=replace(scene.transport, exchange="off"))
         lit_alone = lit if lit.exchange is None else live.renderer.light(without)
 
-        def walk(job: _Job) -> Walked:
-            job.report(0.0)
-            start, kept = time.perf_counter(), self._photons
-            if kept is not None and kept[0] == key:
-                return Walked(job.of, kept[1], 0.0)
-            reference = photon_walk(scene, lit.model.mesh, probe, PHOTONS, progress=job.report)
+        surface, light = surface_of(self._context, scene, finished), light_key(scene)
+        eye = model_camera(scene.camera, finished.lit.model.whole, scene.display.image_size).eye
 
+        def evaluates(job: _Job) -> "tuple[Evaluate, Evaluate]":
             def solved(other: LitScene) -> Scattered:
                 return live.scatter(other, lambda _: not job.cancelled.is_set())
 
             shown = alone = lit, finished.scattered if lit is shown_lit else solved(lit)
             if lit_alone is not lit:
                 alone = lit_alone, solved(lit_alone)
-            job.report(1.0)
-            error = photon_error(reference, shown, alone, lights_of(scene, around, lit))
-            self._photons = key, error
-            return Walked(job.of, error, time.perf_counter() - start)
+            return evaluated(shown, alone, lights_of(scene, around, lit))
+
+        def walk(job: _Job) -> Walked:
+            job.report(0.0)
+            key, kept = (light, job.of.points), self._compared
+            walked = kept if kept is not None and kept.key == key else None
+            while walked is None or walked.rounds < ROUNDS:
+                start, done = time.perf_counter(), 0 if walked is None else walked.rounds
+                reference = photon_walk(
+                    scene,
+                    lit.model.mesh,
+                    probe,
+                    PHOTONS // ROUNDS,
+                    done * SEEDS_A_ROUND,
+                    lambda share, done=done: job.report((done + share) / ROUNDS),  # type: ignore[misc]
+                    job.of.points if walked is None else walked.reference.regions,
+                )
+                walked = self._compared = Comparison.of(key, reference, walked, lambda: evaluates(job), start)
+                job.found = walked.shown(job.of, surface, eye)
+                job.report((done + 1) / ROUNDS)
+            return job.found or walked.shown(job.of, surface, eye)
 
         return walk
 
@@ -329,8 +464,13 @@ class LiveError:
     def _collect(self) -> bool:
         """Take what the worker has finished; True if there was something."""
         job = self._job
-        if job is None or job.future is None or not job.future.done():
+        if job is None or job.future is None:
             return False
+        if not job.future.done():
+            if job.found is None or job.found is self.walked:
+                return False
+            self.result, self.walked, self._answered = None, job.found, job.of
+            return True
         self._job = None
         try:
             found, self._answered = job.future.result(), job.of

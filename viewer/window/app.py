@@ -335,13 +335,13 @@ class App:
         at_rest = self.view.at_rest() and not any(imgui.get_io().mouse_down[:3])
         if self.error.update(self.view.shown, self.view.live, at_rest=at_rest):
             self._frames_due = max(self._frames_due, 1)
-        result, picture = self.error.result, self.view.drawn_at
+        dots, picture = self.error.dots, self.view.drawn_at
         hides = view.show in ("layer in", "layer out") or not (view.measure and view.error_map)
-        if result is None or hides or result.is_dark or not result.lies_in(self.view.shown):
+        if dots is None or hides or not len(dots.rows) or not dots.lies_in(self.view.shown):
             return
         right = picture[2] if view.split is None else picture[0] + view.split * (picture[2] - picture[0])
         hovered = imgui.is_window_hovered()
-        self.error_overlay.draw(result, picture, right, faded=self.error.outdated, is_hovered=hovered)
+        self.error_overlay.draw(dots, picture, right, faded=self.error.outdated, is_hovered=hovered)
 
     def status(self) -> tuple[str, str]:
         """Return what the picture is of, and what goes on, in words."""
@@ -361,9 +361,10 @@ class App:
 
     def error_status(self) -> str:
         """Return the error of the picture in a few words, or how far its measurement is; else nothing."""
-        if self.error.progress is not None:
-            return f"measuring the error: {100.0 * self.error.progress:.0f} %   Esc cancels"
         result, walked = self.error.result, self.error.walked
+        if self.error.progress is not None:
+            so_far = "" if walked is None or self.error.outdated else f"   so far {walk_verdict(walked)}"
+            return f"measuring the error: {100.0 * self.error.progress:.0f} %{so_far}   Esc cancels"
         if not self.session.view.measure or self.error.outdated:
             return ""
         if walked is not None:

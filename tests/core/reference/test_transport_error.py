@@ -30,7 +30,7 @@ def small() -> Mesh:
 
 @pytest.fixture(scope="module")
 def truth(small) -> PhotonReference:
-    return photon_reference(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000)
+    return photon_reference(small, MILKY, [ABOVE], regions=60, n_photons=60_000)
 
 
 def same_regions(other: PhotonReference, factor: float = 1.0):
@@ -72,7 +72,7 @@ def test_truth_of_a_ball_is_that_of_the_sphere(truth) -> None:
 
 
 def test_the_truth_itself_has_no_error_but_noise(small, truth) -> None:
-    again = photon_reference(small, MILKY, [ABOVE], n_regions=60, n_photons=60_000, seed=77)
+    again = photon_reference(small, MILKY, [ABOVE], regions=60, n_photons=60_000, seed=77)
     error = transport_error(truth, same_regions(again))
     assert all(0.005 < noise < 0.05 for noise in error.noise)
     # The rms still holds the noise of one of the two.
@@ -102,7 +102,7 @@ def test_points_and_normals_are_those_of_the_surface(truth) -> None:
 
 def test_lights_add_and_colours_scale(small) -> None:
     def flux(*lights: Beam) -> np.ndarray:
-        found = photon_reference(small, MILKY, lights, n_regions=20, n_photons=20_000)
+        found = photon_reference(small, MILKY, lights, regions=20, n_photons=20_000)
         return found.regions.areas @ found.exitance
 
     one = flux(ABOVE)
@@ -113,7 +113,7 @@ def test_lights_add_and_colours_scale(small) -> None:
 def test_a_black_channel_has_no_error(small) -> None:
     black = Material("black", (1.0, 0.0, 0.0), (0.1, 1.0, 0.0), 1.3)
     error = transport_error(
-        photon_reference(small, black, [ABOVE], n_regions=20, n_photons=5_000),
+        photon_reference(small, black, [ABOVE], regions=20, n_photons=5_000),
         lambda points, normals: np.zeros((len(points), 3)),
     )
     assert error.bias[0] == -1.0
@@ -122,14 +122,14 @@ def test_a_black_channel_has_no_error(small) -> None:
 
 def test_where_all_is_lit_there_is_no_dark_side(small) -> None:
     around = [Beam(tuple(s * axis)) for s in (1.0, -1.0) for axis in np.eye(3)]
-    truth = photon_reference(small, MILKY, around, n_regions=20, n_photons=2_000)
+    truth = photon_reference(small, MILKY, around, regions=20, n_photons=2_000)
     assert not truth.dark.any()
     assert np.isnan(transport_error(truth, same_regions(truth)).dark).all()
 
 
 def test_progress_rises_over_all_walks(small) -> None:
     shares: list[float] = []
-    photon_reference(small, MILKY, [ABOVE], n_regions=20, n_photons=2_000, progress=shares.append)
+    photon_reference(small, MILKY, [ABOVE], regions=20, n_photons=2_000, progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
@@ -137,7 +137,7 @@ def test_progress_rises_over_all_walks(small) -> None:
 @pytest.fixture(scope="module")
 def between() -> PhotonReference:
     mesh = mesh_of(block((6.0, 6.0, 2.0), (0.0, 0.0, 2.0)), block((6.0, 6.0, 2.0), (0.0, 0.0, -2.0)))
-    return photon_reference(mesh, MILKY, [ABOVE], n_regions=60, n_photons=30_000, between_parts=True)
+    return photon_reference(mesh, MILKY, [ABOVE], regions=60, n_photons=30_000, between_parts=True)
 
 
 def test_one_walk_judges_transport_alone_and_all_light(between) -> None:
@@ -164,7 +164,7 @@ def test_light_between_parts_has_an_error_of_its_own(between) -> None:
 
 
 def test_a_convex_object_has_no_light_between_parts(small) -> None:
-    found = photon_reference(small, MILKY, [ABOVE], n_regions=20, n_photons=5_000, between_parts=True)
+    found = photon_reference(small, MILKY, [ABOVE], regions=20, n_photons=5_000, between_parts=True)
     assert not found.again.any()
     error = between_parts_error(found, same_regions(found), same_regions(found))
     assert error.share == error.rms == error.noise == (0.0, 0.0, 0.0)
@@ -172,4 +172,4 @@ def test_a_convex_object_has_no_light_between_parts(small) -> None:
 
 def test_open_meshes_are_refused() -> None:
     with pytest.raises(InputError, match="closed"):
-        photon_reference(mesh_of(sheet(0.0)), MILKY, [ABOVE], n_regions=4, n_photons=100)
+        photon_reference(mesh_of(sheet(0.0)), MILKY, [ABOVE], regions=4, n_photons=100)

@@ -4,6 +4,7 @@ import threading
 import time
 from contextlib import closing
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,11 @@ import trimesh
 
 from milkglass.core.transport.diffusion import solver as diffusion
 from milkglass.core.transport.diffusion.solver import NESTED, TOLERANCE, DiffusionTransport
+from milkglass.viewer.error import photons
+from milkglass.viewer.error.photons import N_REGIONS
 from milkglass.viewer.error.report import error_report
 from milkglass.viewer.live.draft import Cost, Detail
+from milkglass.viewer.live.error import ROUNDS, surface_of
 from milkglass.viewer.live.job import PRESENTABLE
 from milkglass.viewer.live.rays import RaysJob
 from milkglass.viewer.render.picture import read_image
@@ -342,8 +346,10 @@ def measured_by_photons(driver):
 def test_photons_judge_what_an_equation_gives(context, tmp_path, monkeypatch):
     """The window has what a report has; a turn of the view walks no photons again; ewald has points as before."""
     monkeypatch.setattr("milkglass.viewer.live.error.PHOTONS", 10_000)
+    monkeypatch.setattr("milkglass.viewer.live.error.ROUNDS", 1)  # the very photons of the report
     scene = apply_set(with_diffusion(write_pair(tmp_path / "pair.ply")), ["model.size_mm=20"])
     driver = Driver(replace(scene, lights=(DirectionalLight((1.0, 0.5, 1.0)),)))
+    driver.session.view.error_points = N_REGIONS
     walked = measured_by_photons(driver)
     renderer = Renderer(driver.app.view.live.renderer.context)
     found = error_report(renderer, driver.view.shown, points=5, photons=10_000).content["transport_error"]
@@ -354,7 +360,10 @@ def test_photons_judge_what_an_equation_gives(context, tmp_path, monkeypatch):
     assert is_as_rendered(driver)
     put(driver, "camera.azimuth_deg=40")
     driver.settle()
-    assert driver.app.error.walked.error is walked.error
+    turned = driver.app.error.walked
+    assert turned.error is walked.error
+    assert turned.dots.lies_in(driver.view.shown)
+    assert not walked.dots.lies_in(driver.view.shown)
     put(driver, "transport.exchange=off")
     without = measured_by_photons(driver)
     assert without.error.inside.rms == pytest.approx(walked.error.inside.rms, abs=0.02)
@@ -365,6 +374,51 @@ def test_photons_judge_what_an_equation_gives(context, tmp_path, monkeypatch):
     error = driver.app.error
     assert (error.trouble, error.walked) == (None, None)
     assert error.result.quality.method == "ewald"
+    driver.close()
+
+
+@pytest.mark.slow
+def test_numbers_and_dots_come_after_each_round_of_photons(context, tmp_path, monkeypatch):
+    """Two separate bodies; the noise that is said falls with the photons, and the dots lie on what they are of."""
+    monkeypatch.setattr("milkglass.viewer.live.error.PHOTONS", 10_000)
+    gate, scene = threading.Semaphore(0), with_diffusion(write_pair(tmp_path / "pair.ply"), 16)
+    advance = photons.photon_walk
+
+    def held(*args, **kwargs):
+        assert gate.acquire(timeout=DEADLINE)
+        return advance(*args, **kwargs)
+
+    monkeypatch.setattr(photons, "photon_walk", held)
+    driver = Driver(apply_set(scene, ["model.size_mm=20"]))
+    driver.session.view.error_points, driver.session.view.measure = 60, True
+    driver.frames(2)
+    error, found = driver.app.error, []
+    for _ in range(2):
+        gate.release()
+        before = error.walked
+        wait_until(lambda before=before: driver.frames(1) or error.walked is not before)
+        assert error.progress is not None
+        assert "so far transport inside" in driver.app.error_status()
+        found.append(error.walked)
+    assert [walked.photons for walked in found] == [2_000, 4_000]
+    noise = [np.sqrt(np.square(walked.error.noise).mean()) for walked in found]
+    assert noise[1] / noise[0] == pytest.approx(np.sqrt(0.5), rel=0.15)
+    gate.release(ROUNDS)
+    driver.settle()
+    dots = error.walked.dots
+    assert error.walked.photons == 10_000
+    assert 15 < len(dots.rows) < len(error.walked.error.exitance)
+    alpha, _, exitance = surface_of(driver.view.live.renderer.context, driver.view.shown, driver.view.live.finished)
+    assert (alpha[dots.rows, dots.columns] == 1.0).all()
+    assert np.corrcoef(exitance[dots.rows, dots.columns, 1], dots.exitance[:, 1])[0, 1] > 0.95
+    drawn = []
+    monkeypatch.setattr(driver.app.error_overlay, "draw", lambda dots, *_, **__: drawn.append(dots))
+    driver.frames(1)
+    assert drawn == [dots]
+    driver.click("error.map")
+    assert not driver.session.view.error_map
+    driver.click("error.points", 0.03)
+    assert driver.session.view.error_points != 60
     driver.close()
 
 
@@ -391,6 +445,9 @@ def test_what_photons_cannot_judge_is_said(driver):
     put(driver, "material.name=sprite")
     driver.settle()
     assert error.trouble.startswith("not measured here: light loses its course about ")
+    vessel = SimpleNamespace(detail=None, clear=(1,), matter=(1, 2))
+    reason = photons.obstacle(driver.session.scene, vessel)
+    assert reason == "photons do not know parts of the model with a material of their own"
 
 
 def test_costs_and_layers_are_told_and_shown(driver):

@@ -174,7 +174,7 @@ def test_a_change_makes_numbers_old_until_the_picture_rests_again(driver):
     second = error.result
     assert not error.outdated
     assert second.error.deviation != first.error.deviation
-    assert second.lies_in(driver.view.shown)
+    assert second.dots.lies_in(driver.view.shown)
     driver.session.undo()
     driver.settle()
     assert error.result.error.deviation == first.error.deviation
@@ -228,7 +228,7 @@ def test_undo_and_another_model_while_it_measures(driver, tmp_path):
     driver.session.view.error_points = POINTS
     other = measured(driver)
     assert driver.view.shown.model.path == tmp_path / "other.stl"
-    assert other.lies_in(driver.view.shown)
+    assert other.dots.lies_in(driver.view.shown)
     driver.session.put(scene)
     assert measured(driver).error.deviation == expected
 

@@ -7,7 +7,7 @@ import numpy as np
 from milkglass.viewer.gui.controls import CHANNELS, TYPE_HINT
 from milkglass.viewer.gui.sliders import duration, percent
 from milkglass.viewer.gui.toolkit import GOOD, WARNING, icons, imgui
-from milkglass.viewer.live.error import NO_POINTS, PHOTONS, LiveError, Measured, Walked
+from milkglass.viewer.live.error import LiveError, Measured, Walked
 from milkglass.viewer.live.live import Live, solves
 from milkglass.viewer.session.session import DEFAULT_ERROR_POINTS
 from milkglass.viewer.window.panel.section import Section, Seen, Tools
@@ -15,12 +15,13 @@ from milkglass.viewer.window.panel.section import Section, Seen, Tools
 FEWEST_POINTS, MOST_POINTS = 50, 2000
 MEASURE_TIP = (
     "Compare the light that leaves the surface on screen, M, with equation (1) summed directly in float64 at random "
-    "visible points; of transport that solves an equation, with photons over the whole surface. It starts by itself "
-    "whenever the picture has come to rest (E)."
+    "visible points; of transport that solves an equation, with photons, region by region of the whole surface. It "
+    "starts by itself whenever the picture has come to rest (E)."
 )
-MAP_TIP = "Show where the error sits: a dot at every point measured. Rest on a dot to read it."
+MAP_TIP = "Show where the error sits: a dot at every place measured. Rest on a dot to read it."
 WAITING = "measures when the picture is at rest"
 POINTS_TIP = "Random visible points that are measured: more take longer and make the numbers surer."
+REGIONS_TIP = "Regions of the surface over which light is compared with photons: of more, each has more of their noise."
 
 
 class ErrorSection(Section):
@@ -60,19 +61,17 @@ class ErrorSection(Section):
             self._numbers(error.result, outdated=error.outdated, live=live)
 
     def _wishes(self, *, by_photons: bool) -> None:
-        """Draw what can be asked for; points are not where photons judge the surface."""
+        """Draw what can be asked for; photons judge regions in place of points."""
         view, controls = self._session.view, self._controls
         controls.begin_row("Measure")
         clicked, _ = imgui.checkbox("##error.measure", view.measure)
         controls.end_row("error.measure", "Measure", MEASURE_TIP)
         if clicked:
             view.measure = self._was_measuring = not view.measure
-        imgui.begin_disabled(by_photons)
-        self._points(is_off=by_photons)
+        self._points(by_photons=by_photons)
         controls.begin_row("Show map")
         clicked, _ = imgui.checkbox("##error.map", view.error_map)
-        controls.end_row("error.map", "Show map", NO_POINTS if by_photons else MAP_TIP)
-        imgui.end_disabled()
+        controls.end_row("error.map", "Show map", MAP_TIP)
         if clicked:
             view.error_map = not view.error_map
 
@@ -98,20 +97,20 @@ class ErrorSection(Section):
                 imgui.same_line()
             controls.note(sentence)
 
-    def _points(self, *, is_off: bool) -> None:
+    def _points(self, *, by_photons: bool) -> None:
         view, controls = self._session.view, self._controls
-        tip = f"{POINTS_TIP}\n{FEWEST_POINTS} to {MOST_POINTS}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
-        controls.begin_row("Points", resettable=True)
+        label, meaning = ("Regions", REGIONS_TIP) if by_photons else ("Points", POINTS_TIP)
+        tip = f"{meaning}\n{FEWEST_POINTS} to {MOST_POINTS}, default {DEFAULT_ERROR_POINTS}\n{TYPE_HINT}"
+        controls.begin_row(label, resettable=True)
         points = controls.sliders.integer(
             "error.points", view.error_points, FEWEST_POINTS, MOST_POINTS, f"{view.error_points}"
         )
         if points is not None:
             view.error_points = min(max(points, FEWEST_POINTS), MOST_POINTS)
         controls.end_row(
-            "error.points", "Points", NO_POINTS if is_off else tip,
+            "error.points", label, tip,
             lambda: setattr(view, "error_points", DEFAULT_ERROR_POINTS),
             differs=view.error_points != DEFAULT_ERROR_POINTS,
-            is_off=is_off,
         )  # fmt: skip
 
     def _numbers(self, measured: Measured | None, *, outdated: bool, live: Live) -> None:
@@ -225,6 +224,6 @@ def walk_conditions(walked: Walked) -> str:
     """Return a sentence on how photons judged: how many, over what, their noise, and the time."""
     noise = percent(float(np.nanmax([0.0, *walked.error.inside.noise])))
     return (
-        f"rms over {walked.error.regions} regions against {PHOTONS:,} photons a light and mean free path; "
+        f"rms over {len(walked.error.exitance)} regions against {walked.photons:,} photons a light and mean free path; "
         f"their noise of {noise} is taken off; {duration(walked.seconds)}"
     )

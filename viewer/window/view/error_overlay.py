@@ -1,5 +1,6 @@
-"""The error over the picture: a coloured dot at every point measured, its numbers, the scale of the colours."""
+"""The error over the picture: a coloured dot at every place measured, its numbers, the scale of the colours."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from milkglass.viewer.error.map import COLOURS, colours, scale_end
 from milkglass.viewer.gui.controls import CHANNELS, Box
 from milkglass.viewer.gui.sliders import percent, significant
 from milkglass.viewer.gui.toolkit import imgui
-from milkglass.viewer.live.error import Measured
+from milkglass.viewer.live.error import Dots
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 0.15, 0.32  # of a dot, in letters' heights
 RADIUS_SHARE = 0.25  # of the mean distance of the points
@@ -21,18 +22,18 @@ class ErrorOverlay:
     """Draws the map of a measurement; places and colours are kept from frame to frame."""
 
     def __init__(self) -> None:
-        self._of: Measured | None = None
+        self._of: Dots | None = None
         self._order: list[int] = []  # the worst last, so that they lie on top
         self._places = np.zeros((0, 2))  # in the picture, [0, 1], y down
         self._colours = np.zeros((0, 3))
         self._end = 1.0
 
-    def draw(self, measured: Measured, picture: Box, right: float, *, faded: bool, is_hovered: bool) -> None:
+    def draw(self, dots: Dots, picture: Box, right: float, *, faded: bool, is_hovered: bool) -> None:
         """Draw the map over the picture, left of `right`, in the current ImGui window.
 
         Parameters
         ----------
-        measured : Measured
+        dots : Dots
         picture : Box
             Where the picture lies.
         right : float
@@ -42,12 +43,12 @@ class ErrorOverlay:
         is_hovered : bool
             Whether the pointer is on the view, so that a dot may be read.
         """
-        self._prepare(measured)
+        self._prepare(dots)
         em = imgui.get_font_size()
         width, height = picture[2] - picture[0], picture[3] - picture[1]
         centres = np.array(picture[:2]) + self._places * [width, height]
-        pixel = width * height / (measured.size[0] * measured.size[1])  # of the picture measured, on screen
-        spacing = np.sqrt(measured.covered * pixel / max(1, len(centres)))
+        pixel = width * height / (dots.size[0] * dots.size[1])  # of the picture measured, on screen
+        spacing = np.sqrt(dots.covered * pixel / max(1, len(centres)))
         radius = float(np.clip(RADIUS_SHARE * spacing, SMALLEST_RADIUS * em, LARGEST_RADIUS * em))
         draw: Any = imgui.get_window_draw_list()
         draw.push_clip_rect((picture[0], picture[1]), (right, picture[3]), True)
@@ -68,29 +69,31 @@ class ErrorOverlay:
             if distance[nearest] <= radius + REACH * em:
                 place = (float(centres[nearest, 0]), float(centres[nearest, 1]))
                 draw.add_circle(place, radius + 2.5, imgui.get_color_u32((1.0, 1.0, 1.0, 0.95)), 16, 2.0)
-                read_dot(measured, nearest)
+                read_dot(dots, nearest)
         draw.pop_clip_rect()
         draw_scale(draw, picture, self._end)
 
-    def _prepare(self, measured: Measured) -> None:
-        if measured is self._of:
+    def _prepare(self, dots: Dots) -> None:
+        if dots is self._of:
             return
-        error = measured.error
-        values = error.at_points
-        self._of, self._end = measured, scale_end(values)
+        values = dots.values
+        self._of, self._end = dots, scale_end(values)
         self._order = np.argsort(values).tolist()
-        self._places = (np.stack([error.points.columns, error.points.rows], axis=1) + 0.5) / measured.size
+        self._places = (np.stack([dots.columns, dots.rows], axis=1) + 0.5) / dots.size
         self._colours = colours(values / self._end) / 255.0
 
 
-def read_dot(measured: Measured, i: int) -> None:
-    """Show the numbers of a point in a tooltip."""
-    error = measured.error
-    rows = (
-        ("M", error.points.exitance[i], lambda value: significant(float(value))),
-        ("M_ref", error.reference[i], lambda value: significant(float(value))),
-        ("error", error.shares[i], percent),
-    )
+def read_dot(dots: Dots, i: int) -> None:
+    """Show the numbers of a place in a tooltip."""
+    rows: list[tuple[str, Array, Callable[[float], str]]] = [
+        ("M", dots.exitance[i], significant),
+        ("M_ref", dots.reference[i], significant),
+        ("error", dots.shares[i], percent),
+    ]
+    meaning = "error: |M - M_ref| over the rms of M_ref"
+    if dots.noise is not None:
+        rows.append(("noise", dots.noise[i], percent))
+        meaning = f"{meaning},\nbeyond the noise of the photons; means of a region"
     if not imgui.begin_tooltip():
         return
     if imgui.begin_table("##dot", 4, imgui.TableFlags_.sizing_fixed_fit.value):
@@ -105,9 +108,9 @@ def read_dot(measured: Measured, i: int) -> None:
             imgui.text_disabled(label)
             for value in values:
                 imgui.table_next_column()
-                imgui.text_unformatted(text(value))
+                imgui.text_unformatted(text(float(value)))
         imgui.end_table()
-    imgui.text_disabled("error: |M - M_ref| over the rms of M_ref")
+    imgui.text_disabled(meaning)
     imgui.end_tooltip()
 
 

@@ -143,7 +143,7 @@ def test_the_panel_may_be_hidden_and_the_window_resized_while_it_measures(driver
     driver.send(Resized((700, 500), (700, 500), 1.0))
     assert driver.app.error.outdated or driver.app.error.result.size == (512, 366)
     driver.settle()
-    assert driver.app.error.result.lies_in(driver.view.shown)
+    assert driver.app.error.dots.lies_in(driver.view.shown)
     driver.key("tab")
     driver.settle()
     assert "error.measure" in driver.app.panel.controls.boxes
