@@ -26,6 +26,7 @@ from milkglass.core.paths.events import (
     EVENTS,
     LEAST_BEFORE_LAMPS,
     LEAST_WEIGHT,
+    MOST_EVENTS,
     Chords,
     Event,
     Meetings,
@@ -180,7 +181,7 @@ class Tree:
     mirrors, clear : bool
         Whether rays go on that are mirrored first, and those inside; else the latter are absorbed.
     events : int
-        After how many meetings with the surface a path ends.
+        From how many meetings with the surface on a path has one branch.
     inside : Inside, optional
         What refracted rays show, where that is not all; mirrored ones show all.
     """
@@ -255,7 +256,7 @@ class Tree:
         crossed = list[Chords]()
         # Where rays stay outside, lamps are seen in mirrors alone: as highlights.
         least = LEAST_BEFORE_LAMPS if self.clear and self.surroundings.has_lamps else LEAST_WEIGHT
-        events = follow(surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least)
+        events = follow(surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least, most=MOST_EVENTS)
         for number, event in enumerate(events):
             if not go_on():
                 raise PathsSuperseded
