@@ -33,15 +33,17 @@ from milkglass.viewer.assets.sources import (
     SamplesOf,
     Source,
     depends_on,
+    files_of,
     model_source,
     probe_source,
+    stamp,
 )
 from milkglass.viewer.files.model import FileModel
 from milkglass.viewer.files.model_look import Look
 from milkglass.viewer.scene.keys import taken_anew
 from milkglass.viewer.scene.light_paths import ALL
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
-from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
+from milkglass.viewer.scene.tables import ProfileTable
 
 T = TypeVar("T")
 LoadedMesh = tuple[Mesh, tuple[str, ...]]
@@ -62,6 +64,7 @@ class Assets:
         self._keep = keep
         self._lock = threading.Lock()
         self._kept: dict[type, OrderedDict[Hashable, Any]] = {}
+        self._stamps: dict[Path, tuple[int, int] | None] = {}  # of files as they were read
 
     def get(self, source: Source[T]) -> T:
         """Return the asset of a source, loading it unless it is kept; errors as its `load`."""
@@ -70,13 +73,17 @@ class Assets:
             if source in kept:
                 kept.move_to_end(source)
                 return cast(T, kept[source])
+        stamps = {path: stamp(path) for path in files_of(source)}
         asset = source.load(self)
+        self._stamps |= stamps
         self.take(source, asset)
         return asset
 
     def take(self, source: Source[T], asset: T) -> None:
         """Keep an asset that was loaded elsewhere."""
         with self._lock:
+            for path in files_of(source):
+                self._stamps.setdefault(path, stamp(path))
             kept = self._kept.setdefault(type(source), OrderedDict())
             kept[source] = asset
             while len(kept) > self._keep:
@@ -127,21 +134,25 @@ class Assets:
         """Return the profiles of a file; errors as `viewer.scene.tables.read_profile_table`."""
         return self.get(ProfileFile(path))
 
-    def reread_profile(self, path: Path) -> bool:
-        """Read a table's file again if it has changed since; False if not, or if nobody has asked for it yet.
+    def reread(self, path: Path) -> bool:
+        """Read a file again if it has changed since; False if not, if it has gone, or if it is not in use.
 
         Raises
         ------
         InputError
-            As `profile_table`; what was read before stays.
+            As its source's `load`; what was read before stays.
         """
-        if not self.has(ProfileFile(path)):
+        with self._lock:
+            kept_sources = (cast(Source[Any], source) for kept in self._kept.values() for source in kept)
+            sources = [source for source in kept_sources if path in files_of(source)]
+            before, now = self._stamps.get(path), stamp(path)
+        if not sources or now is None or now == before:
             return False
-        new = read_profile_table(path)
-        if new == self.profile_table(path):
-            return False
+        self._stamps[path] = now  # one that cannot be read is told once
+        anew = [(source, source.load(self)) for source in sources]
         self.forget(path)
-        self.profile_table(path)
+        for source, asset in anew:
+            self.take(source, asset)
         taken_anew(path)
         return True
 

@@ -465,7 +465,21 @@ def probe_source(environment: EnvironmentSettings) -> Source[Probe]:
     return BuiltinProbe(environment.builtin)
 
 
+def files_of(source: object) -> list[Path]:
+    """Return the files that a source itself reads."""
+    return [part for part in vars(source).values() if isinstance(part, Path)]
+
+
 def depends_on(source: object, path: Path) -> bool:
     """Tell whether a source reads a file, or is computed of a model in it."""
-    parts = vars(source).values()
-    return any(part == path or (isinstance(part, ModelFile | SolidModel) and depends_on(part, path)) for part in parts)
+    models = [part for part in vars(source).values() if isinstance(part, ModelFile | SolidModel)]
+    return path in files_of(source) or any(depends_on(model, path) for model in models)
+
+
+def stamp(path: Path) -> tuple[int, int] | None:
+    """Return what tells a file from what it was before: the time of its last change, ns, and its size; None if gone."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

@@ -134,7 +134,7 @@ class FileDialog:
         if not accepted:
             return None
         path = Path(os.path.expanduser(self.folder / self.name))
-        if path.is_dir():
+        if os.path.isdir(path):
             self._go(path)
             return None
         if request.save_as and path.suffix.lower() not in request.suffixes:

@@ -41,6 +41,7 @@ from milkglass.viewer.render.occlusion import OcclusionStages
 from milkglass.viewer.render.paths import Paths, PathStages
 from milkglass.viewer.render.sources import LampSources, Surround, casts_shadows, shines
 from milkglass.viewer.scene.camera import model_camera
+from milkglass.viewer.scene.keys import version
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings, TransportSettings
@@ -95,7 +96,7 @@ class Lighting:
         run = self._run
 
         say("loading the model")
-        model = run(Stage.MODEL, [shape_of(scene.model)], lambda: self._load(scene.model))
+        model = run(Stage.MODEL, [shape_of(scene.model), version(scene.model.path)], lambda: self._load(scene.model))
         bodies, separate = None, scene.separate
         if separate:
             bodies = run(Stage.FIND_BODIES, [model], lambda: self._assets.bodies(model.mesh))

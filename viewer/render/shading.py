@@ -141,7 +141,7 @@ class Shading:
         image = self._run(Stage.IMAGE, [display.image_size, depth], lambda: self._image(display.image_size, depth))
         self._run(
             Stage.TONE_MAP,
-            [composite, show, exposed, display, scene.environment, scene.camera, image, drawn],
+            [composite, show, exposed, display, scene.environment, background.probe, scene.camera, image, drawn],
             lambda: self._tonemap.render(
                 texture,
                 exposed,

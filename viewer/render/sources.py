@@ -19,6 +19,7 @@ from milkglass.viewer.passes.occlusion import Occlusion
 from milkglass.viewer.passes.shadows import ShadowMap, ShadowsPass
 from milkglass.viewer.passes.soft_shadows import SoftShadow, SoftShadowsPass, divided
 from milkglass.viewer.scene.camera import world_to_probe
+from milkglass.viewer.scene.keys import version
 from milkglass.viewer.scene.lights import DirectionalLight, Light
 from milkglass.viewer.scene.settings import EnvironmentSettings
 
@@ -100,7 +101,7 @@ class Surround:
         if environment.probe is not None:
             return environment.probe
         source = probe_source(environment)
-        return self._run(Stage.PROBE, [source], lambda: self._assets.get(source))
+        return self._run(Stage.PROBE, [source, version(environment.path)], lambda: self._assets.get(source))
 
     def parted(self, environment: EnvironmentSettings) -> PartedProbe | None:
         """Return the sources of the probe that shine as lamps, and the probe of the rest; None if nothing shines."""

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ class Preferences:
     def start_folder(self) -> Path:
         """Return the folder that dialogs start in."""
         remembered = Path(self.folder) if self.folder else None
-        return remembered if remembered is not None and remembered.is_dir() else Path.cwd()
+        return remembered if remembered is not None and os.path.isdir(remembered) else Path.cwd()
 
 
 def _default_path() -> Path:

@@ -4,6 +4,8 @@ Every edit goes through `Session.edit` or `Session.put`. Bad values never get in
 stays as it was.
 """
 
+import contextlib
+import os
 import tomllib
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -112,7 +114,9 @@ class Session:
         self.messages: list[Message] = []
         self.gesture: Hashable = None
         self.unusable: set[Path] = set()
-        self.files = set() if path is None else {path.resolve()}
+        self.files = set() if path is None else {real(path)}
+        self._on_disk: dict[Path, Scene] = {}  # what scene files held when they were read or written last
+        self._note_file(path)
         self._saved = scene
         self._nodes: dict[str, tuple[int | None, int | None]] = {}  # layers and resolution asked of other methods
         self._settled: Scene | None = None  # the last scene that was seen at its best
@@ -256,7 +260,7 @@ class Session:
             return False
         self.fail(error)
         if self.scene != self._working:
-            failed, working = _files_of(self.scene), _files_of(self._working)
+            failed, working = files_of(self.scene), files_of(self._working)
             self.unusable |= failed - working
             self._back_to(self._working)
         return True
@@ -323,7 +327,8 @@ class Session:
         self._redo.clear()
         self.gesture, self.path, self._saved = None, file.path, file.scene
         if file.path is not None:
-            self.files.add(file.path.resolve())
+            self.files.add(real(file.path))
+            self._note_file(file.path)
         self._set(scene)
 
     def save(self, path: Path, image_size: tuple[int, int], key: float) -> bool:
@@ -335,9 +340,23 @@ class Session:
             self.fail(error)
             return False
         self.path, self._saved = path, self.scene
-        self.files.add(path.resolve())
+        self.files.add(real(path))
+        self._on_disk[path] = scene
         self.say(f"saved {path.name}")
         return True
+
+    def changed_on_disk(self) -> bool:
+        """Tell whether another program has changed the scene's file, once for each change."""
+        before = None if self.path is None else self._on_disk.get(self.path)
+        return before is not None and self._note_file(self.path) != before
+
+    def _note_file(self, path: Path | None) -> Scene | None:
+        """Remember what a scene file holds, and return it; what it held before where it cannot be read."""
+        if path is None:
+            return None
+        with contextlib.suppress(InputError):
+            self._on_disk[path] = Scene.load(path)
+        return self._on_disk.get(path)
 
     # A/B
 
@@ -378,7 +397,7 @@ class Session:
         """Replace the camera by that of a scene file's text."""
         try:
             table = tomllib.loads(text).get("camera")
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):  # numbers of thousands of digits, brackets in brackets
             table = None
         known = settings_of(CameraSettings)
         if not isinstance(table, dict) or not set(table) <= set(known):
@@ -387,9 +406,15 @@ class Session:
         self.edit("camera", **table)
 
 
-def _files_of(scene: Scene) -> set[Path]:
-    """Return the model, the probe and the table of a scene, as far as they are files."""
-    found = scene.model.path, scene.environment.path, scene.material.profile_table
+def real(path: Path) -> Path:
+    """Return a path without links; where it cannot be followed, as far as it can."""
+    return Path(os.path.realpath(path))
+
+
+def files_of(scene: Scene) -> set[Path]:
+    """Return the model with what lies on it, the probe and the table of a scene, as far as they are files."""
+    model = scene.model
+    found = model.path, model.texture, model.normal_map, scene.environment.path, scene.material.profile_table
     return {path for path in found if path is not None}
 
 

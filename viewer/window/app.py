@@ -180,7 +180,7 @@ class App:
         elif not isinstance(event, Drawn):
             self._gui.feed(event)
         if event == Focused(True):  # whoever comes back may have edited a file meanwhile
-            self.commands.run("reread_profile")
+            self.commands.run("reread_files")
 
     def wake(self) -> None:
         """Have a frame drawn soon: a worker has finished."""

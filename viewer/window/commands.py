@@ -279,7 +279,7 @@ COMMANDS: tuple[Command[Workspace], ...] = (
     ),
     Command("import_materials", "add materials of a file", lambda space: space.actions.import_materials()),
     Command("export_materials", "write the materials kept", lambda space: space.actions.export_materials()),
-    Command("reread_profile", "read the table of the profile again", lambda space: space.actions.reread_profile()),
+    Command("reread_files", "read files that have changed again", lambda space: space.actions.reread_files()),
     Command(
         "export_profile", "write the profile's curves", lambda space: space.actions.ask_where_to_export_profile()
     ),

@@ -24,7 +24,7 @@ IDS = {
     "reset_view", "copy_view", "paste_view", "open_file", "save", "save_as", "screenshot", "screenshot_object", "quit",
     "undo", "redo", "keep", "flip", "toggle_split", "toggle_exposure_lock", "toggle_measure", "toggle_help",
     "toggle_panel", "toggle_profiles", "dismiss", "open", "open_model", "open_probe", "open_profile", "open_texture",
-    "open_normal_map", "import_materials", "export_materials", "reread_profile", "export_profile", "open_depth",
+    "open_normal_map", "import_materials", "export_materials", "reread_files", "export_profile", "open_depth",
     "save_picture", "save_mask",
 }  # fmt: skip
 

@@ -398,7 +398,7 @@ def test_every_key_of_the_cheat_sheet_runs_its_command(display, tmp_path, scene_
     expected: list[str] = []
 
     def ran() -> list[str]:
-        return [name for name in noted.read_text().split() if name != "reread_profile"]  # which the focus asks for
+        return [name for name in noted.read_text().split() if name != "reread_files"]  # which the focus asks for
 
     try:
         window.opened()

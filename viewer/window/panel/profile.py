@@ -67,7 +67,7 @@ class ProfileRows:
         controls.end_row("material.profile_table", "Table", explained(settings_of(material)["profile_table"], None))
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         if controls.icon("material.profile_table.reread", icons.ICON_FA_ROTATE, REREAD_TIP, quiet=True):
-            self._commands.request("reread_profile")
+            self._commands.request("reread_files")
         for note in table_notes(material):
             controls.note(note)
 

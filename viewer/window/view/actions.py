@@ -1,5 +1,6 @@
 """What the commands of the window do to a session, its view and its files; `viewer.window.commands` has their table."""
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from milkglass.viewer.scene.tables import read_profile_table
 from milkglass.viewer.session import navigation
 from milkglass.viewer.session.autosave import Autosave, LeftBehind
 from milkglass.viewer.session.preferences import Preferences
-from milkglass.viewer.session.session import Session
+from milkglass.viewer.session.session import Session, files_of, real
 from milkglass.viewer.window.view.area import ViewArea
 
 SCENE_SUFFIXES = (".toml",)
@@ -116,7 +117,7 @@ class Actions:
     def recent(self) -> list[str]:
         """Paths of the files opened last that can be used, the newest first."""
         unusable = self._session.unusable
-        return [path for path in self._preferences.recent if Path(path) not in unusable and Path(path).is_file()]
+        return [path for path in self._preferences.recent if Path(path) not in unusable and os.path.isfile(path)]
 
     def ask(self, request: Request) -> None:
         """Open the file dialog in the last folder; before another's file is replaced, there is a question."""
@@ -125,7 +126,7 @@ class Actions:
 
     def _check(self, request: Request, path: Path) -> None:
         """Write what was asked for, after a question where that would replace a file of somebody else."""
-        if not path.exists() or path.resolve() in self._session.files:
+        if not os.path.exists(path) or real(path) in self._session.files:
             request.done(path)
             return
         answers = Answer("Replace", lambda: request.done(path)), Answer("Keep it", lambda: self.ask(request))
@@ -149,8 +150,8 @@ class Actions:
     def open(self, path: Path) -> None:
         """Open a model, a light probe, a profile, a photograph or a scene; a bad one leaves everything as it was."""
         suffix = path.suffix.lower()
-        if not path.is_file():
-            self._session.fail(f"{path} is not a file; it may have been moved or deleted")
+        if not os.path.isfile(path):  # where a folder may not be entered too
+            self._session.fail(f"{path} is not a file that can be read; it may have been moved or deleted")
             return
         self._session.gesture = None
         self._session.unusable.discard(path)
@@ -327,16 +328,19 @@ class Actions:
             return False
         return self._session.edit("material", profile=TABLE, profile_table=str(path))
 
-    def reread_profile(self) -> None:
-        """Take a table that was edited meanwhile; one that has gone stays as it was read."""
+    def reread_files(self) -> None:
+        """Take files that other programs have changed, and offer a scene's; one that has gone stays as it was read."""
         kept = self._session.kept
-        scenes = (self._session.scene,) if kept is None else (self._session.scene, kept)
-        for path in {scene.material.profile_table for scene in scenes}:
+        for path in files_of(self._session.scene) | (set() if kept is None else files_of(kept)):
             try:
-                if path is not None and path.is_file() and self._view.live.assets.reread_profile(path):
+                if self._view.live.assets.reread(path):
                     self._session.say(f"{path.name} has changed and was read again")
             except InputError as error:
-                self._session.fail(f"{error}; the profile stays what it was")
+                self._session.fail(f"{error}; what was read before stays")
+        scene_file = self._session.path
+        if scene_file is not None and self._session.changed_on_disk():
+            answers = Answer("Open it", lambda: self._open_scene(scene_file)), Answer("Keep what is here")
+            self.questions.ask(Question(f"Another program has changed {scene_file.name}.", answers))
 
     def ask_where_to_export_profile(self) -> None:
         """Ask where to write the curves of the scene's profile."""
