@@ -42,6 +42,13 @@ PICTURES: dict[str, tuple[str | None, Scene]] = {
             'display.background="#203040"', lights=(DirectionalLight(FRONT),),
         ),
     ),
+    "knot_jade_diffusion": (
+        "knot",
+        scene_of(
+            "display.image_size=[160, 160]", "material.name=jade", "transport.method=diffusion",
+            "transport.resolution=32", lights=BACK_LIT,
+        ),
+    ),
     "sculpture": (None, replace(scene_of(SIZE, method="ewald"), lights=None)),
 }  # fmt: skip
 
