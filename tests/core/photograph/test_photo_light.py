@@ -80,8 +80,11 @@ def test_a_few_highlights_make_no_lamp() -> None:
 def test_a_soft_light_is_a_gradient_and_no_lamp() -> None:
     _, mask, normals = ball_photo(120)
     inside = (mask > 0.0) & (normals[..., 2] > 0.2)
-    shading = fit_shading(0.4 * (1.0 + 0.5 * normals[..., 1]), normals[..., 2] * 36.0, inside)
+    soft, height = 0.4 * (1.0 + 0.5 * normals[..., 1]), normals[..., 2] * 36.0
+    shading = fit_shading(soft, height, inside)
     assert shading.lamp is None
+    brighter = fit_shading(7.0 * soft, height, inside)
+    np.testing.assert_allclose(brighter.gradient, shading.gradient, atol=1e-9)  # over the mean
     rng = np.random.default_rng(3)
     surround = rng.random((*SIZE, 3))
     light = fit_surround(surround, shading, SIZE)

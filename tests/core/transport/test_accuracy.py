@@ -21,6 +21,8 @@ from milkglass.core.transport.accuracy import (
     spacing_for,
 )
 from milkglass.viewer.bench.shapes import torus_knot
+from tests.support.lit import Lit
+from tests.support.rendering import relative_rms
 from tests.support.shapes import ball, plate
 
 SMOOTH = Roughness((1.0, 0.5, 0.25), (0.04, 0.01, 0.0025), (0.5, 0.5, 0.1))  # falls as h^2
@@ -103,3 +105,20 @@ def test_tents_have_an_error_of_their_own():
     (milk, *_) = profiles = dipoles(materials.lookup("whole milk"))
     assert LIT(milk, 0.01, SMOOTHEST, "tent") == pytest.approx(np.hypot(LIT(milk, 0.01, SMOOTHEST), TENT_ERROR))
     assert spacing_for(0.03, LIT, profiles, SMOOTH, "tent") < spacing_for(0.03, LIT, profiles, SMOOTH)
+
+
+@pytest.mark.slow
+def test_measured_errors_are_those_predicted_within_a_factor_of_two():
+    """Against equation (1) in float64, lit by a lamp: the median channel has 0.68 of it, the worst 1.8."""
+    shares = []
+    for mesh in (ball(subdivisions=4), plate(thickness=3.0, n=48), torus_knot(20.0)):
+        shape, longest = measured(mesh), float(np.ptp(mesh.bounds, axis=0).max())
+        for name in ("marble", "ketchup", "jade"):
+            lit = Lit(mesh, materials.lookup(name))
+            expected = lit.direct()
+            for nodes in (32, 48):
+                spacing = longest / (nodes - 1)
+                predicted = [LIT(profile, spacing, shape(spacing)) for profile in lit.profiles]
+                shares.append(relative_rms(lit.split(nodes), expected) / predicted)
+    assert np.max(shares) < 2.0
+    assert 0.5 < np.median(shares) < 0.95

@@ -1,6 +1,7 @@
 """What rays found stays on disk, by content; a cache that is damaged, full or read-only is no error."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +38,16 @@ def test_rays_are_cast_once_a_shape(casts, folder):
     bake_visibility(refine(refined(cube(), 5.0).mesh))
     assert len(casts) == 2
     assert len(list(folder.iterdir())) == 2  # and nothing temporary
+
+
+@pytest.mark.parametrize("part", ["vertices", "normals", "faces"])
+def test_what_rays_found_is_of_one_mesh_alone(part):
+    """Of meshes with the same vertices rays find different things."""
+    mesh, kept = cube(), {"bits": np.ones(3, np.uint8)}
+    cache = ray_cache.RayCache("visibility", 0)
+    cache.keep(mesh, kept)
+    assert np.array_equal(cache.read(cube(), {"bits": np.uint8})["bits"], kept["bits"])
+    assert cache.read(replace(mesh, **{part: getattr(mesh, part)[::-1].copy()}), {"bits": np.uint8}) is None
 
 
 @pytest.mark.slow

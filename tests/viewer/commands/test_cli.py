@@ -69,6 +69,8 @@ BAD_LINES = [
     ("render --output a.png --reference no.png", "--reference no.png: there is no such file"),
     ("render a.png --output a.png", "--output a.png would overwrite the model"),
     ("render --environment a.exr --output a.exr", "--output a.exr would overwrite the environment"),
+    ("render --set model.texture=a.png --output a.png", "--output a.png would overwrite the texture"),
+    ("render --set model.normal_map=a.png --output a.png", "--output a.png would overwrite the normal map"),
     ("render a.ply b.ply --output a.png", "got unexpected extra argument"),
     ("view", "there is no display for a window; write a picture with `milkglass render --output FILE`."),
     ("view a.toml", "a.toml is a scene file, not a model; write --scene before it."),

@@ -88,6 +88,12 @@ def test_colour_beneath_zero_alpha_is_invisible():
     assert compare_images(actual, reference).rms > 0.0
 
 
+def test_black_is_not_nothing():
+    drawn, nothing = np.zeros((20, 30, 4), np.uint8), np.zeros((20, 30, 4), np.uint8)
+    drawn[..., 3] = 255
+    assert not compare_images(drawn, nothing).passes()
+
+
 def test_opaque_alpha_equals_no_alpha():
     opaque = np.concatenate([picture(seed=1), np.full((20, 30, 1), 255, np.uint8)], axis=-1)
     assert compare_images(opaque, picture(seed=1)).rms == 0.0

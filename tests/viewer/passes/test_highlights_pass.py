@@ -7,6 +7,7 @@ import pytest
 
 from milkglass.core.geometry.refine import interpolated
 from milkglass.core.light.bake import opposite_points
+from milkglass.core.light.maps import latlong_to_direction
 from milkglass.viewer.assets.visibility import bake_visibility, refine
 from milkglass.viewer.bench.lights import sky_pixels
 from milkglass.viewer.passes.highlights import HighlightsPass, _packed
@@ -81,6 +82,26 @@ def test_highlights_are_those_of_rays(lit):
     assert rms(frame.specular[seen], expected) < 0.10
     free = renderer.render(replace(scene, environment=replace(scene.environment, occluded=False)), samples=1)
     assert rms(free.specular[seen], expected) > 0.3
+
+
+def test_highlights_turn_with_the_probe(context, tmp_path):
+    """Radiance 1 + a . w has the mean 1 + (n + 1) / (n + 2) a . r in a lobe cos^n about r. A turn takes x to -z."""
+    v, u = ((np.arange(n) + 0.5) / n for n in (64, 128))
+    ways = latlong_to_direction(np.stack(np.meshgrid(u, v), axis=-1))
+    renderer = MeshRenderer(context, ball())
+
+    def specular(pixels, **settings):
+        path = write_probe(tmp_path / f"{pixels[0, 0, 0]:.3f}.exr", pixels.astype(np.float32))
+        scene = around(scene_of(), path, occluded=False, **settings)
+        return renderer.render(replace(scene, specular=SHINY), samples=1)
+
+    even, turned = specular(np.ones_like(ways)), specular(1.0 + 0.9 * ways, rotation_deg=90.0)
+    seen = inside(even)
+    to_eye = renderer.light(around(scene_of(), None)).camera.eye[:3] - even.position[seen]
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    rays = mirrored(even.normal[seen].astype(float), to_eye)
+    expected = 1.0 + 0.9 * (SHINY.shininess + 1.0) / (SHINY.shininess + 2.0) * rays[:, [2, 1, 0]] * [-1.0, 1.0, 1.0]
+    np.testing.assert_allclose(turned.specular[seen] / even.specular[seen], expected, atol=0.01)
 
 
 def test_what_is_in_the_way_is_mirrored_as_bright_as_the_object(lit):

@@ -202,6 +202,17 @@ def test_a_spot_light_ends_at_its_cone():
     assert np.all(found[4:] == 0.0)
 
 
+def test_a_spot_light_fades_over_the_share_of_its_angle_that_its_softness_is():
+    """A cubic in the cosine, 3 t^2 - 2 t^3: of 60 degrees half fade, from 15 off the axis to 30 off it."""
+    light = SpotLight((0.0, 0.0, 10.0), cone_deg=60.0, softness=0.5)
+    dark, whole = np.sqrt(3.0) / 2.0, (np.sqrt(6.0) + np.sqrt(2.0)) / 4.0  # cosines of 30 and 15 degrees
+    t = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    cosines = dark + (whole - dark) * t
+    points = np.stack([10.0 * np.sqrt(1.0 - cosines**2) / cosines, 0.0 * t, 0.0 * t], axis=-1)  # on the plane z = 0
+    found = light.sub_lights(1).emission(0, points) * (10.0 / cosines) ** 2
+    np.testing.assert_allclose(found, [0.0, 5.0 / 32.0, 0.5, 27.0 / 32.0, 1.0], atol=1e-9)
+
+
 def test_lights_get_as_many_sub_lights_as_they_look_large():
     counts = [DirectionalLight((0, 1, 0), angle_deg=angle).sub_light_count(50.0) for angle in (0.5, 3, 10, 25, 90)]
     assert counts == [1, 4, 8, 16, 60]

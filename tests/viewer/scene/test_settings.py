@@ -11,7 +11,7 @@ from milkglass.viewer.scene.declaration import moves_of, setting, settings_of
 from milkglass.viewer.scene.keys import taken_anew, version
 from milkglass.viewer.scene.light_paths import PARTS
 from milkglass.viewer.scene.lights import LIGHT_KINDS, DirectionalLight, PointLight
-from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import (
     TABLES,
     CameraSettings,
@@ -121,6 +121,28 @@ def test_a_key_holds_what_moves_a_part_and_what_it_reads():
                 object.__setattr__(getattr(other, name), key, "another value")
                 assert (other.key(part) != held) == (not part.upstream.isdisjoint(moved)), (part, name, key)
                 assert other.key(part, without=(name,)) == scene.key(part, without=(name,))
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "held"),
+    [
+        (Part.SHAPE, "model.size_mm=50", True),
+        (Part.SHAPE, "environment.rotation_deg=9", False),
+        (Part.LIGHT, "model.size_mm=50", True),
+        (Part.LIGHT, "material.name=wax", False),
+        (Part.TRANSPORT, "environment.rotation_deg=9", True),
+        (Part.TRANSPORT, "material.name=wax", True),
+        (Part.TRANSPORT, "specular.strength=0", False),
+        (Part.LOOK, "camera.azimuth_deg=9", True),
+        (Part.LOOK, "display.image_size=[32, 32]", True),
+        (Part.LOOK, "material.name=wax", True),
+        (Part.LOOK, "display.key=0.4", False),
+        (Part.DISPLAY, "ground.on=true", True),
+    ],
+)
+def test_parts_depend_on_what_light_comes_by(part, change, held):
+    scene = Scene(lights=())
+    assert (apply_set(scene, [change]).key(part) != scene.key(part)) == held
 
 
 def test_lights_that_shine_are_of_a_key_as_they_are_in_the_world():

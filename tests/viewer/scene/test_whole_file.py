@@ -1,12 +1,24 @@
 """Files take their place whole or not at all."""
 
+import contextlib
 import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from milkglass.core.errors import InputError
+from milkglass.viewer.assets.ray_cache import RayCache
+from milkglass.viewer.files.depth import DEPTH_FORMATS
+from milkglass.viewer.files.images import write_exr, write_png
+from milkglass.viewer.scene.material_settings import MaterialSettings
+from milkglass.viewer.scene.profile_export import write_profile
+from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.tables import read_profile_table
 from milkglass.viewer.scene.whole_file import confined, replacement
+from milkglass.viewer.session.preferences import Preferences
+from tests.support.shapes import cube
 
 
 def test_what_was_written_takes_the_place_of_the_file(tmp_path):
@@ -99,3 +111,41 @@ def test_confined_writing_goes_into_one_folder_alone(tmp_path):
     with replacement(tmp_path / "a.txt") as temporary:
         temporary.write_text("free again")
     assert (tmp_path / "in" / "b.txt").read_text() == "b"
+
+
+# What writes files: name -> how a new one is written in the place of an old one.
+LARGE = np.ones((64, 64), np.float32)
+WRITERS = {
+    "w.npz": lambda path: RayCache("", 0).keep(cube(), {"bits": LARGE}),
+    "w.json": lambda path: Preferences(recent=["a" * 500]).save(path),
+    "w.npy": lambda path: DEPTH_FORMATS[".npy"].write(path, LARGE),
+    "w.csv": lambda path: write_profile(path, MaterialSettings(name="jade"), read_profile_table),
+    "w.toml": lambda path: Scene().save(path),
+    "w.png": lambda path: write_png(path, np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)),
+    "w.exr": lambda path: write_exr(path, {"R": LARGE}),
+}
+
+
+@contextlib.contextmanager
+def full_after(size):
+    """Let no file grow beyond so many bytes, as on a full disk."""
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_what_a_full_disk_cuts_short_leaves_the_old_file(tmp_path, monkeypatch, name):
+    path = tmp_path / name
+    monkeypatch.setattr(RayCache, "path", lambda *_: path)
+    path.write_text("old")
+    with full_after(100), contextlib.suppress(InputError):
+        WRITERS[name](path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    WRITERS[name](path)
+    assert path.stat().st_size > 100  # or nothing has been cut short

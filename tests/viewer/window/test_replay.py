@@ -87,6 +87,16 @@ def test_what_had_come_to_rest_before_an_event_comes_to_rest_before_it_again(con
     view.close()
 
 
+@pytest.mark.slow
+def test_frames_are_drawn_again_at_the_times_at_which_they_were(context, model, monkeypatch):
+    clocks, replay = [], Headless(small_scene(model), SIZE)
+    frame = replay.app.frame
+    monkeypatch.setattr(replay.app, "frame", lambda target: (clocks.append(replay.now), frame(target)))
+    replay.feed([Drawn(0.25), MouseMoved(*CENTRE), Drawn(0.5), Drawn(2.0)])
+    replay.close()
+    assert clocks[:3] == [0.25, 0.5, 2.0]
+
+
 HEAD = '{"milkglass recording": 1, "scene": ""}'
 
 

@@ -6,8 +6,16 @@ import trimesh
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.grid.assignment import SHEET_REACH
-from milkglass.core.material.medium import NO_ABSORPTION
-from milkglass.core.transport.diffusion.boundary import Depths, find_sheet, is_closed, row_sums
+from milkglass.core.material.medium import NO_ABSORPTION, Medium
+from milkglass.core.transport.diffusion.boundary import (
+    Boundary,
+    Depths,
+    find_sheet,
+    is_closed,
+    put_on_grid,
+    row_sums,
+)
+from milkglass.core.transport.diffusion.channel import Channel
 from milkglass.core.transport.diffusion.green import local_green
 from milkglass.core.transport.diffusion.patches import make_patches
 from milkglass.core.transport.diffusion.solver import WINDOW, DiffusionTransport
@@ -183,3 +191,24 @@ def test_depths_end_at_a_cavity():
     patches = make_patches(mesh, samples_of(mesh), 0.5)
     found = Depths(mesh).along(patches, np.arange(len(patches)), -patches.face_normals, 0.4)
     np.testing.assert_allclose(found, 4.0, atol=0.1)
+
+
+class Mirror(Medium):
+    """Matter that neither absorbs nor lets anything out: all that its surface receives goes back in."""
+
+    extrapolation_factor = 1e12
+
+
+@pytest.mark.parametrize("thickness", [0.3, 4.0])
+def test_even_fluence_has_no_source_however_the_two_sides_are_bent(monkeypatch, thickness):
+    """(1/2 + K) 1 = 0 for fluence b u = 1, whatever b of a patch, of its neighbours and of the other side."""
+    mesh = plate(thickness=thickness)
+    grid = DiffusionTransport(resolution=48).grid(mesh, np.eye(3))
+    patches = make_patches(mesh, samples_of(mesh), grid.texel)
+    boundary = put_on_grid(patches, grid, Depths(mesh), SHEET_REACH * WINDOW * grid.texel, np.copy)
+    bending = np.random.default_rng(0).uniform(0.5, 1.5, len(patches))
+    monkeypatch.setattr(Boundary, "bending", lambda *_: bending)
+    nothing = np.zeros(np.prod(grid.shape), np.float32)
+    channel = Channel(boundary, Mirror(1.0, 0.0, 1.0), WINDOW * grid.texel, np.copy, nothing, np.zeros(len(patches)))
+    two_A_M = 1.0 / bending
+    np.testing.assert_allclose(channel.matvec(two_A_M, channel.volume(two_A_M)), 0.0, atol=1e-5)

@@ -49,6 +49,7 @@ def test_the_ratio_is_next_to_1_where_it_fades_out(eta):
         ratio = reflectance_at(cosines, albedo, eta) / returned(medium, cosines)
         np.testing.assert_allclose(ratio, 1.0, atol=least)
         assert (gain(medium, cosines, np.full(7, np.inf)) == 1.0).all()
+    np.testing.assert_allclose(gain(Medium(0.8999, 0.1001, eta), cosines, np.full(7, np.inf)), 1.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("medium", DARK)
