@@ -10,7 +10,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.light.maps import Radiance
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import ALL, NONE, Rays
-from milkglass.core.paths.lamps import BALL, DISC, Lamp
+from milkglass.core.paths.lamps import BALL, DISC, EVERYWHERE, Lamp
 
 
 class Lamps(NamedTuple):
@@ -133,23 +133,31 @@ class Surroundings(NamedTuple):
         """Return the surroundings with a plane before the environment."""
         return self._replace(floor=floor)
 
-    def add(self, rays: Rays, radiance: Float32, first: int) -> None:
+    def add(self, rays: Rays, radiance: Float32, first: int, highlights: float = np.inf) -> None:
         """Add weights times what rays see to the rows of `radiance`, (n, 3), that their sources number.
 
-        `first` is 1 where rays have met the surface once: of those with an even source, which were mirrored there,
-        lamps are left out, whose highlights are drawn by themselves; else 0.
+        Parameters
+        ----------
+        rays : Rays
+        radiance : (n, 3) float32
+        first : int
+            1 where rays have met the surface once, else 0: those with an even source were mirrored there, and of lamps
+            they see what is not drawn as highlights.
+        highlights : float
+            Angular radius up to which lamps are, radians; those twice as wide are not, and between they are in part.
+            Panels, and balls that shine in a cone alone, always are.
         """
-        _add(rays, self, radiance, first)
+        _add(rays, self, radiance, first, highlights)
 
 
 @compiled
-def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) -> None:
+def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int, highlights: float) -> None:
     cosine, sine = surroundings.turn
     floor, on_floor = surroundings.floor, np.zeros(3, np.float32)
     for i in range(len(rays.sources)):
         x, y, z = rays.directions[i]
-        without_lamps = first == 1 and rays.sources[i] % 2 == 0
-        latlong = surroundings.even if without_lamps else surroundings.whole
+        is_first = first == 1 and rays.sources[i] % 2 == 0
+        latlong = surroundings.even if is_first else surroundings.whole
         rows, columns = latlong.shape[:2]
         across, back = cosine * x - sine * z, sine * x + cosine * z
         azimuth = np.arctan2(across, -back) / (2.0 * np.pi) + 0.5
@@ -170,12 +178,13 @@ def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int) 
             if share > 0.0:
                 value += share * (on_floor[channel] - value)
             radiance[pixel, channel] += rays.weights[i, channel] * value
-        if not without_lamps:
-            for lamp in range(len(surroundings.lamps.shapes)):
-                share = _seen(rays.origins[i], rays.directions[i], surroundings.lamps, lamp)
-                for channel in range(3):
-                    light = share * surroundings.lamps.radiance[lamp, channel]
-                    radiance[pixel, channel] += rays.weights[i, channel] * light
+        for lamp in range(len(surroundings.lamps.shapes)):
+            share = _seen(rays.origins[i], rays.directions[i], surroundings.lamps, lamp)
+            if share > 0.0 and is_first:
+                share *= _image(rays.origins[i], surroundings.lamps, lamp, highlights)
+            for channel in range(3):
+                light = share * surroundings.lamps.radiance[lamp, channel]
+                radiance[pixel, channel] += rays.weights[i, channel] * light
 
 
 @compiled
@@ -223,6 +232,19 @@ def _seen(origin: Float32, direction: Float32, lamps: Lamps, i: int) -> np.float
     inside_width = abs(_dot(off, lamps.widths[i])) <= _dot(lamps.widths[i], lamps.widths[i])
     inside_height = abs(_dot(off, lamps.heights[i])) <= _dot(lamps.heights[i], lamps.heights[i])
     return ALL if inside_width and inside_height else NONE
+
+
+@compiled
+def _image(origin: Float32, lamps: Lamps, i: int, highlights: float) -> np.float32:
+    """Return the share of a lamp that is seen from a place in a mirror, and not drawn as a highlight."""
+    radius = 0.0
+    if lamps.shapes[i] == DISC:
+        radius = np.arccos(min(lamps.sizes[i], ALL))
+    elif lamps.shapes[i] == BALL and lamps.cones[i, 1] <= EVERYWHERE[1]:
+        to_centre = lamps.places[i] - origin
+        radius = np.arcsin(min(lamps.sizes[i] / max(np.sqrt(_dot(to_centre, to_centre)), np.float32(1e-20)), ALL))
+    share = min(max(radius / highlights - 1.0, 0.0), 1.0)
+    return np.float32(share * share * (3.0 - 2.0 * share))
 
 
 @compiled

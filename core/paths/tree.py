@@ -81,7 +81,7 @@ class Seen(NamedTuple):
     Attributes
     ----------
     mirror : (k, 3)
-        All that the first mirror shows, but for lamps that are seen in it alone.
+        All that the first mirror shows, but for lamps that are drawn as highlights.
     unscattered : (k, 3)
         Surroundings by way of the inside.
     scattered : (k, 3)
@@ -208,8 +208,10 @@ class Tree:
         """Return the radiance of rays of sight."""
         return self.lit(self.find(sight))
 
-    def find(self, sight: Sight, go_on: Callable[[], bool] = lambda: True) -> Found:
+    def find(self, sight: Sight, go_on: Callable[[], bool] = lambda: True, highlights: float = np.inf) -> Found:
         """Follow rays of sight, in the threads of the pool, as `lit` wants them.
+
+        Lamps up to a radius of `highlights` are left out of the first mirror, see `Surroundings.add`; by default all.
 
         Raises
         ------
@@ -224,7 +226,9 @@ class Tree:
             if not go_on():  # of a batch that has waited for a thread
                 raise PathsSuperseded
             batch, met = slice(start, start + size), list[Surfaces]()
-            for values, of_batch in zip(seen, self._trace(sight.part(batch), start, met, go_on), strict=True):
+            for values, of_batch in zip(
+                seen, self._trace(sight.part(batch), start, met, go_on, highlights), strict=True
+            ):
                 values[batch] = of_batch
             return met
 
@@ -243,7 +247,9 @@ class Tree:
         _add_between(met, number[corners], leaving, seen.mirror, seen.scattered)
         return seen
 
-    def _trace(self, sight: Sight, start: int, met: list[Surfaces], go_on: Callable[[], bool]) -> Seen:
+    def _trace(
+        self, sight: Sight, start: int, met: list[Surfaces], go_on: Callable[[], bool], highlights: float
+    ) -> Seen:
         """Return what rays see, numbered from `start`, but for matter that they enter again: that `met` has then."""
         surface, faces = self.surface, self.surface.faces
         inside = self.inside or Inside(unscattered=True, glows=self.glows, leaving=True)
@@ -254,13 +260,13 @@ class Tree:
         unscattered, scattered = np.zeros((2, 2 * len(first.points), 3), np.float32)
         collided, entered = np.zeros((len(first.points), 3), np.float32), [Surfaces.none()]
         crossed = list[Chords]()
-        # Where rays stay outside, lamps are seen in mirrors alone: as highlights.
-        least = LEAST_BEFORE_LAMPS if self.clear and self.surroundings.has_lamps else LEAST_WEIGHT
+        # A dropped mirror gives its weight to what the surface lets out: too much, where lamps leave the rest dark.
+        least = LEAST_BEFORE_LAMPS if self.surroundings.has_lamps else LEAST_WEIGHT
         events = follow(surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least, most=MOST_EVENTS)
         for number, event in enumerate(events):
             if not go_on():
                 raise PathsSuperseded
-            self.surroundings.add(event.escaped, unscattered, int(number == 0))
+            self.surroundings.add(event.escaped, unscattered, int(number == 0), highlights)
             for glows, chords in self._gathered(event.chords):
                 for glow in glows:
                     glow.add(chords, self.extinction, faces.etas[: surface.scattering], scattered)

@@ -10,6 +10,7 @@ SMALLEST_DRAFT = 32  # texels
 PATH_STEPS = 4, 2, 1  # pixels along squares of which as many rays of sight are followed, one picture after another
 DRAFTED_STEPS = 0, 1  # likewise, after a draft of what rays would find, beside which few of them look coarse
 DRAWN = "while something moves: light through the object is drawn from its front and back at each pixel"
+AT_REST = "while something moves: the object is mirrored in itself at its rims alone"
 FEW_RAYS = "while something moves: one ray for 16 pixels, most where what is mirrored or seen through parts differs"
 AT_VERTICES = "while the camera or the material moves: light as it is known at the vertices, at full size"
 BY_PIXELS = "while something moves: every pixel of a smaller picture is lit: "

@@ -29,6 +29,7 @@ from milkglass.viewer.live.dependence import (
 )
 from milkglass.viewer.live.developer import Developer, ToneMap
 from milkglass.viewer.live.draft import (
+    AT_REST,
     AT_VERTICES,
     BY_PIXELS,
     DRAFTED_STEPS,
@@ -213,9 +214,10 @@ class Live:
         """Return how finely a frame follows rays of sight: ever more so while radiance is the same; 0 for a draft."""
         self.while_moving = ""
         paths = None if detail.at_once else self.renderer.paths(scene, lit)
-        if paths is None or paths.tree is None:
+        if paths is None or (paths.tree is None and not paths.at_rest):
             return 1
-        steps, self.while_moving = (DRAFTED_STEPS, DRAWN) if paths.is_drafted else (PATH_STEPS, FEW_RAYS)
+        drafted = AT_REST if paths.at_rest else DRAWN
+        steps, self.while_moving = (DRAFTED_STEPS, drafted) if paths.is_drafted else (PATH_STEPS, FEW_RAYS)
         if detail.draft and self._traced == radiance and self._step == 1 and self._whole is not None:
             return 1
         if detail.draft or self._traced != radiance:

@@ -22,6 +22,7 @@ from milkglass.viewer.scene.camera import Camera
 from milkglass.viewer.scene.settings import Gloss
 
 # Times sub-lights: what about 50 ms are enough for without a GPU.
+DISC_FROM = 1.5  # radii over the edges of what is mirrored, from which on discs show, whole from twice as much on
 SMOOTH_EDGE = 0.004  # radians: what a smooth surface mirrors of lamps has edges as wide as a pixel or less
 SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
 
@@ -127,7 +128,7 @@ class PixelIrradiancePass:
                 values |= {"u_first_lamps": tuple(channel[:3]), "u_last_lamps": tuple(channel[3:])}
                 values |= {"u_stores": target.stores, "u_stored": lamp is not None}
             if source.is_soft:
-                values["u_edge"] = highlights.edge
+                values |= highlights.of_discs(of_environment=source.of_environment)
             tests = source.sub_lights // samples or 1 if source.is_soft and lamp is None else 0
             width, height = framebuffer.size
             rows = min(height, max(8, PIXELS_A_STEP // (width * max(1, tests))))
@@ -154,23 +155,26 @@ class Highlights:
     environment : moderngl.Texture
     by_rays : bool
         Whether rays of sight find what is mirrored, other than lamps, in place of the lobe.
+    discs_by_rays : bool
+        Whether they find lamps of the scene, too, that show as discs.
     """
 
     gloss: Gloss
     environment: moderngl.Texture
     by_rays: bool = False
+    discs_by_rays: bool = False
 
     @property
     def mirror_strength(self) -> float:
         """Factor on what rays of sight find mirrored."""
         return self.gloss.strength if self.by_rays else 0.0
 
-    @property
-    def edge(self) -> float:
-        """Deviation of the edges of discs of light that are mirrored, radians; 0 where they have lobes alone."""
-        if not self.gloss.normalized:
-            return 0.0
-        return SMOOTH_EDGE if self.gloss.is_smooth else float(self.gloss.shininess**-0.5)
+    def of_discs(self, *, of_environment: bool = False) -> dict[str, object]:
+        """Return the values for highlights_discs.glsl of a lamp, which may stand for a part of an environment."""
+        by_rays = self.discs_by_rays and not of_environment
+        edge = SMOOTH_EDGE if self.gloss.is_smooth else float(self.gloss.shininess**-0.5)
+        edge = edge if self.gloss.normalized else 0.0
+        return {"u_edge": edge, "u_disc_from": DISC_FROM * edge, "u_discs_by_rays": by_rays}
 
     def uniforms(self) -> dict[str, object]:
         """Return the values for highlights.glsl, but for what lights with a size need."""

@@ -37,6 +37,8 @@ class LightSource:
         Of an environment.
     tables : dict, optional
         Of an environment, instead of `table`, for further indices of refraction.
+    of_environment : bool
+        Whether it is a lamp that stands for a part of an environment.
     """
 
     kind: int
@@ -47,6 +49,7 @@ class LightSource:
     rotation: npt.NDArray[np.float64]
     occlusion: Occlusion | None = None
     tables: Mapping[float, moderngl.Texture] = field(default_factory=dict)
+    of_environment: bool = False
 
     def uniforms(self, eta: float, sample: int = 0, samples: int = 1) -> dict[str, object]:
         """Return the values for irradiance.glsl, at one of a pixel's samples; eta is the object's relative index."""
@@ -85,10 +88,13 @@ class LightSource:
         return EnteringLight(flux, position=self.vector if self.kind == POINT else None)
 
 
-def lamp(light: Light, shadow: ShadowMap | SoftShadow, table: moderngl.Texture) -> LightSource:
-    """Make the source of a light of a scene, in world space, from its shadow; `table` is any texture."""
+def lamp(
+    light: Light, shadow: ShadowMap | SoftShadow, table: moderngl.Texture, *, of_environment: bool = False
+) -> LightSource:
+    """Make the source of a light, in world space, from its shadow; `table` is any texture."""
     parts = shadow.lit(light)
-    return LightSource(parts.kind, parts.vector, parts.colour, shadow, table, np.eye(3))
+    lit = parts.kind, parts.vector, parts.colour
+    return LightSource(*lit, shadow, table, np.eye(3), of_environment=of_environment)
 
 
 def surround(

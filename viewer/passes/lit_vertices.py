@@ -57,7 +57,7 @@ class LitVerticesPass:
                     "u_environment_rotation": sources[0].rotation if surround is None else surround.rotation,
                     **highlights.uniforms(),
                     "t_highlights": highlights.environment,
-                    "u_edge": highlights.edge,
+                    **highlights.of_discs(),
                     **_lamp_uniforms(lamps_of(sources)),
                     "u_bodies": kind.bodies,
                     "u_eta": kind.eta,

@@ -316,9 +316,11 @@ class Lighting:
         """Return the plane that the object stands on, where a scene has one."""
         return self._grounds.drawn(lit.ground, lit) if scene.ground.on and lit.ground is not None else None
 
-    def paths(self, scene: Scene, lit: LitScene, say: Progress = lambda _: None) -> Paths | None:
-        """Return the rays of sight of a lit scene, where it needs any."""
-        return self._paths.of(scene, lit, say)
+    def paths(
+        self, scene: Scene, lit: LitScene, say: Progress = lambda _: None, *, moves: bool = False
+    ) -> Paths | None:
+        """Return the rays of sight of a lit scene, where it needs any; `moves` as of `PathStages.of`."""
+        return self._paths.of(scene, lit, say, moves=moves)
 
     def probe(self, environment: EnvironmentSettings) -> Probe:
         """Read the light probe of an environment that has one."""

@@ -48,12 +48,20 @@ class Paths:
         As of `PathParts`.
     is_drafted : bool
         Whether a draft of what rays find comes near to it.
+    at_rest : bool
+        Whether pictures do without while something moves.
     """
 
     tree: "Tree | None"
     meets_itself: bool
     why: tuple[str, ...]
     is_drafted: bool = False
+    at_rest: bool = False
+
+    @property
+    def while_moving(self) -> "Paths":
+        """The rays that are followed while something moves."""
+        return replace(self, tree=None) if self.at_rest else self
 
 
 @dataclass(frozen=True)
@@ -63,7 +71,7 @@ class PathParts:
     Attributes
     ----------
     mirrors : bool
-        Whether the surface is smooth, and mirrors an environment, or itself where its inside is seen, by rays.
+        Whether the surface is smooth, and mirrors an environment, the ground or itself, by rays.
     clear : bool
         Whether light crosses the object unscattered.
     why : tuple of str
@@ -85,9 +93,9 @@ class PathParts:
         ]
         least = LEAST_CROSSING if around else LEAST_OF_LAMPS
         clear = np.max(left) >= least or lit.beams is not None or bool(lit.clear)
-        # Of what the surface lets out, lamps alone show the mirror at rims, as of marble that nothing crosses.
-        glows = lit.beams is not None or bool(lit.clear) or not all(matter.scatters for matter in lit.matter)
-        mirrors = gloss.is_smooth and bool(around or (clear and (glows or lit.ground is not None)))
+        glows = lit.beams is not None or not all(matter.scatters for matter in lit.matter)
+        by_way = clear and (glows or lit.ground is not None)
+        mirrors = gloss.is_smooth and bool(around or by_way or _meets_itself(lit))
         smooth = f"shininess {gloss.shininess:g}, smooth from {SMOOTH_SHININESS:g} on"
         if not scene.transport.shown_paths.mirror:
             mirror = "mirror: not shown"
@@ -116,8 +124,8 @@ class PathStages:
     def __init__(self, stages: Stages, surround: Surround) -> None:
         self._run, self._surround = stages.run, surround
 
-    def of(self, scene: Scene, lit: LitScene, say: Callable[[str], None]) -> Paths | None:
-        """Return the rays of sight of a lit scene; None where its transport follows none."""
+    def of(self, scene: Scene, lit: LitScene, say: Callable[[str], None], *, moves: bool = False) -> Paths | None:
+        """Return the rays of sight of a lit scene, at rest or where it `moves`; None where transport follows none."""
         if not lit.quality.facts.follows_sight:
             return None
         mesh, samples = lit.model.mesh, lit.samples
@@ -134,6 +142,10 @@ class PathStages:
         parts = PathParts.of(scene, lit, thin)
         if not (parts.mirrors or parts.clear):
             return Paths(None, meets_itself=False, why=parts.why)
+        # What lamps alone show of an object in its mirror, without rays is at its rims.
+        at_rest = not parts.clear and not shines(scene.environment)
+        if moves and at_rest:
+            return Paths(None, meets_itself=False, why=parts.why, is_drafted=True, at_rest=True)
         say("preparing rays through the object")
         from milkglass.core.paths import Tree, most_events
 
@@ -148,10 +160,9 @@ class PathStages:
             return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear, events=most_events(surface))
 
         tree = self._run(Stage.PATHS, [surface, around, *of_kinds, mirrors, clear], make)
-        meets_itself = lit.exchange is not None or bool(lit.clear) or len(lit.matter) > 1
         # What a surface mirrors of itself, and parts within parts, a few rays show and a draft does not.
-        is_drafted = clear and not lit.clear and len(lit.matter) == 1
-        return Paths(tree, meets_itself, parts.why, is_drafted)
+        is_drafted = at_rest or (clear and not lit.clear and len(lit.matter) == 1)
+        return Paths(tree, _meets_itself(lit), parts.why, is_drafted, at_rest)
 
     def _surroundings(self, scene: Scene, lit: LitScene) -> "Surroundings":
         environment, lamps = scene.environment, scene.effective_lights()
@@ -166,6 +177,11 @@ class PathStages:
         return self._run(
             Stage.SURROUNDINGS, [probe, rest, turned, lamps], lambda: _surroundings(environment, probe, rest, lamps)
         )
+
+
+def _meets_itself(lit: LitScene) -> bool:
+    """Return whether rays that leave the object meet it again, or come to it through clear parts."""
+    return lit.exchange is not None or bool(lit.clear) or len(lit.matter) > 1
 
 
 def extinctions(lit: LitScene) -> list[tuple[float, ...]]:

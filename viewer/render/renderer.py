@@ -210,13 +210,14 @@ class Renderer:
         return self._shade(scene, lit, gather, request, self._lighting.ground(scene, lit), paths)
 
     def paths(self, scene: Scene, lit: LitScene) -> Paths | None:
-        """Return the rays of sight of a lit scene; None where its transport follows none."""
-        return self._lighting.paths(scene, lit)
+        """Return the rays of sight of a lit scene while something moves; None where its transport follows none."""
+        return self._lighting.paths(scene, lit, moves=True)
 
     def _paths(
         self, scene: Scene, lit: LitScene, request: PictureRequest, say: Progress = lambda _: None
     ) -> Paths | None:
-        return self._lighting.paths(scene, lit, say) if request.path_step > 0 else None
+        moves = request.drafts_sight
+        return self._lighting.paths(scene, lit, say, moves=moves) if request.path_step > 0 else None
 
     def _shade(
         self,
@@ -233,11 +234,11 @@ class Renderer:
 
     def serves_at_vertices(self, scene: Scene, lit: LitScene, gather: Gather) -> bool:
         """Whether `shade` draws a picture that may be `at_vertices` so."""
-        return self._shading.serves_at_vertices(scene, lit, gather, self._lighting.paths(scene, lit))
+        return self._shading.serves_at_vertices(scene, lit, gather, self.paths(scene, lit))
 
     def pixels_alone(self, scene: Scene, lit: LitScene, gather: Gather) -> str:
         """Return why pictures are not drawn from light at the vertices while the camera moves; empty where they are."""
-        return self._shading.pixels_alone(scene, lit, gather, self._lighting.paths(scene, lit))
+        return self._shading.pixels_alone(scene, lit, gather, self.paths(scene, lit))
 
     @_in_turn
     def advance(self, scene: Scene, lit: LitScene, gather: Gather, request: PictureRequest) -> None:

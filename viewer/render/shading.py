@@ -201,7 +201,8 @@ class Shading:
         self._pixels(scene, lit, gather, request, paths)
         if ground is not None and request.shows_ground:
             self._ground_pixels(scene, lit, gather, ground)
-        if request.may_be_at_vertices and self.serves_at_vertices(scene, lit, gather, paths):
+        moving = None if paths is None else paths.while_moving
+        if request.may_be_at_vertices and self.serves_at_vertices(scene, lit, gather, moving):
             self._lit_vertices(lit, gather)
 
     def surface(self, scene: Scene, lit: LitScene, gather: Gather) -> tuple[Float32, Float32, Float32]:
@@ -367,7 +368,10 @@ class Shading:
         gbuffer = replace(gbuffer, detail=detail, reentry=again)
         if sample.number == 0:
             bind_cleared(targets.framebuffer)
-        highlights = Highlights(scene.gloss, self._no_probe, by_rays=True) if mirrors else self._highlights(scene, lit)
+        by_rays = followed is not None and followed.shows_discs and not request.drafts_sight
+        highlights = self._highlights(scene, lit)
+        if mirrors:
+            highlights = Highlights(scene.gloss, self._no_probe, by_rays=True, discs_by_rays=by_rays)
         yield from self._irradiance.steps(
             gbuffer, sources, gather, highlights, camera, light, sample.number, sample.sharing
         )

@@ -79,7 +79,10 @@ class LampSources:
             [mesh, unit, bodies, count],
             lambda: self._cast(unit, count, mesh, buffers, bodies),
         )
-        return self._run(name, [shadow, light], lambda: lamp(light, shadow, self.no_probe))
+        of_environment = name.stage is Stage.PROBE_SOURCE
+        return self._run(
+            name, [shadow, light], lambda: lamp(light, shadow, self.no_probe, of_environment=of_environment)
+        )
 
     def _cast(
         self, light: Light, count: int, mesh: Mesh, buffers: MeshBuffers, bodies: moderngl.Buffer | None

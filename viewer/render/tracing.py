@@ -18,6 +18,7 @@ from milkglass.viewer.gl.context import current
 from milkglass.viewer.passes.composite import CompositePass, Traced
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
+from milkglass.viewer.passes.irradiance import DISC_FROM, SMOOTH_EDGE
 from milkglass.viewer.passes.sight_draft import Drafted, GlowTextures, SightDraftPass, SurroundingTextures
 from milkglass.viewer.render.exitance import SurfaceExitance
 from milkglass.viewer.render.lit_scene import LitScene
@@ -160,7 +161,7 @@ class Tracing:
                 yield seen_beside(tree, pixels, (width, height), jittered(camera, other, (width, height)))
 
         def found(parts: "Iterator[tuple[Ints, Sight]]", count: int) -> Steps[Float32]:
-            return self._found(tree, parts, count, superseded)
+            return self._found(tree, parts, count, superseded, followed.highlights)
 
         try:
             if followed.step == 1:
@@ -182,7 +183,12 @@ class Tracing:
         return Traced(textures, goes_inside=tree.clear)
 
     def _found(
-        self, tree: "Tree", parts: "Iterator[tuple[Ints, Sight]]", count: int, superseded: threading.Event
+        self,
+        tree: "Tree",
+        parts: "Iterator[tuple[Ints, Sight]]",
+        count: int,
+        superseded: threading.Event,
+        highlights: float,
     ) -> Steps[Float32]:
         """Return the mean radiance of `count` places by rays, part by part: (kinds, count, 3)."""
         from milkglass.core.paths.tree import Seen
@@ -190,7 +196,7 @@ class Tracing:
         radiance, counts = np.zeros((len(Seen._fields), count, 3), np.float32), np.zeros(count, np.float32)
 
         def begun(rays: "Sight") -> "Future[Found]":
-            return self._worker.submit(tree.find, rays, lambda: not superseded.is_set())
+            return self._worker.submit(tree.find, rays, lambda: not superseded.is_set(), highlights)
 
         shown, rays = next(parts)
         following = begun(rays)
@@ -243,6 +249,16 @@ class Followed(NamedTuple):
     tree: "Tree"
     samples: int
     step: int
+
+    @property
+    def shows_discs(self) -> bool:
+        """Whether they show lamps in the first mirror: not where few are, which would blur what lamps outline."""
+        return self.tree.mirrors and self.step == 1
+
+    @property
+    def highlights(self) -> float:
+        """Radius up to which lamps are drawn as highlights, radians."""
+        return DISC_FROM * SMOOTH_EDGE if self.shows_discs else np.inf
 
     def beside(self, offset: Offset, pixels: int) -> tuple[Offset, ...]:
         """Return the offsets of the rays that a sample at `offset` has beside its own, in a picture of so many pixels.

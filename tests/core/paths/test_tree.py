@@ -90,6 +90,27 @@ def test_a_lamp_before_a_sphere_is_seen_through_it_in_the_mirror_of_its_far_side
     assert not seen.mirror.any()
 
 
+@pytest.mark.parametrize(("highlights", "share"), [(0.05, 1.0), (0.1 / 1.5, 0.5), (0.1, 0.0), (np.inf, 0.0)])
+def test_a_wide_lamp_is_seen_in_the_first_mirror_unless_it_is_drawn_as_a_highlight(highlights, share):
+    surface = sphere(1.33)
+    lamp = Lamp(DISC, (0.0, 0.0, 1.0), (200.0, 200.0, 100.0), float(np.cos(0.1)))
+    tree = Tree(surface, CLEAR, Surroundings.of(lamps=[lamp]), clear=False)
+    seen = tree.find(sight(surface, 200, 0.1), highlights=highlights).seen
+    expected = share * float(reflectance(1.33, 1.0)) * np.array(lamp.radiance)
+    np.testing.assert_allclose(seen.mirror, np.broadcast_to(expected, seen.mirror.shape), rtol=1e-3)
+    assert not tree.find(sight(surface, 200, RADIUS), highlights=highlights).seen.mirror[:, 0].all()
+
+
+def test_a_lamp_behind_another_part_is_not_seen_in_the_first_mirror():
+    front, behind = (solids.ball(RADIUS, at=(0.0, 0.0, z), subdivisions=4) for z in (30.0, 0.0))
+    surface = Surface.of(solids.mesh_of(front, behind), 1.33)
+    lamp = Lamp(DISC, (0.0, 0.0, 1.0), (200.0, 200.0, 100.0), float(np.cos(0.1)))
+    tree = Tree(surface, CLEAR, Surroundings.of(lamps=[lamp]), clear=False)
+    seen = tree.find(sight(sphere(1.33), 200, 0.1), highlights=0.05).seen
+    second = float(reflectance(1.33, 1.0)) ** 3  # mirrored by the ball in front and once more: what is left of the lamp
+    assert seen.mirror.max() <= second * 200.0
+
+
 def test_uniform_glow_in_a_sphere_is_what_a_chord_gathers():
     """T / eta^2 S (1 - a) / s_t' of the first chord, over 1 - R a of all."""
     surface, extinction = sphere(2.0), np.array([[0.0, 0.03, 1.0]], np.float32)

@@ -9,10 +9,12 @@ import pytest
 
 from milkglass.core.paths.tree import PathsSuperseded, Tree
 from milkglass.viewer.files.images import write_exr
-from milkglass.viewer.live.draft import DRAFTED_STEPS, Detail
+from milkglass.viewer.live.draft import AT_VERTICES, DRAFTED_STEPS, Detail
 from milkglass.viewer.render.picture import read_image
 from milkglass.viewer.render.tracing import Tracing
 from milkglass.viewer.scene.scene import Scene, apply_set
+from milkglass.viewer.scene.settings import ModelSettings
+from tests.support import solids
 from tests.support.driving import PICTURE, Driver, headless_picture, small_scene
 from tests.support.skies import sky
 
@@ -57,6 +59,32 @@ def test_a_clear_object_comes_to_rest_as_render_draws_it_and_is_dragged_as_a_dra
 
 
 @pytest.mark.slow
+def test_under_lamps_alone_rays_follow_the_first_picture_and_none_what_moves(context, few_rays, model, monkeypatch):
+    pair = solids.mesh_of(*(solids.ball(10.0, at=(0.0, y, 0.0), subdivisions=3) for y in (0.0, 21.0)))
+    scene = replace(small_scene(model), model=ModelSettings(mesh=pair))
+    driver, traced = Driver(apply_set(scene, ["material.name=marble", "transport.method=diffusion"])), []
+    steps = Tracing.steps
+
+    def counted(self, followed, *arguments):
+        live = driver.view.live
+        if self is live.renderer._shading._tracing:
+            traced.append((driver.view.detail.draft, followed.step, live.picture is None))
+        return steps(self, followed, *arguments)
+
+    def judge(picture):  # the transport is solved from the first picture's on, to its tolerance
+        expected = headless_picture(driver.session.scene, PICTURE)
+        np.testing.assert_allclose(picture.astype(float), expected.astype(float), atol=1.0)
+
+    monkeypatch.setattr(Tracing, "steps", counted)
+    judge(driver.picture())
+    driver.drag((200.0, 200.0), (40.0, 10.0))
+    assert driver.view.live.on_a_move == AT_VERTICES
+    judge(driver.picture())
+    driver.close()
+    assert set(traced) == {(False, 1, False)}
+
+
+@pytest.mark.slow
 def test_exposure_moves_alone(clear, monkeypatch):
     driver, followed = clear, []
     steps = Tracing.steps
@@ -75,7 +103,7 @@ def test_exposure_moves_alone(clear, monkeypatch):
 def test_frames_go_on_while_rays_are_on_their_way_and_what_moves_supersedes_them(clear, monkeypatch):
     driver, live, find, asked, begun = clear, clear.view.live, Tree.find, [], threading.Event()
 
-    def endless(self, sight, go_on):
+    def endless(self, sight, go_on, highlights):
         asked.append(go_on)
         begun.set()
         while go_on():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.light.probe import Probe
@@ -17,7 +18,7 @@ from milkglass.viewer.scene.camera import jittered, model_camera
 from milkglass.viewer.scene.light_paths import ALL, PARTS
 from milkglass.viewer.scene.lights import DirectionalLight, SpotLight
 from milkglass.viewer.scene.scene import Scene, apply_set
-from milkglass.viewer.scene.settings import EnvironmentSettings, ModelSettings
+from milkglass.viewer.scene.settings import CameraSettings, EnvironmentSettings, ModelSettings
 from tests.support import solids
 from tests.support.rendering import inside
 
@@ -274,6 +275,36 @@ def test_rays_are_followed_where_a_scene_needs_them_and_it_says_why(renderer, me
     assert parts(*murky, lamps=True) == [itself, "unscattered: rays", *followed]
     murky = *CLEAR, "material.sigma_s_prime=[0.01,0.01,5]"
     assert parts(*murky)[2:] == ["once: beams and rays", "often: flights", "surface: diffusion"]
+
+
+def test_under_lamps_alone_opaque_bodies_are_mirrored_in_each_other(renderer):
+    """F_r of what leaves the ball above, where rays mirrored in the one below meet it: of what its own pixels show."""
+    radius, above = 10.0, np.array([0.0, 21.0, 0.0])
+    mesh = solids.mesh_of(*(solids.ball(radius, at=at, subdivisions=5) for at in (np.zeros(3), above)))
+    lamp = DirectionalLight((0.0, -0.6, 0.8), (3.0, 3.0, 3.0), angle_deg=20.0)  # shines on it from below
+    scene = Scene(model=ModelSettings(mesh=mesh), lights=(lamp,), camera=CameraSettings(0.0, 0.0))
+    scene = apply_set(scene, [*OPAQUE, "display.image_size=[128, 128]", "transport.resolution=24"])
+    frame = renderer.render(scene, samples=1)
+    camera, eta = model_camera(scene.camera, mesh, (128, 128)), scene.material.resolve().eta
+    seen = inside(frame)
+    points, normals, leaving, mirrored = (
+        plane[seen].astype(np.float64) for plane in (frame.position, frame.normal, frame.subsurface, frame.specular)
+    )
+    sight = points - camera.eye[:3] / camera.eye[3]
+    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+    facing = -np.einsum("ij,ij->i", sight, normals)
+    rays, to_centre = sight + 2.0 * facing[:, None] * normals, above - points
+    middle = np.einsum("ij,ij->i", rays, to_centre)
+    inside_by = middle**2 - np.sum(to_centre**2, axis=1) + radius**2
+    met = points + (middle - np.sqrt(np.maximum(inside_by, 0.0)))[:, None] * rays
+    distance, pixel = cKDTree(points).query(met)
+    below = points[:, 1] < above[1] - radius
+    shown = below & (middle > 0.0) & (inside_by > 0.1 * radius**2) & (distance < 0.02 * radius)
+    pixel, arriving = pixel[shown], -np.einsum("ij,ij->i", rays[shown], met[shown] - above) / radius
+    turned = (1.0 - reflectance(eta, arriving)) / (1.0 - reflectance(eta, facing[pixel]))
+    expected = (reflectance(eta, facing[shown]) * turned)[:, None] * leaving[pixel]
+    assert len(pixel) > 40
+    assert np.mean(np.abs(mirrored[shown] / expected - 1.0) < 0.02) > 0.9  # two show the lamp, mirrored twice
 
 
 DIFFUSED = {Stage.BOUNDARY, Stage.SOURCES_R, Stage.SPECTRA, Stage.SOLUTION}
