@@ -58,7 +58,8 @@ NEEDED: dict[str, tuple[str, ...]] = {
     **{f"material.mix_{key}": SECOND for key in ("sigma_s_prime", "sigma_a", "eta", "share")},
     "material.profile_table": ("material.profile=table", "material.profile_table={table}"),
     **{f"camera.{angle}_deg": LAYERED for angle in ("azimuth", "elevation", "roll")},
-    **{f"model.{key}": SOLVED for key in ("path", "builtin", "size_mm", "up")},
+    **{f"model.{key}": SOLVED for key in ("path", "builtin", "size_mm", "up", "close_holes")},
+    "model.nested": ("model.path={nested}", "transport.method=diffusion"),
     "model.bodies": ("model.path={pair}", "model.bodies=joined"),
     "transport.method": ("model.path={pair}", *LAYERED),
     "transport.exchange": ("transport.exchange=off", "model.path={pair}", *OCCLUDED_BY_NOTHING),
@@ -100,6 +101,8 @@ def named(tmp_path_factory) -> Callable[[str], str]:
     paths["other"] = write_ball(folder / "other.glb", picture((150, 200, 90)), picture(slopes))
     paths["pair"] = folder / "pair.ply"
     trimesh.util.concatenate([ball(1.0, subdivisions=1), ball(0.6, (2.0, 0.3, 0.0), 1)]).export(paths["pair"])
+    paths["nested"] = folder / "nested.ply"
+    trimesh.util.concatenate([ball(1.0, subdivisions=1), ball(0.5, subdivisions=1)]).export(paths["nested"])
     for name, spot in (("probe", SPOTS[0]), ("other_probe", SPOTS[1])):
         paths[name] = folder / f"{name}.exr"
         write_exr(paths[name], dict(zip("RGB", np.moveaxis(sky(spot, height=128), -1, 0), strict=True)))
