@@ -232,7 +232,7 @@ FAULTS = (
         "core/transport/diffusion/boundary.py",
         "np.float32(0.5 / extrapolation_factor)",
         "np.float32(0.25 / extrapolation_factor)",
-        "core/transport/diffusion/test_diffusion.py",
+        "core/transport/diffusion/test_diffusion.py::test_agrees_with_the_dense_solution",
     ),
     Fault(
         "row-sums-over-two-pi",
