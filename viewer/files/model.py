@@ -24,7 +24,7 @@ from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.solids import COUNTS, Solids, solids
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
-from milkglass.viewer.files.decoding import textures_only
+from milkglass.viewer.files.decoding import cause_of, textures_only
 from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
@@ -299,10 +299,8 @@ def _read(path: Path) -> trimesh.Scene:
     except InputError:
         raise
     except Exception as error:
-        reason = str(getattr(error, "strerror", None) or error)
-        reason = " ".join(reason.split())[:120].rstrip(".") or type(error).__name__
         raise InputError(
-            f"{path} could not be read as a {suffix} model ({reason}); check the file or export it again."
+            f"{path} could not be read as a {suffix} model ({cause_of(error)}); check the file or export it again."
         ) from error
 
 
@@ -335,7 +333,7 @@ def _has_materials(path: Path) -> bool:
     """Return whether an OBJ file comes with its materials, by which its parts are then told apart, else by objects."""
     with path.open("rb") as file:
         named = re.search(rb"^\s*mtllib\s+(.+?)\s*$", file.read(LONGEST_HEAD), re.MULTILINE)
-    return named is not None and path.with_name(os.fsdecode(named[1])).is_file()
+    return named is not None and os.path.isfile(path.parent / os.fsdecode(named[1]))
 
 
 def _unsupported(path: Path, suffix: str) -> str:

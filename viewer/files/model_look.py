@@ -22,6 +22,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.solids import is_new
 from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
 from milkglass.core.threads import computed_once
+from milkglass.viewer.files.decoding import cause_of
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
 
 Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
@@ -224,7 +225,7 @@ def texture_troubles() -> Iterator[list[str]]:
         def emit(self, record: logging.LogRecord) -> None:
             if any(word in record.getMessage() for word in TROUBLES) and not found:
                 problem = record.exc_info[1] if record.exc_info else None
-                reason = f" ({_reason(problem)})" if problem is not None else ""
+                reason = f" ({cause_of(problem)})" if problem is not None else ""
                 found.append(f"a texture or material file of it could not be read{reason}, so it is drawn without")
 
     handler, before = Collector(), (logger.level, logger.propagate)
@@ -283,10 +284,5 @@ def _decoded(image: Any, kind: str, troubles: list[str]) -> Texture | None:
         shrink = -(-max(image.size) // MAX_TEXELS)
         return Texture(np.asarray((image.reduce(shrink) if shrink > 1 else image).convert("RGB"), np.uint8), kind)
     except Exception as problem:  # whatever Pillow's decoders raise
-        troubles.append(f"its {kind} texture could not be read ({_reason(problem)}), so it is drawn without")
+        troubles.append(f"its {kind} texture could not be read ({cause_of(problem)}), so it is drawn without")
         return None
-
-
-def _reason(problem: BaseException) -> str:
-    text = str(getattr(problem, "strerror", None) or problem)
-    return " ".join(text.split())[:100].rstrip(".") or type(problem).__name__

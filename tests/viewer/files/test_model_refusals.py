@@ -1,5 +1,7 @@
 """viewer.files.model: every sentence with which a model file is refused."""
 
+import builtins
+import json
 import struct
 from pathlib import Path
 
@@ -113,3 +115,56 @@ def test_refuses_sizes_that_are_no_length(tmp_path: Path, size_mm: float) -> Non
 
 def test_refuses_unknown_up_axes(tmp_path: Path) -> None:
     assert "model.up must be one of x, y, z" in refusal(save(box(), tmp_path / "box.ply"), 1.0, "up")
+
+
+TRIANGLES = """v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+vt 0 0
+vt 1 0
+vt 0 1
+usemtl a
+f 1/1 3/3 2/2
+f 1/1 2/2 4/3
+f 2/1 3/2 4/3
+f 1/1 4/2 3/3
+"""
+
+
+@pytest.mark.parametrize("place", ["../secret", "{}/secret", "/dev/zero"])
+@pytest.mark.parametrize("kind", ["mtl", "texture", "gltf"])
+def test_a_model_reads_nothing_outside_its_folder(tmp_path: Path, monkeypatch, kind: str, place: str) -> None:
+    """Whatever a file of a stranger names: its reader would learn what is there, or never come to an end."""
+    inside = tmp_path / "model"
+    inside.mkdir()
+    (tmp_path / "secret").write_bytes(b"newmtl a\nKd 1 0 0\n" + bytes(36))
+    name, opened = place.format(tmp_path), []
+    if kind == "gltf":
+        path = inside / "a.gltf"
+        write_gltf_of_buffer(path, name)
+    else:
+        path = write_obj(inside / "a.obj", f"mtllib {name if kind == 'mtl' else 'a.mtl'}\n{TRIANGLES}")
+        (inside / "a.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
+    genuine = builtins.open
+    monkeypatch.setattr(
+        builtins, "open", lambda file, *rest, **named: opened.append(file) or genuine(file, *rest, **named)
+    )
+    try:
+        said = " ".join(read_model(path, 100.0).warnings)
+    except InputError as error:
+        said = str(error)
+    assert not [file for file in opened if Path(str(file)).name in ("secret", "zero")]
+    if kind != "mtl":
+        assert "is outside the model's folder" in said
+
+
+def write_gltf_of_buffer(path: Path, uri: str) -> None:
+    primitive = {"attributes": {"POSITION": 0}}
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0]}
+    document = {
+        "asset": {"version": "2.0"}, "buffers": [{"uri": uri, "byteLength": 36}], "accessors": [accessor],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "meshes": [{"primitives": [primitive]}],
+        "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0,
+    }  # fmt: skip
+    path.write_text(json.dumps(document))
