@@ -168,6 +168,7 @@ CONTROLS = [
     *sliders(
         "plain", material__eta=0.1, specular__strength=0.9, specular__shininess=0.3,
         transport__layers=0.1, transport__resolution=0.02, display__key=0.9, display__white=0.05, display__exposure=0.7,
+        display__average=0.8,
         camera__azimuth_deg=0.2, camera__elevation_deg=0.8, camera__roll_deg=0.8, camera__view_angle_deg=0.9,
         camera__orthographic=0.05,
     ),

@@ -51,5 +51,6 @@ def show_frame(frame: "Frame | Still") -> None:
         table.add_row(stage, f"{milliseconds:.1f}")
     console = Console()
     console.print(table)
-    for sentence in (frame.quality.summary, *frame.parts, *frame.remarks):
+    exposed = f"The log-average of the object's radiance is {frame.log_average:.4g} (display.average)."
+    for sentence in (frame.quality.summary, exposed, *frame.parts, *frame.remarks):
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)

@@ -67,6 +67,7 @@ REACH = {
     "photo.depth_smoothing": Reach(0.02, 0.5, True, "%.3f"),
     "display.key": Reach(0.01, 2.0, True, "%.3f"),
     "display.exposure": Reach(-6.0, 6.0, False, "%.2f"),
+    "display.average": Reach(1e-3, 10.0, True, "%.4g"),
     "display.white": Reach(0.1, 100.0, True, "%.2f"),
     "display.background_blur_deg": Reach(0.0, 60.0, False, "%.1f"),
 }

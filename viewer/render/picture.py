@@ -35,7 +35,7 @@ class PictureRequest:
     parts : bool
         Whether all that radiance is made of is kept on the GPU; it always is where the image shows some of it.
     exposure_for : float, optional
-        Log-average luminance to expose for, in place of the picture's own.
+        Log-average of radiance to expose for, in place of the scene's and of the picture's own.
     quick : bool
         Whether a single sample of a pixel may see as little of large lights as each of four would.
     develop : bool
@@ -112,6 +112,7 @@ class Still:
     quality: Quality
     remarks: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
+    log_average: float = 0.0
 
     def save(self, path: str | Path) -> None:
         """Write a format of the tone-mapped picture, ``.png``, whole or not at all; otherwise as `Frame.save`."""
@@ -148,6 +149,8 @@ class Frame:
         What transport resolves less finely than the material asks for.
     parts : tuple of str
         Which rays of sight were followed, and why.
+    log_average : float
+        Of the object's radiance, by its brightest channel: as `display.average` it keeps this exposure for a series.
     """
 
     radiance: Float32
@@ -165,6 +168,7 @@ class Frame:
     quality: Quality
     remarks: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
+    log_average: float = 0.0
 
     @property
     def scattered(self) -> Float32:
@@ -228,6 +232,7 @@ def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Fra
         quality=picture.quality,
         remarks=picture.remarks,
         parts=picture.parts,
+        log_average=picture.log_average,
     )
 
 

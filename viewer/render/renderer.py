@@ -70,7 +70,15 @@ def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Pro
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
     with current(headless_context()):
         picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-        return Still(read_image(picture), timings, picture.warnings, picture.quality, picture.remarks, picture.parts)
+        return Still(
+            read_image(picture),
+            timings,
+            picture.warnings,
+            picture.quality,
+            picture.remarks,
+            picture.parts,
+            picture.log_average,
+        )
 
 
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:

@@ -14,7 +14,7 @@ from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages, Steps, alike
 from milkglass.viewer.gl.constants import MOST_LAMPS
 from milkglass.viewer.gl.context import bind_cleared, checked, latlong_texture, over_object, read_rgba
-from milkglass.viewer.passes.composite import Composite, CompositePass
+from milkglass.viewer.passes.composite import OUTPUTS, Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass, LitVertices
 from milkglass.viewer.passes.ground import GroundPass, GroundTargets
@@ -131,7 +131,8 @@ class Shading:
         texture = composite.textures[show]
         step = EXPOSURE_STEP if at_vertices else 1
         average = self._run(Stage.EXPOSURE, [composite, show], lambda: self._tonemap.log_average(texture, step))
-        exposed = average if request.exposure_for is None else request.exposure_for
+        fixed = display.average if show == OUTPUTS[0] else None  # radiance is what it is the average of
+        exposed = request.exposure_for or fixed or average
         background = replace(self._background(scene, behind), beside_depth=at_vertices or len(request.offsets) == 1)
         drawn = None
         if ground is not None and request.shows_ground:

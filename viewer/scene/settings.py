@@ -426,6 +426,10 @@ class DisplaySettings:
         "number", 0.0, unit="deg", low=0, high=90,
         moves=Part.DISPLAY, why="blur of the environment behind the object; the light it casts stays"
     )
+    average: float | None = setting(
+        "number", None, optional=True, low=1e-9, high=1e9, moves=Part.DISPLAY, default_text="that of the object",
+        why="radiance that lands at the key, in place of the log-average of each picture: those of a series compare"
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.TABLE)

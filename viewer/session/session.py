@@ -54,7 +54,6 @@ class View:
     show: str = "beauty"
     layer: int = 0
     fixed_size: bool = False  # True: the scene's image size, fitted; False: the window's
-    exposure_lock: float | None = None  # log-average brightness that exposure is held at
     split: float | None = None  # share of the view's width that shows the current state, None for all
     measure: bool = False  # whether the error of what is shown is measured
     error_points: int = DEFAULT_ERROR_POINTS
@@ -331,10 +330,10 @@ class Session:
             self._note_file(file.path)
         self._set(scene)
 
-    def save(self, path: Path, image_size: tuple[int, int], key: float) -> bool:
-        """Write the scene so that `milkglass render` makes the picture seen, of `image_size`, exposed by `key`."""
+    def save(self, path: Path, image_size: tuple[int, int]) -> bool:
+        """Write the scene so that `milkglass render` makes the picture seen, of `image_size`."""
         try:
-            scene = replace(self.scene, display=replace(self.scene.display, image_size=image_size, key=key))
+            scene = replace(self.scene, display=replace(self.scene.display, image_size=image_size))
             scene.save(path)
         except InputError as error:
             self.fail(error)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from milkglass.core import display
 from milkglass.core.errors import InputError
 from milkglass.core.geometry.mesh import Mesh
 from milkglass.viewer.files import images
@@ -56,6 +57,21 @@ def test_the_image_does_not_depend_on_the_unit_of_light(renderer_of, s, method):
     other = renderer.render(scene_of(method=method, lights=tuple(scaled(light, s) for light in LAMPS)), samples=2)
     np.testing.assert_allclose(other.radiance, s * one.radiance, rtol=1e-4, atol=1e-5 * s * one.radiance.max())
     assert np.abs(other.image.astype(int) - one.image).max() <= 1
+
+
+def test_pictures_of_a_series_have_one_exposure(renderer_of):
+    """A radiance has the same colour in each, however bright the others are: tone map of (key 2^stops / average) L."""
+    renderer = renderer_of("knot")
+    series = ("display.average=0.2", "display.exposure=-1", "display.transform=photographic")
+    for s in (0.3, 1.0, 4.0):
+        scene = apply_set(scene_of(lights=tuple(scaled(light, s) for light in LAMPS)), series)
+        frame = renderer.render(scene, samples=1)
+        inner, exposure = frame.alpha == 1.0, scene.display.key * 0.5 / 0.2
+        expected = display.srgb(display.tone_map(frame.radiance[inner], exposure, scene.display.white))
+        assert np.abs(frame.image[inner] - 255.0 * expected).max() <= 1.0
+        automatic = replace(scene, display=replace(scene.display, average=None))
+        kept = replace(scene, display=replace(scene.display, average=frame.log_average))
+        assert np.array_equal(renderer.render(kept, samples=1).image, renderer.render(automatic, samples=1).image)
 
 
 @pytest.mark.slow

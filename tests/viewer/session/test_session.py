@@ -82,10 +82,10 @@ def test_what_cannot_be_drawn_is_taken_back_with_its_step(session):
 def test_saved_scene_is_the_scene_with_the_size_that_was_seen(session, tmp_path):
     session.edit("material", name="ketchup")
     assert session.modified
-    assert session.save(tmp_path / "a.toml", (640, 360), 0.25)
+    assert session.save(tmp_path / "a.toml", (640, 360))
     assert not session.modified
     saved = Scene.load(tmp_path / "a.toml")
-    assert (saved.display.image_size, saved.display.key, saved.material.name) == ((640, 360), 0.25, "Ketchup")
+    assert (saved.display.image_size, saved.material.name) == ((640, 360), "Ketchup")
     other = Session(Scene())
     assert other.open(tmp_path / "a.toml")
     assert other.scene == saved
@@ -99,7 +99,7 @@ def test_a_bad_scene_file_leaves_everything_as_it_was(session, tmp_path):
     assert session.scene == Scene()
     assert session.path is None
     assert "zoom" in session.messages[0].text
-    assert not session.save(tmp_path / "no" / "folder.toml", (64, 64), 0.18)
+    assert not session.save(tmp_path / "no" / "folder.toml", (64, 64))
 
 
 def test_flip_exchanges_the_states_and_keeps_the_view(session):

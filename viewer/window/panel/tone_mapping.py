@@ -17,16 +17,18 @@ class ToneMappingSection(Section):
 
     def draw(self, seen: Seen) -> None:
         """Draw the rows in the current ImGui window."""
-        controls, view = self._controls, self._session.view
+        controls, session, view = self._controls, self._session, self._session.view
         controls.setting("display.transform", "Transform")
         controls.setting("display.key", "Key")
         controls.setting("display.exposure", "Exposure")
-        has_white = transform(self._session.scene.display.transform).in_shader
+        has_white = transform(session.scene.display.transform).in_shader
         controls.setting("display.white", "White point", off=None if has_white else "The transform has its own white.")
+        picture = seen.live.picture
+        controls.setting("display.average", "Average", automatic=None if picture is None else picture.log_average)
         controls.begin_row("Lock exposure")
-        locked = view.exposure_lock is not None
+        locked = session.scene.display.average is not None
         clicked, _ = imgui.checkbox("##exposure_lock", locked)
-        tip = "Hold the exposure at what it is now, so that pictures can be compared (L)."
+        tip = "Keep the average of now in the scene, so that pictures can be compared (L)."
         controls.end_row("exposure_lock", "Lock exposure", tip)
         if clicked:
             self._commands.request("toggle_exposure_lock")

@@ -239,9 +239,9 @@ class Actions:
 
     def toggle_exposure_lock(self) -> None:
         """Hold the exposure at what it is now, or let it follow the picture again."""
-        view, picture = self._session.view, self._view.picture
-        locked = view.exposure_lock is not None or picture is None
-        view.exposure_lock = None if locked or picture is None else picture.log_average
+        picture, locked = self._view.picture, self._session.scene.display.average is not None
+        if locked or (picture is not None and picture.log_average > 0.0):
+            self._session.edit("display", average=None if locked or picture is None else picture.log_average)
 
     def toggle_measure(self) -> None:
         """Start or stop measuring the error of what is on screen."""
@@ -302,17 +302,10 @@ class Actions:
 
     def save_to(self, path: Path) -> bool:
         """Write the scene to a file that `milkglass render` makes the picture on screen from; False if that fails."""
-        if not self._session.save(path, self._view.size, self._exposed_key()):
+        if not self._session.save(path, self._view.size):
             return False
         self._preferences.opened(path)
         return True
-
-    def _exposed_key(self) -> float:
-        """Return the key that exposes by itself as the lock does now."""
-        key, lock, picture = self._session.scene.display.key, self._session.view.exposure_lock, self._view.picture
-        if lock is None or picture is None or lock <= 0.0 or picture.log_average <= 0.0:
-            return key
-        return min(100.0, max(1e-4, key * picture.log_average / lock))
 
     def _light_by(self, path: Path) -> bool:
         changes = [Change("environment", "path", str(path), "environment.path")]

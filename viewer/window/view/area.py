@@ -161,7 +161,7 @@ class ViewArea:
             return None
         scene = replace(scene, display=replace(scene.display, background="transparent"))
         detail = Detail(samples=SAMPLES, at_once=True, alone=True)
-        return self.live.draw(scene, detail, exposure_for=self._session.view.exposure_lock)
+        return self.live.draw(scene, detail)
 
     @property
     def working(self) -> bool:
@@ -295,10 +295,10 @@ class ViewArea:
             session.kept, session.view.split = None, None
 
     def _exposure(self) -> float | None:
-        """Log-average luminance to expose for, None for the picture's own: locked, or shared by both halves."""
-        view = self._session.view
-        if view.exposure_lock is not None or view.split is None:
-            return view.exposure_lock
+        """Log-average that both halves are exposed for, None where there is one picture: it has the scene's."""
+        session = self._session
+        if session.view.split is None or session.scene.display.average is not None:
+            return session.scene.display.average
         pictures = [live.picture for live in self.lives()]
         averages = [picture.log_average for picture in pictures if picture is not None and picture.log_average > 0.0]
         return float(np.exp(np.mean(np.log(averages)))) if averages else None

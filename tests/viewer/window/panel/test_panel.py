@@ -206,7 +206,7 @@ def test_a_kind_in_the_registry_is_chosen_and_edited_in_the_panel(driver, monkey
 
 def test_point_light_shines_about_as_the_directional_one_did(driver):
     mean = driver.picture().mean()
-    driver.session.view.exposure_lock = driver.view.picture.log_average
+    driver.session.edit("display", average=driver.view.picture.log_average)
     driver.click("lights.0.kind")
     driver.click("lights.0.kind=point", 0.3)
     light = driver.session.scene.lights[0]
