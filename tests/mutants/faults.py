@@ -535,7 +535,7 @@ FAULTS = (
     Fault(
         "output-over-a-texture",
         "viewer/commands/cli.py",
-        'inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}',
+        '"texture": model.texture,',
         "",
         "viewer/commands/test_cli.py::test_bad_line_is_one_sentence_and_code_2",
     ),

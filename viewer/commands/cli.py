@@ -6,7 +6,7 @@ number for a signal.
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -118,9 +118,11 @@ def view(
 
         replay.play(Path(play), in_window=has_display(), into=None if into is None else Path(into))
         return
+    path = context.params["scene"]
+    if record is not None:
+        _check_inputs_stay(scene, record, "--record", {"scene file": path})
     if not has_display():
         raise InputError("there is no display for a window; write a picture with `milkglass render --output FILE`")
-    path = context.params["scene"]
     _run_window(scene, None if path is None else Path(path), None if record is None else Path(record))
 
 
@@ -263,13 +265,23 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
         from milkglass.viewer.commands.report import check_report
 
         check_report(report, scene, outputs, reference)
-    inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
-    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     for output in outputs:
         check_picture_output(output)
-        for role, path in inputs.items():
-            if path is not None and os.path.realpath(path) == os.path.realpath(output):
-                raise InputError(f"--output {output} would overwrite the {role}; choose another name")
+        _check_inputs_stay(scene, output, "--output", {"reference": reference})
+
+
+def _check_inputs_stay(scene: Scene, target: str, option: str, more: Mapping[str, str | None]) -> None:
+    """Raise InputError for a file to write that is one of those a scene or an option reads."""
+    model, material = scene.model, scene.material
+    inputs: dict[str, str | Path | None] = {
+        "model": model.path,
+        "texture": model.texture,
+        "normal map": model.normal_map,
+    }
+    inputs |= {"environment": scene.environment.path, "profile": material.profile_table, **more}
+    for role, path in inputs.items():
+        if path is not None and os.path.realpath(path) == os.path.realpath(target):
+            raise InputError(f"{option} {target} would overwrite the {role}; choose another name")
 
 
 def _counterpart(reference: str, outputs: Sequence[str]) -> str:

@@ -71,6 +71,7 @@ BAD_LINES = [
     ("render --environment a.exr --output a.exr", "--output a.exr would overwrite the environment"),
     ("render --set model.texture=a.png --output a.png", "--output a.png would overwrite the texture"),
     ("render --set model.normal_map=a.png --output a.png", "--output a.png would overwrite the normal map"),
+    ("view a.ply --record a.ply", "--record a.ply would overwrite the model"),
     ("render a.ply b.ply --output a.png", "got unexpected extra argument"),
     ("view", "there is no display for a window; write a picture with `milkglass render --output FILE`."),
     ("view a.toml", "a.toml is a scene file, not a model; write --scene before it."),
@@ -123,6 +124,12 @@ def test_bad_line_is_one_sentence_and_code_2(line, expected, capsys, tmp_path):
     assert err.count("\n") == 1
     assert err.endswith((".\n", "?\n"))
     assert os.listdir(tmp_path) == []
+
+
+def test_a_recording_over_its_scene_is_refused(capsys):
+    Path("s.toml").write_text("[camera]\nzoom = 1\n")
+    assert cli.main(["view", "--scene", "s.toml", "--record", "s.toml"]) == 2
+    assert "--record s.toml would overwrite the scene file" in capsys.readouterr().err
 
 
 def test_bad_scene_file_is_one_sentence_and_code_2(capsys):
