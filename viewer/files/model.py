@@ -5,6 +5,7 @@ drops what a file says about hard edges.
 """
 
 import difflib
+import io
 import os
 import re
 import warnings
@@ -12,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -28,10 +30,13 @@ from milkglass.viewer.files.decoding import cause_of, textures_only
 from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
+from milkglass.viewer.files.ply import plain_ply
+from milkglass.viewer.files.polygons import cut_obj, read_off
 from milkglass.viewer.scene.given_file import reading
 
 LONGEST_HEAD = 1 << 16  # bytes in which an OBJ file names its materials
 MOST_NAMED = 20  # parts in a sentence
+CUT = {".obj": cut_obj, ".ply": plain_ply}  # what has the polygons of a file as triangles
 # trimesh reads these too, given what `pip install` adds.
 EXTRA_PACKAGES = {
     "3dxml": "lxml networkx pillow",
@@ -288,14 +293,19 @@ def _read(path: Path) -> trimesh.Scene:
     try:
         if path.stat().st_size == 0:
             raise InputError(f"{path} is empty; export the model again.")
-        if suffix == ".off":
-            _check_off(path)
         if suffix == ".stl":
             _check_stl(path)
+        if suffix == ".off":
+            vertices, faces = read_off(path)
+            return trimesh.Scene({path.stem: trimesh.Trimesh(vertices, faces, process=False)})
         with _quiet():
             # Seams of textures would cost our normals; `viewer.files.model_look` has them by corners.
-            options = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
-            return trimesh.load_scene(path, file_type=suffix[1:], process=False, fix_texture=False, **options)
+            options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
+            source: Path | io.BytesIO = path
+            if suffix in CUT:
+                source = io.BytesIO(CUT[suffix](path.read_bytes()))
+                options |= {"resolver": trimesh.resolvers.FilePathResolver(path)}
+            return trimesh.load_scene(source, file_type=suffix[1:], process=False, fix_texture=False, **options)
     except InputError:
         raise
     except Exception as error:
@@ -311,22 +321,6 @@ def _check_stl(path: Path) -> None:
     promised = 84 + 50 * int.from_bytes(head[80:], "little")
     if not head.lstrip().lower().startswith(b"solid") and path.stat().st_size != promised:
         raise ValueError(f"its head promises {promised:,} bytes, but there are {path.stat().st_size:,}")
-
-
-def _check_off(path: Path) -> None:
-    """Raise InputError for an OFF file of fewer lines than its head promises, which trimesh takes for whole."""
-    lines = (line.split(b"#")[0].split() for line in path.read_bytes().splitlines())
-    words = [line for line in lines if line]
-    if words and words[0][0].upper() == b"OFF":
-        words[0] = words[0][1:]
-    counts = [line for line in words if line][:1]
-    promised = sum(int(word) for word in counts[0][:2]) if counts else 0
-    present = sum(map(bool, words)) - len(counts)
-    if present < promised:
-        raise InputError(
-            f"{path} is cut short: its head promises {promised:,} lines of vertices and faces, but {present:,} follow; "
-            "export it again."
-        )
 
 
 def _has_materials(path: Path) -> bool:
