@@ -41,6 +41,7 @@ ivec2 met(vec3 position, vec3 normal, vec3 to_eye, vec3 ray) {
 // What a highlight mirrors of the object itself, else it had dark rims before itself: what a ray that grazes meets in
 // the picture; and what is in the way of an environment besides, taken to be as bright as here.
 vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float entering, vec3 exitance) {
+    if (u_surround_strength == 0.0) return vec3(0.0);
     vec3 ray = reflect(-to_eye, normal), radiance = exitance / PI;
     float blocked = 0.0, mirrored = u_fresnel ? 1.0 - entering : 1.0;
     if (u_occluded_lobe) {
@@ -48,7 +49,7 @@ vec3 mirrored_self(ivec2 pixel, vec3 position, vec3 normal, vec3 to_eye, float e
         blocked = 1.0 - clamp(lobe.a + dot(lobe.rgb, ray), 0.0, 1.0);
     }
     float followed = u_fresnel ? smoothstep(LEAST_MIRRORED, 2.0 * LEAST_MIRRORED, mirrored) : 0.0;
-    if (followed > 0.0 && u_surround_strength > 0.0) {
+    if (followed > 0.0) {
         ivec2 there = met(position, normal, to_eye, ray);
         vec4 facing = there.x < 0 ? vec4(-1.0) : texelFetch(t_normal, there, 0);
         if (is_drawn(facing.a)) {

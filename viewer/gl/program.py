@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -15,6 +16,7 @@ from milkglass.viewer.gl.constants import CONSTANTS
 SHADER_SUFFIXES = (".glsl", ".vert", ".frag")
 
 INCLUDE = re.compile(r'#include "([\w.]+)"')
+UNIFORM = re.compile(r"^uniform (\w+) (\w+)(?=[;\[])", re.MULTILINE)
 # `#line` numbers the lines of file k from k FILE_LINES on: Mesa forgets a source string's number within expressions.
 FILE_LINES = 10_000
 # Where compilers say that an error is: "0:12(5): error" (Mesa), "0(12) : error" (NVIDIA), "ERROR: 0:12: ..." (others).
@@ -45,19 +47,30 @@ class ShaderSource:
 
         return ERROR_PLACE.sub(place, message)
 
+    @property
+    def uniforms(self) -> dict[str, str]:
+        """Return the types of all uniforms by name, of whatever switch."""
+        return {name: kind for kind, name in UNIFORM.findall(self.text)}
 
-def shader_source(name: str, **switches: bool) -> ShaderSource:
+
+def shader_source(name: str, constants: Mapping[str, float] | None = None, **switches: bool) -> ShaderSource:
     """Return a shader with its includes, each included once.
 
     After the line of the version it defines `SWITCH` for each switch that is true, in capitals, and all of
-    `viewer.gl.constants.CONSTANTS`.
+    `viewer.gl.constants.CONSTANTS`. Uniforms that are `constants`, by name, are declared as such.
     """
     files: list[str] = []
     version, text = _expanded(name, files).split("\n", 1)
     defines = [switch.upper() for switch, is_on in switches.items() if is_on]
     defines += [f"{constant} {value}" for constant, value in CONSTANTS.items()]
     lines = [version, *(f"#define {define}" for define in defines), _line(0, 2), text]
-    return ShaderSource("\n".join(lines), tuple(files))
+    fixed = constants or {}
+
+    def declared(match: re.Match[str]) -> str:
+        kind, uniform = match.groups()
+        return f"const {kind} {uniform} = {kind}({float(fixed[uniform])})" if uniform in fixed else match[0]
+
+    return ShaderSource(UNIFORM.sub(declared, "\n".join(lines)), tuple(files))
 
 
 @cache
@@ -97,6 +110,8 @@ class Program:
         Names of shader files; without a fragment shader it is for transform feedback.
     varyings : tuple of str
         Outputs that transform feedback captures.
+    constants : mapping, optional
+        Values of scalar uniforms that are compiled in, by name; what they leave no use for is left out.
     **switches : bool
         Variants of the shaders, see the table of shaders/README.md; those that are true are defined in both.
 
@@ -113,10 +128,11 @@ class Program:
         fragment: str | None = None,
         *,
         varyings: tuple[str, ...] = (),
+        constants: Mapping[str, float] | None = None,
         **switches: bool,
     ) -> None:
         self.name = " ".join([fragment or vertex, *(switch for switch, is_on in switches.items() if is_on)])
-        sources = [shader_source(name, **switches) for name in (vertex, fragment) if name is not None]
+        sources = [shader_source(name, constants, **switches) for name in (vertex, fragment) if name is not None]
         try:
             self.program = context.program(
                 vertex_shader=sources[0].text,
@@ -127,20 +143,27 @@ class Program:
             failed = sources[-1] if "fragment_shader" in str(problem) else sources[0]
             raise moderngl.Error(failed.named(str(problem))) from None
         self.uniforms = {n for n in self.program if isinstance(self.program[n], moderngl.Uniform)}
+        self._idle: set[str] = set()
+        if constants:
+            self._idle = constants.keys() | {name for source in sources for name in source.uniforms} - self.uniforms
 
     def set(self, values: Mapping[str, object]) -> None:
         """Set every uniform. Matrices are NumPy row-vector matrices; textures are bound to units of their own.
+
+        Values of constants, and of what these leave no use for, may be among them.
 
         Raises
         ------
         KeyError
             If a name is not a uniform of the program, or a uniform is left out.
         """
-        if values.keys() != self.uniforms:
-            wrong = sorted(values.keys() ^ self.uniforms)
-            raise KeyError(f"{self.name}: uniforms set and declared differ in {wrong}")
+        wrong = (values.keys() ^ self.uniforms) - self._idle
+        if wrong:
+            raise KeyError(f"{self.name}: uniforms set and declared differ in {sorted(wrong)}")
         unit = 0
         for name, value in values.items():
+            if name in self._idle:
+                continue
             uniform = self.program[name]
             assert isinstance(uniform, moderngl.Uniform)
             if isinstance(value, moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray | moderngl.Sampler):
@@ -154,3 +177,39 @@ class Program:
                 uniform.write(np.ascontiguousarray(value, np.float32).tobytes())
             else:
                 uniform.value = value
+
+
+class FullScreen:
+    """A fragment shader on a triangle over the whole picture, linked for each case that it is drawn with.
+
+    What is the same at all pixels and says which way they go is a constant, as a driver without a GPU (llvmpipe)
+    computes both ways of every branch that is left: each uniform that is a `bool`, and those of `choices`.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    fragment : str
+        Name of a shader file.
+    *choices : str
+        Uniforms: `int` of few values, or `float` that turns something off where it is 0, and is a constant there.
+    """
+
+    def __init__(self, context: moderngl.Context, fragment: str, *choices: str) -> None:
+        self._context, self._fragment = context, fragment
+        declared = shader_source(fragment).uniforms
+        self._choices = [name for name, kind in declared.items() if kind == "bool" or name in choices]
+        self._cases: dict[tuple[object, ...], tuple[Program, moderngl.VertexArray]] = {}
+
+    def prepared(self, values: Mapping[str, Any], **switches: bool) -> moderngl.VertexArray:
+        """Return the triangle of a case, with its uniforms set; see `Program` for arguments and errors."""
+        given = {name: values[name] for name in self._choices if name in values}
+        constants = {name: value for name, value in given.items() if not isinstance(value, float) or value == 0.0}
+        key = *switches.items(), *constants.items()
+        if key not in self._cases:
+            program = Program(
+                self._context, "fullscreen.vert", self._fragment, varyings=(), constants=constants, **switches
+            )
+            self._cases[key] = program, self._context.vertex_array(program.program, [])
+        program, triangle = self._cases[key]
+        program.set(values)
+        return triangle

@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import moderngl
 
-from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.context import draw_over_object, float_targets, float_texture, over_object
-from milkglass.viewer.gl.program import Program
+from milkglass.viewer.gl.program import FullScreen
 from milkglass.viewer.passes.detail_uniforms import leaving_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
@@ -54,7 +53,8 @@ class CompositePass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._plain = self._variant(detail=False)
+        choices = "u_thin_reach", "u_surround_strength", "u_mirror_strength"
+        self._shader = FullScreen(context, "composite.frag", *choices)
         self._not_traced = Traced(self.traced_textures((1, 1)), is_followed=False)
 
     def not_traced(self, left: tuple[tuple[float, ...], ...] | None, *, goes_inside: bool = False) -> Traced:
@@ -63,14 +63,6 @@ class CompositePass:
         Where they were to go inside, all of them is taken to collide.
         """
         return replace(self._not_traced, left=left, goes_inside=goes_inside)
-
-    @computed_once
-    def _detailed(self) -> tuple[Program, moderngl.VertexArray]:
-        return self._variant(detail=True)
-
-    def _variant(self, *, detail: bool) -> tuple[Program, moderngl.VertexArray]:
-        program = Program(self._context, "fullscreen.vert", "composite.frag", detail=detail)
-        return program, self._context.vertex_array(program.program, [])
 
     def traced_textures(self, size: tuple[int, int]) -> tuple[moderngl.Texture, ...]:
         """Allocate the textures of `Traced` for (width, height) pixels."""
@@ -96,10 +88,9 @@ class CompositePass:
         """Add one sample of every pixel, times `weight`; the caller clears its framebuffer before the first."""
         traced = traced or self._not_traced
         target.framebuffer.use()
-        program, triangle = self._plain if gbuffer.detail is None else self._detailed
         mirrors = highlights.uniforms()
         for i, kind in enumerate(gather.kinds):
-            program.set(
+            triangle = self._shader.prepared(
                 {
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
@@ -119,6 +110,7 @@ class CompositePass:
                     "u_world_to_clip": camera.world_to_clip,
                     "u_eye": tuple(camera.eye),
                     "u_weight": weight,
-                }
+                },
+                detail=gbuffer.detail is not None,
             )
             draw_over_object(self._context, triangle, has_depth=target.framebuffer.depth_attachment is not None)

@@ -13,7 +13,7 @@ from milkglass.core.threads import computed_once
 from milkglass.viewer.gl.buffers import SampleBuffers
 from milkglass.viewer.gl.constants import MOST_LAMPS
 from milkglass.viewer.gl.context import band, bind_cleared, draw_over_object, float_targets, over_object
-from milkglass.viewer.gl.program import Program
+from milkglass.viewer.gl.program import FullScreen, Program
 from milkglass.viewer.passes.detail_uniforms import entering_uniforms
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
@@ -24,6 +24,16 @@ from milkglass.viewer.scene.settings import Gloss
 # Times sub-lights: what about 50 ms are enough for without a GPU.
 DISC_FROM = 1.5  # radii over the edges of what is mirrored, from which on discs show, whole from twice as much on
 SMOOTH_EDGE = 0.004  # radians: what a smooth surface mirrors of lamps has edges as wide as a pixel or less
+CHOICES = (
+    "u_light_kind",
+    "u_light_shape",
+    "u_shadow_views",
+    "u_thin_reach",
+    "u_sheet_reach",
+    "u_edge",
+    "u_piece",
+    "u_surround_strength",
+)
 SAMPLES_A_STEP, PIXELS_A_STEP = 250_000, 1_500_000
 
 
@@ -60,18 +70,7 @@ class PixelIrradiancePass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._variants = {(False, False, False): self._variant(soft=False, detail=False, shares=False)}
-
-    def _drawn_with(self, *, soft: bool, detail: bool, shares: bool) -> tuple[Program, moderngl.VertexArray]:
-        """Return the cheapest program for a light and a surface, made at its first use."""
-        if (soft, detail, shares) not in self._variants:
-            self._variants[soft, detail, shares] = self._variant(soft=soft, detail=detail, shares=shares)
-        return self._variants[soft, detail, shares]
-
-    def _variant(self, *, soft: bool, detail: bool, shares: bool) -> tuple[Program, moderngl.VertexArray]:
-        switches = {"soft": soft, "detail": detail, "shares": shares}
-        program = Program(self._context, "fullscreen.vert", "irradiance_pixels.frag", **switches)  # type: ignore[arg-type]
-        return program, self._context.vertex_array(program.program, [])
+        self._shader = FullScreen(context, "irradiance_pixels.frag", *CHOICES)
 
     def targets(self, size: tuple[int, int], depth: moderngl.Renderbuffer | None = None) -> "PixelLight":
         """Allocate the textures that `steps` fills; the G-buffer's `depth` spares it the pixels beside the object."""
@@ -99,13 +98,13 @@ class PixelIrradiancePass:
         lamps = lamps_of(sources)
         for source, kind in itertools.product(sources, gather.kinds):
             lamp, shares = target.lamps.get(source), target.stores or bool(target.lamps)
-            detailed, again = gbuffer.detail is not None, gbuffer.reentry
+            again = gbuffer.reentry
             known, known_behind = gbuffer.normal, gbuffer.normal
             if lamp is not None:
                 known, known_behind = lamp.irradiance, lamp.specular
             elif again is not None:
                 known, known_behind = again.irradiance, again.behind
-            program, triangle = self._drawn_with(soft=source.is_soft, detail=detailed, shares=shares)
+            switches = {"soft": source.is_soft, "detail": gbuffer.detail is not None, "shares": shares}
             values = {
                 **source.uniforms(kind.eta, sample, samples),
                 **source.shadow.depth_uniforms(),
@@ -138,7 +137,7 @@ class PixelIrradiancePass:
                     yield None
                     drawn = 0
                 drawn += cost
-                program.set(values)
+                triangle = self._shader.prepared(values, **switches)
                 with band(framebuffer, low, rows):
                     draw_over_object(self._context, triangle, has_depth=framebuffer.depth_attachment is not None)
 

@@ -6,7 +6,7 @@ import moderngl
 
 from milkglass.viewer.gl.constants import MOST_LAMPS
 from milkglass.viewer.gl.context import bind_cleared, draw_over_object
-from milkglass.viewer.gl.program import Program
+from milkglass.viewer.gl.program import FullScreen
 from milkglass.viewer.passes.composite import Composite
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import GBuffer
@@ -29,8 +29,7 @@ class LitVerticesPass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program = Program(context, "fullscreen.vert", "composite_vertices.frag")
-        self._triangle = context.vertex_array(self._program.program, [])
+        self._shader = FullScreen(context, "composite_vertices.frag", "u_lamps", "u_surround_strength", "u_edge")
 
     def render(
         self,
@@ -45,7 +44,7 @@ class LitVerticesPass:
         surround = next((source for source in sources if source.kind == ENVIRONMENT), None)
         bind_cleared(target.framebuffer)
         for kind in gather.kinds:
-            self._program.set(
+            triangle = self._shader.prepared(
                 {
                     "t_position": gbuffer.position,
                     "t_normal": gbuffer.normal,
@@ -66,7 +65,7 @@ class LitVerticesPass:
                     "u_eye": tuple(camera.eye),
                 }
             )
-            draw_over_object(self._context, self._triangle, has_depth=True, adds=False)
+            draw_over_object(self._context, triangle, has_depth=True, adds=False)
 
 
 def _lamp_uniforms(lamps: list[LightSource]) -> dict[str, object]:

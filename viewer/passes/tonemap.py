@@ -10,7 +10,7 @@ from milkglass.core.display import linear
 from milkglass.viewer.display.base import SIDE
 from milkglass.viewer.display.registry import transform
 from milkglass.viewer.gl.context import draw_over_object, float_texture, leave_framebuffer
-from milkglass.viewer.gl.program import Program
+from milkglass.viewer.gl.program import FullScreen, Program
 from milkglass.viewer.scene.camera import Camera, world_to_probe
 from milkglass.viewer.scene.settings import DisplaySettings
 
@@ -38,7 +38,7 @@ class TonemapPass:
         self._context = context
         self._average = Program(context, "fullscreen.vert", "tonemap_average.frag")
         self._reduce = context.vertex_array(self._average.program, [])
-        self._variants: dict[tuple[bool, ...], tuple[Program, moderngl.VertexArray]] = {}
+        self._tonemap = FullScreen(context, "tonemap.frag")
         self._tables: dict[str, moderngl.Texture3D] = {}
 
     def log_average(self, radiance: moderngl.Texture, step: int = 1) -> float:
@@ -80,7 +80,6 @@ class TonemapPass:
         name = display.background
         is_transparent, is_surrounded = name == "transparent", name == "environment"
         is_mixed = is_surrounded or ground is not None or not background.beside_depth
-        program, triangle = self._variant(table=table is not None, mixed=is_mixed, surround=is_surrounded)
         values = {"t_radiance": radiance, "u_exposure": exposure, "u_directions": directions}
         values |= {"u_white": display.white} if table is None else {"t_display": table}
         colour = backdrop(name)
@@ -94,7 +93,7 @@ class TonemapPass:
             values |= {"u_clip_to_probe": np.linalg.inv(camera.world_to_clip) @ to_probe}
         elif is_mixed:
             values |= {"u_background": tuple(linear(np.array(colour)).tolist())}
-        program.set(values)
+        triangle = self._tonemap.prepared(values, table=table is not None, mixed=is_mixed, surround=is_surrounded)
         target.use()
         if is_mixed:
             self._context.enable_only(moderngl.NOTHING)
@@ -102,14 +101,6 @@ class TonemapPass:
         else:
             target.clear(*colour, 0.0 if is_transparent else 1.0)
             draw_over_object(self._context, triangle, has_depth=True, adds=False)
-
-    def _variant(self, **switches: bool) -> tuple[Program, moderngl.VertexArray]:
-        """Return the program of these switches, linked when first asked for, and the triangle that it draws."""
-        key = tuple(switches.values())
-        if key not in self._variants:
-            program = Program(self._context, "fullscreen.vert", "tonemap.frag", varyings=(), **switches)
-            self._variants[key] = program, self._context.vertex_array(program.program, [])
-        return self._variants[key]
 
     def _table(self, name: str) -> moderngl.Texture3D | None:
         """Return the table of a display transform, made when first asked for; None where the shader needs none."""

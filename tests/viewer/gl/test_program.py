@@ -10,8 +10,9 @@ import pytest
 from milkglass.viewer.gl import program as gl
 from milkglass.viewer.gl.constants import CONSTANTS
 from milkglass.viewer.gl.context import float_texture, leave_framebuffer
+from milkglass.viewer.scene.lights import DirectionalLight, SphereLight
 from tests.support.paths import ROOT, SHADERS
-from tests.support.rendering import MeshRenderer
+from tests.support.rendering import FRONT, MeshRenderer, scene_of
 
 TABLE = re.findall(
     r"^\| ([\w -]+) \| ((?:\w+\.\w+(?:, )?)+) \| ([\w ;-]+) \|", (SHADERS / "README.md").read_text(), re.MULTILINE
@@ -89,13 +90,13 @@ def test_the_renderer_builds_the_programs_of_the_table(context, monkeypatch, sha
     built = []
     make = gl.Program.__init__
 
-    def record(self, context, *files, varyings=(), **switches):
+    def record(self, context, *files, varyings=(), constants=None, **switches):
         built.append((list(files), {name: True for name, is_on in switches.items() if is_on}))
-        make(self, context, *files, varyings=varyings, **switches)
+        make(self, context, *files, varyings=varyings, constants=constants, **switches)
 
     monkeypatch.setattr(gl.Program, "__init__", record)
-    MeshRenderer(context, shapes["cube"])
-    assert len(built) >= 8
+    MeshRenderer(context, shapes["cube"]).render(scene_of(), samples=1)
+    assert len(built) >= 12
     assert all(program in PROGRAMS.values() for program in built)
 
 
@@ -284,3 +285,77 @@ def test_neither_samplers_nor_textures_share_a_unit_or_leave_one_behind(context,
         drawn_values(context, program, {**both, name: nearest})
     filtered = drawn_values(context, program, dict.fromkeys(names, texture))
     np.testing.assert_array_equal(filtered, [0.5 * (n - 3), 0.5, 0.5, 0.5])
+
+
+# Cases of a shader that is drawn over the whole picture
+
+CASES = """#version 330
+uniform bool u_tinted;
+uniform int u_kind;
+uniform int u_count;
+uniform float u_gain;
+uniform sampler2D t_tint;
+out vec4 o_values;
+void main() {
+    o_values = vec4(u_kind, u_count, 0.0, 1.0);
+    if (u_tinted) o_values.b = texelFetch(t_tint, ivec2(0), 0).r;
+    if (u_gain > 0.0) o_values *= u_gain;
+}
+"""
+
+
+@pytest.fixture
+def full_screen(context, tmp_path, monkeypatch):
+    write_shaders(tmp_path, monkeypatch, fullscreen_vert=SOURCES["fullscreen.vert"], cases_frag=CASES)
+    return gl.FullScreen(context, "cases.frag", "u_kind", "u_gain")
+
+
+@pytest.fixture
+def linked(monkeypatch):
+    """Programs that are linked from now on."""
+    programs, make = [], gl.Program.__init__
+    monkeypatch.setattr(gl.Program, "__init__", lambda self, *a, **k: (programs.append(self), make(self, *a, **k))[1])
+    return programs
+
+
+def test_each_case_of_a_shader_has_a_program_without_what_it_does_not_use(context, full_screen, linked):
+    tint = context.texture((1, 1), 1, np.array([0.5], np.float32), dtype="f4")
+    target = context.framebuffer([float_texture(context, (1, 1))])
+    seen = []
+    for tinted, kind, count, gain in [(True, 2, 3, 0.0), (False, 2, 3, 0.0), (False, 2, 4, 0.5), (True, 2, 5, 0.0)]:
+        values = {"u_tinted": tinted, "u_kind": kind, "u_count": count, "u_gain": gain, "t_tint": tint}
+        target.use()
+        context.enable_only(moderngl.NOTHING)
+        full_screen.prepared(values).render(vertices=3)
+        seen.append(np.frombuffer(target.read(components=4, dtype="f4"), np.float32).tolist())
+    assert seen == [[2, 3, 0.5, 1], [2, 3, 0, 1], [1, 2, 0, 0.5], [2, 5, 0.5, 1]]
+    assert [program.uniforms for program in linked] == [{"u_count", "t_tint"}, {"u_count"}, {"u_count", "u_gain"}]
+
+
+@pytest.mark.parametrize(("change", "wrong"), [({"u_unknown": 1}, "u_unknown"), ({"u_count": None}, "u_count")])
+def test_a_case_asks_for_its_uniforms_and_knows_no_others(context, full_screen, change, wrong):
+    values = {"u_tinted": False, "u_kind": 1, "u_count": 1, "u_gain": 0.0} | change
+    given = {name: value for name, value in values.items() if value is not None}
+    with pytest.raises(KeyError, match=wrong):
+        full_screen.prepared(given)
+
+
+@pytest.mark.parametrize(
+    "assignments",
+    [["transport.method=diffusion"], ["specular.model=phong"]],
+)
+def test_cases_change_no_pixel(context, shapes, monkeypatch, assignments):
+    """Beside the same shaders that take each case by its uniforms."""
+
+    def without_cases(self, context, fragment, *_):
+        make(self, context, fragment)
+        self._choices = []
+
+    lamps = DirectionalLight(FRONT), SphereLight((60.0, 10.0, 80.0), (1e4, 2e4, 3e4), radius_mm=8.0)
+    scene = scene_of("environment.builtin=studio", *assignments, method="ewald", lights=lamps)
+    pictures, make = [MeshRenderer(context, shapes["knot"]).render(scene, samples=1)], gl.FullScreen.__init__
+    monkeypatch.setattr(gl.FullScreen, "__init__", without_cases)
+    pictures.append(MeshRenderer(context, shapes["knot"]).render(scene, samples=1))
+    first, second = (picture.radiance for picture in pictures)
+    assert np.ptp(first) > 0.0
+    np.testing.assert_allclose(first, second, rtol=1e-4, atol=1e-6 * first.max())
