@@ -60,6 +60,8 @@ class FileModel:
         Part of each face of the mesh; without, all are of the first.
     names : tuple of tuple of str
         By which each part is known: of its material, then of its object.
+    materials : tuple of str
+        Name of the file's material of each part, empty where it has none.
     clear : tuple of Mesh
         Parts that have been taken out of it, see `parted`.
     """
@@ -69,6 +71,7 @@ class FileModel:
     look: Look | None = None
     of_face: Ints | None = None
     names: tuple[tuple[str, ...], ...] = ()
+    materials: tuple[str, ...] = ()
     clear: tuple[Mesh, ...] = ()
 
     @computed_once
@@ -114,9 +117,8 @@ class FileModel:
                     f"materials.{wanted} names no part of {name}, which is of one part alone; leave it out"
                 )
             if not faces:
-                known = ", ".join(dict.fromkeys(names[0] for names, _ in self.parts[:MOST_NAMED]))
-                more = f" and {len(self.parts) - MOST_NAMED} more" if len(self.parts) > MOST_NAMED else ""
-                raise InputError(f"materials.{wanted} names no part of {name}, whose parts are {known}{more}")
+                known = _listed([names[0] for names, _ in self.parts])
+                raise InputError(f"materials.{wanted} names no part of {name}, whose parts are {known}")
             of_part = left & np.any(faces, axis=0)
             if not of_part.any():
                 raise InputError(f"materials.{wanted} names faces of {name} that another table has named; keep one")
@@ -132,7 +134,8 @@ class FileModel:
         mesh = submesh(self.mesh, left)
         if scattering:
             mesh = replace(mesh, kinds=kinds[left])
-        return FileModel(mesh, self.warnings, look, clear=meshes)
+        of_face = None if self.of_face is None else self.of_face[left]
+        return FileModel(mesh, self.warnings, look, of_face, self.names, self.materials, meshes)
 
     def solid(self, name: str, nested: str = "hollow") -> "FileModel":
         """Return the model with the boundaries of its matter alone, see `core.geometry.solids`.
@@ -146,8 +149,9 @@ class FileModel:
         """
         found = [solids(mesh, hollow=nested == "hollow") for mesh in (self.mesh, *self.clear)]
         changed = [bounded for bounded in found if bounded is not None]
+        warnings = (*self.warnings, *self._drawn_as_one(name))
         if not changed:
-            return self
+            return replace(self, warnings=warnings)
         mesh, *clear = (
             before if bounded is None else _judged(bounded.mesh)
             for before, bounded in zip((self.mesh, *self.clear), found, strict=True)
@@ -157,7 +161,29 @@ class FileModel:
             look = None if look is None else look.cut(matter.face, matter.weights)
             of_face = None if of_face is None else of_face[matter.face]
         said = f"{name}: {'; '.join(_clauses(changed, nested))}."
-        return FileModel(mesh, (said, *self.warnings), look, of_face, self.names, tuple(clear))
+        return FileModel(mesh, (said, *warnings), look, of_face, self.names, self.materials, tuple(clear))
+
+    def _drawn_as_one(self, name: str) -> tuple[str, ...]:
+        """Return a sentence where parts of several of the file's materials are of one matter, that of [material]."""
+        if self.of_face is None or len(self.materials) < 2:
+            return ()
+        left = self.of_face if self.mesh.kinds is None else self.of_face[self.mesh.kinds == 0]
+        counts = np.bincount(left, minlength=len(self.materials))
+        shared = list(dict.fromkeys(material for material, count in zip(self.materials, counts, strict=True) if count))
+        named = [material for material in shared if material]
+        if len(shared) < 2:
+            return ()
+        nameless = " and what has none" if "" in shared else ""
+        return (
+            f"{name}: parts of its materials {_listed(named)}{nameless} are drawn as one matter, that of [material]; "
+            f'a table [materials."{named[-1]}"] gives one its own.',
+        )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first of some names as a phrase, each once, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(dict.fromkeys(names[:MOST_NAMED])) + more
 
 
 def _judged(mesh: Mesh) -> Mesh:
@@ -256,12 +282,12 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
     if len(triangles) == 0:
         raise InputError(all_degenerate(path))
     placed = place_in_world(vertices[used], size_mm, up)
-    names = _part_names(scene)
+    names, materials = _part_names(scene)
     turned_up = normals[used] @ up_rotation(up).T
     found = condition(path, placed, turned_up, triangles, rows[distinct], close_holes=close_holes)
     look, of_face = looks.look(found.corners), looks.parts(found.corners)
     said = (*(("; ".join(found.said),) if found.said else ()), *troubles, *left_out)
-    return FileModel(found.mesh, tuple(f"{path}: {clause}." for clause in said), look, of_face, names)
+    return FileModel(found.mesh, tuple(f"{path}: {clause}." for clause in said), look, of_face, names, materials)
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:
@@ -372,16 +398,17 @@ def _join(scene: trimesh.Scene, looks: LookParts) -> tuple[Array, Array, Ints, I
     return np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces), np.concatenate(rows)
 
 
-def _part_names(scene: trimesh.Scene) -> tuple[tuple[str, ...], ...]:
-    """Return the names of a scene's parts in the order of `_join`: of the material, the node and the geometry."""
-    found = []
+def _part_names(scene: trimesh.Scene) -> tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]:
+    """Return the names of a scene's parts in the order of `_join`: all that each has, and that of its material."""
+    found, materials = [], []
     for node in scene.graph.nodes_geometry:
         name = scene.graph[node][1]
         part = scene.geometry[name]
         if isinstance(part, trimesh.Trimesh):
             material = getattr(getattr(part.visual, "material", None), "name", None)
             found.append(tuple(dict.fromkeys(str(known) for known in (material, node, name) if known)))
-    return tuple(found)
+            materials.append(str(material or ""))
+    return tuple(found), tuple(materials)
 
 
 def _given_normals(part: trimesh.Trimesh, linear: Array) -> Array:

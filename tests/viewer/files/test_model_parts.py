@@ -103,3 +103,18 @@ def test_a_vessel_is_closed_glass_around_a_liquid_that_reaches_into_it(vessel):
     angles = np.linspace(0.0, 2.0 * np.pi, 64)
     around = np.column_stack([np.cos(angles), np.full(64, -0.3), np.sin(angles)])
     assert (glass.rays.first(centre, around)[1] < liquid.rays.first(centre, around)[1]).all()
+
+
+def test_parts_of_several_materials_that_are_drawn_as_one_are_named(tmp_path):
+    """Until they have tables of their own: what has no table may be of one material of the file."""
+    write_cup(tmp_path / "cup.obj")
+    model = read_model(tmp_path / "cup.obj", 100.0)
+    said = [warning for warning in model.solid("the cup").warnings if "[material]" in warning]
+    assert len(said) == 1
+    assert "the cup: parts of its materials juice, glass are drawn as one matter" in said[0]
+    assert '[materials."glass"]' in said[0]
+    for clear, scattering in ((["glass"], []), ([], ["glass"])):
+        kept = model.parted(clear, scattering, "the cup").solid("the cup").warnings
+        assert not any("[material]" in warning for warning in kept)
+    (tmp_path / "cup.mtl").unlink()  # objects alone
+    assert not any("[material]" in w for w in read_model(tmp_path / "cup.obj", 100.0).solid("the cup").warnings)
