@@ -53,7 +53,7 @@ FLAGS = (
     Flag("--orthographic", "camera", "orthographic", "Camera"),
     Flag("--image-size", "display", "image_size", "Picture"),
     Flag("--exposure", "display", "exposure", "Picture"),
-    Flag("--average", "display", "average", "Picture"),
+    Flag("--exposure-average", "display", "average", "Picture"),
     Flag("--display-transform", "display", "transform", "Picture"),
     Flag("--background", "display", "background", "Picture"),
 )

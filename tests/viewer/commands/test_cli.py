@@ -43,6 +43,7 @@ def rendered(monkeypatch):
             quality=SimpleNamespace(summary="layered, 8 layers"),
             remarks=("coarse",),
             parts=("rays: none",),
+            log_average=0.25,
         )
 
     rendered = SimpleNamespace(calls=calls, level=100, warnings=())
@@ -166,7 +167,9 @@ def test_render_writes_every_output_and_passes_its_options(rendered, capsys, tmp
     out, err = capsys.readouterr()
     assert "layers" in out
     assert "1.2" in out
-    assert out.endswith("layered, 8 layers\nrays: none\ncoarse\n")
+    assert out.endswith(
+        "layered, 8 layers\nThe log-average of the object's radiance is 0.25 (display.average).\nrays: none\ncoarse\n"
+    )
     assert err == "milkglass: warning: m.ply is not closed.\n"
 
 

@@ -19,7 +19,7 @@ def test_every_flag_changes_its_key():
         "resolution": "64", "environment": "p.hdr", "environment_rotation": "-45", "environment_intensity": "2",
         "camera_azimuth": "-30", "camera_elevation": "5", "camera_view_angle": "50", "camera_zoom": "2",
         "orthographic": True, "image_size": "640X480", "background": "environment",
-        "exposure": "-1.5", "average": "0.25", "display_transform": "agx",
+        "exposure": "-1.5", "exposure_average": "0.25", "display_transform": "agx",
     }  # fmt: skip
     assert given.keys() | {"error_target"} == {flag.parameter for flag in FLAGS}
     scene = options(**given)
@@ -30,7 +30,7 @@ def test_every_flag_changes_its_key():
         "resolution": 64, "environment": Path("p.hdr").absolute(), "environment_rotation": -45.0,
         "environment_intensity": 2.0, "camera_azimuth": -30.0, "camera_elevation": 5.0,
         "camera_view_angle": 50.0, "camera_zoom": 2.0, "orthographic": True, "image_size": (640, 480),
-        "background": "environment", "exposure": -1.5, "average": 0.25, "display_transform": "agx",
+        "background": "environment", "exposure": -1.5, "exposure_average": 0.25, "display_transform": "agx",
         "error_target": None,
     }  # fmt: skip
 
