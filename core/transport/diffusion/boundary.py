@@ -63,6 +63,10 @@ class Boundary:
         Of light from all around through matter.
     collisions : FirstCollisions
         What of it collides before it leaves.
+    lengths : callable, optional
+        Returns b of a medium, (n,), in place of this module's (`core.transport.diffusion.even`).
+    origin : Boundary, optional
+        The same surface with other paths or lengths, which knows its curvature and edges.
     """
 
     grid: LayerGrid
@@ -76,15 +80,19 @@ class Boundary:
     sheet_reach: float
     paths: InnerPaths
     collisions: FirstCollisions
+    lengths: Callable[[Medium], Array] | None = None
+    origin: "Boundary | None" = None
 
     @computed_once
     def curvature(self) -> Curvature:
         """Mean curvature of the patches, and the part of it that edges make."""
-        return curvature(self.patches)
+        return curvature(self.patches) if self.origin is None else self.origin.curvature
 
     @computed_once
     def edges(self) -> Edges:
         """Edges between faces of the surface, for any mean free path."""
+        if self.origin is not None:
+            return self.origin.edges
         plain = self.curvature.evenness > CONSTANTS.edges.plain_evenness
         return Edges(self.patches, self.thickness, plain & ~self.is_sheet)
 
@@ -118,8 +126,10 @@ class Boundary:
         """Return b of the patches, (n,): the extrapolation length over that of a flat and thick object.
 
         `Medium.bending`, of curvature smoothed over half a mean free path, as far as matter is thick; larger where it
-        is so thin that light crosses it.
+        is so thin that light crosses it, and as even light tells.
         """
+        if self.lengths is not None:
+            return self.lengths(medium)
         bending, collisions = self._bending(medium), self.collisions.of(medium)
         return bending if collisions is None else collisions.bent(bending, self.patches.areas)
 
@@ -151,7 +161,11 @@ class Boundary:
                 return None
             return kept.of(eta, lambda: paths.exits(eta).at(paths.patches.of_sample[self.patches.nearest]))
 
-        return replace(self, collisions=FirstCollisions(self.patches.areas, self.thickness, exits))
+        return replace(self, collisions=FirstCollisions(self.patches.areas, self.thickness, exits), origin=self)
+
+    def bent(self, lengths: Callable[[Medium], Array]) -> "Boundary":
+        """Return the same patches with other extrapolation lengths, b of a medium, (n,)."""
+        return replace(self, lengths=lengths, origin=self)
 
     def layer_assignment(
         self, extrapolation_factor: float, diffusion: float, bending: npt.ArrayLike = 1.0

@@ -12,6 +12,7 @@ A surface point's own value follows from the volume O = G_L * (Q - double layer)
 """
 
 import functools
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -38,6 +39,7 @@ from milkglass.core.transport.diffusion.boundary import Boundary, Depths, put_on
 from milkglass.core.transport.diffusion.channel import Channel, Sources, lit
 from milkglass.core.transport.diffusion.collisions import InnerPaths
 from milkglass.core.transport.diffusion.entry import enter
+from milkglass.core.transport.diffusion.even import EvenLight
 from milkglass.core.transport.diffusion.green import green_spectrum
 from milkglass.core.transport.diffusion.iteration import End, Iteration, Reached, begin, prolonged
 from milkglass.core.transport.diffusion.patches import Patches, make_patches
@@ -66,6 +68,7 @@ COARSE_TOLERANCE = 1e-3
 PATCH = 1.0  # cells that a patch may extend over; at 0.7 there are 60 % more, and no error is smaller
 LEAST_REACH = 12  # nodes over which the kernel must lie on each side, however thin the object
 DECADES = 9.2  # of exp(-sigma r), at which a channel's padding ends: 1e-4
+ALONE = 3  # beside R, G and B, of the users of convolvers
 WINDOW_REACH = 6.0  # widths beyond which the smooth part is the kernel itself
 
 
@@ -191,11 +194,19 @@ class DiffusionTransport:
         return self.patch * max(grid.texel, grid.layer_distance)
 
     def _on_grid(self, patches: Patches, grid: LayerGrid, depths: Depths) -> Boundary:
+        return put_on_grid(patches, grid, depths, SHEET_REACH * self.window_width(grid), self._unabsorbed(grid))
+
+    def _unabsorbed(self, grid: LayerGrid) -> Callable[[Float32], Float32]:
+        """Return the convolution with G_L of `NO_ABSORPTION`, one at a time."""
         (spectrum,) = self.kernels.spectra([self._kernel(grid, NO_ABSORPTION)], self._maker(grid))
         assert spectrum is not None
-        convolver = self.kernels.convolver(self.shape(grid, NO_ABSORPTION))
-        reach = SHEET_REACH * self.window_width(grid)
-        return put_on_grid(patches, grid, depths, reach, lambda image: convolver.convolve(image, spectrum))
+        convolver, lock = self.kernels.convolver(self.shape(grid, NO_ABSORPTION), ALONE), threading.Lock()
+
+        def convolve(nodes: Float32) -> Float32:
+            with lock:
+                return convolver.convolve(nodes.reshape(grid.shape), spectrum)
+
+        return convolve
 
     def scatter(self, lit: EnteringFlux, stages: Stages, go_on: GoOn | None = None) -> Solution:
         """Return the solution for the light that enters a solid; see `core.transport.base.Transport.scatter`."""
@@ -375,9 +386,11 @@ class DiffusionTransport:
                 (boundary, *exchange.surface),
                 lambda: ExchangeGeometry(exchange, boundary, problem.samples),
             )
-            between = stages.run(
+            between = exchanged = stages.run(
                 Stage.SURFACE_EXCHANGE, (geometry, eta), lambda: SurfaceExchange(geometry, depths, eta)
             )
+            placed = boundary
+            boundary = stages.run(Stage.EVEN_LIGHT, (placed, exchanged), lambda: self._by_even_light(placed, exchanged))
             if (crossings := exchange.crossings) is not None:
                 alone = between
                 lengths = exchange.extinctions
@@ -410,6 +423,15 @@ class DiffusionTransport:
                 makers[i] = self._channel(sources, medium, i, spectrum, stages)
         channels = {i: channel() for i, channel in makers.items()}
         return sources, [None if twin is None else channels[twin] for twin in twins], returned
+
+    def _by_even_light(self, boundary: Boundary, exchange: SurfaceExchange) -> Boundary:
+        """Return a surface with extrapolation lengths by which even light leaves thin parts as it must.
+
+        Matter so dark that light between parts is not looked for does without.
+        """
+        s, convolve = self.window_width(boundary.grid), self._unabsorbed(boundary.grid)
+        even = EvenLight(boundary, exchange.entry, s, convolve)
+        return boundary.bent(lambda medium: (boundary if exchange.is_negligible(medium) else even).bending(medium))
 
     def _with_returned(
         self, sources: Sources, problem: Problem, stages: Stages
