@@ -138,7 +138,7 @@ def full_after(size):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of zipfile, by numpy before 2.1
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of zipfile, by older versions of NumPy
 @pytest.mark.parametrize("name", WRITERS)
 def test_what_a_full_disk_cuts_short_leaves_the_old_file(tmp_path, monkeypatch, name):
     path = tmp_path / name
