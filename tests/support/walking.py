@@ -215,6 +215,8 @@ CONTROLS = [
     Control("model.bodies", "model.bodies", choose("model.bodies", "separate"), "pair"),
     Control("detail.albedo", "detail.albedo", choose("detail.albedo", "after"), "skin"),
     Control("detail.normal_strength", "detail.normal_strength", slide("detail.normal_strength", 0.9), "skin"),
+    Control("model.nested", "model.nested", choose("model.nested", "solid"), "by itself"),
+    Control("model.close_holes", "model.close_holes", slide("model.close_holes", 0.05), "holed", also=KEEPS_TO_MODEL),
     Control("model.texture", "model.texture", open_file("model.texture", "texture.png"), "skin"),
     Control("model.normal_map", "model.normal_map", open_file("model.normal_map", "bumps.png"), "skin"),
     Control(

@@ -49,6 +49,9 @@ class ModelSection(Section):
                 if bodies.count == 1
                 else f"{bodies.count} bodies, each scatters light alone"
             )
+        if path is not None:
+            controls.setting("model.nested", "Shell in shell")
+            controls.setting("model.close_holes", "Close holes")
         self._parts.draw(live)
         self._surface(live)
         if path is not None:

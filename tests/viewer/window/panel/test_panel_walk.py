@@ -30,6 +30,7 @@ from milkglass.viewer.window.panel.parts import CLEAR, SCATTERS
 from milkglass.viewer.window.panel.profile import COEFFICIENTS, COLOUR, DIFFUSE, given_by
 from tests.support.driving import small_scene, write_knot, write_pair
 from tests.support.skins import picture, write_ball
+from tests.support.solids import ball
 from tests.support.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search, slide
 
 SECTIONS = ("Environment", "Ground", "Highlights", "Tone mapping", "Error", "Model", "Camera")
@@ -62,6 +63,9 @@ def value_of(scene: Scene, name: str) -> Any:
 def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
     environment = replace(scene.environment, path=probe)
     pair = replace(scene.model, path=write_pair(probe.with_name("pair.ply")))
+    holed, cut = replace(scene.model, path=probe.with_name("holed.ply")), ball(1.0)
+    cut.update_faces(cut.triangles_center[:, 2] < 0.8)
+    cut.export(holed.path)
     lamp = PointLight((-90.0, 70.0, 120.0), (2e5, 1e5, 3e5))
     return {
         "plain": scene,
@@ -74,6 +78,7 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "solved": replace(scene, transport=TransportSettings(resolution=24)),
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
         "pair": replace(scene, model=pair),
+        "holed": replace(scene, model=holed),
         "skin": replace(scene, model=replace(scene.model, path=probe.with_name("skin.glb"))),
         "pair in probe": replace(scene, model=pair, environment=environment),
         "colour": replace(scene, material=MaterialSettings(**given_by(scene.material, COLOUR))),
@@ -195,6 +200,24 @@ def try_what_is_shown(walker: Walker) -> None:
     assert walker.picture().shape[0] == walker.target.size[1]
     walker.click("fixed_size")
     assert not differ(walker.picture(), start)
+
+
+def try_nested(walker):
+    """What is inside shows where light is solved in the object, which starts from what it solved before."""
+    session, start = walker.session, walker.session.scene
+    path = Path(walker.app.preferences.folder) / "nested.ply"
+    trimesh.util.concatenate([ball(1.0), ball(0.7)]).export(path)
+    session.put(replace(start, model=replace(start.model, path=path), transport=TransportSettings(resolution=24)))
+    walker.settle()
+    hollow = walker.picture()
+    choose("model.nested", "solid")(walker)
+    assert session.scene.model.nested == "solid"
+    walker.settle()
+    assert differ(walker.picture(), hollow)
+    walker.click("model.nested.reset")
+    assert session.scene.model.nested == "hollow"
+    session.put(start)
+    walker.settle()
 
 
 def try_way(walker: Walker) -> None:
@@ -391,6 +414,7 @@ def test_every_control_changes_what_it_says(walker):
     walker.settle()
     for walk in (
         try_zoom,
+        try_nested,
         try_what_is_shown,
         try_way,
         try_lights,
