@@ -24,7 +24,7 @@ from milkglass.viewer.scene.settings import (
 from milkglass.viewer.window.replay import Headless
 
 STEP = 0.02  # seconds between frames
-SIZE = (900, 2400)  # window: tall, so that the whole panel shows; the picture itself is small
+SIZE = (900, 2560)  # window: tall, so that the whole panel shows; the picture itself is small
 PICTURE = (72, 64)
 
 

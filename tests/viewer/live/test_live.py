@@ -133,7 +133,7 @@ def test_a_thousand_random_changes_end_in_the_picture_of_their_sum(driver, conte
             memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     picture = driver.picture()
     assert context.error == "GL_NO_ERROR"
-    assert max(counts) - min(counts) <= 5
+    assert max(counts[1:]) - min(counts[1:]) <= 5  # programs are linked when a case of them is first drawn
     assert memory[-1] - memory[0] < 60_000  # KiB
     expected = headless_picture(driver.session.scene, PICTURE)
     assert picture.shape == expected.shape

@@ -299,6 +299,7 @@ def test_a_drag_with_fewer_nodes_keeps_the_surface_on_the_grid_of_the_picture(dr
 def test_an_open_mesh_falls_back_and_says_so(driver, tmp_path):
     mesh = trimesh.load_mesh(driver.session.scene.model.path, process=False)
     trimesh.Trimesh(mesh.vertices, mesh.faces[len(mesh.faces) // 5 :], process=False).export(tmp_path / "open.ply")
+    put(driver, "model.close_holes=false")
     driver.drop(tmp_path / "open.ply")
     live = driver.view.live
     assert live.finished.lit.quality.method == "ewald"

@@ -12,7 +12,7 @@ from milkglass.core.reference.photons import walk
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.lights import DirectionalLight
-from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.scene.scene import Scene, apply_set
 from milkglass.viewer.scene.settings import (
     CameraSettings,
     DisplaySettings,
@@ -106,7 +106,8 @@ def test_a_mesh_without_an_inside_is_told_and_rendered_with_ewald(context, tmp_p
     mesh = trimesh.creation.icosphere(subdivisions=3)
     mesh.update_faces(mesh.triangles_center[:, 1] > -0.6)
     mesh.export(tmp_path / "open.ply")
-    frame = Renderer(context).render(scene_of(tmp_path / "open.ply", (0.9, 0.97, 0.99), 8, 1.3, 0.0), samples=1)
+    scene = apply_set(scene_of(tmp_path / "open.ply", (0.9, 0.97, 0.99), 8, 1.3, 0.0), ["model.close_holes=false"])
+    frame = Renderer(context).render(scene, samples=1)
     assert frame.quality.method == "ewald"
     (sentence,) = (warning for warning in frame.warnings if "row sum" in warning)
     assert "needs a closed surface" in sentence

@@ -19,7 +19,7 @@ from milkglass.viewer.render.renderer import Renderer
 from tests.support.random_scenes import random_scene, write_models
 
 SCENES = 6
-PICTURES = int(os.environ.get("MILKGLASS_LONG_USE", "36"))
+PICTURES = int(os.environ.get("MILKGLASS_LONG_USE", "30"))
 WARM = 3  # rounds until caches are full
 GROWTH = 30 << 20  # bytes that the heap may move by over all that follows
 KINDS = ("Texture", "Buffer", "Framebuffer", "Renderbuffer", "Program", "VertexArray")

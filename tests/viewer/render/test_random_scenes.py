@@ -1,4 +1,9 @@
-"""Random scenes over the whole ranges of every setting: drawn or refused, finite, not negative, the same again."""
+"""Random scenes over the whole ranges of every setting: drawn or refused, finite, not negative, the same again.
+
+MILKGLASS_SCENES=200 draws so many of each transport in place of those that every run has time for.
+"""
+
+import os
 
 import numpy as np
 import pytest
@@ -7,7 +12,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.render.renderer import Renderer
 from tests.support.random_scenes import random_scene, write_models
 
-CASES = 40  # of each transport
+CASES = int(os.environ.get("MILKGLASS_SCENES", "12"))  # of each transport
 WARM = 2e-3  # that a warm start of the solver may change, of the brightest
 SPAN = {"layered": 0.0, "ewald": 0.0, "diffusion": WARM}
 

@@ -87,7 +87,7 @@ def test_a_scene_that_was_edited_elsewhere_is_offered_once(driver, tmp_path):
 
 def test_what_was_saved_here_is_not_offered(driver, tmp_path):
     path = tmp_path / "kept.toml"
-    assert driver.session.save(path, SIZE, 0.5)
+    assert driver.session.save(path, SIZE)
     driver.send(Focused(True))
     assert driver.app.actions.questions.current is None
 

@@ -278,7 +278,7 @@ def test_recorded_drop_of_a_mesh_and_a_probe_is_replayed_in_the_window(display, 
             recorder.add(Drawn(clock))
     recorder.add(Closed())
     recorder.close()
-    window = RealWindow(display, tmp_path, "--play", str(tmp_path / "play.jsonl"))
+    window = RealWindow(display, tmp_path, "--play", str(tmp_path / "play.jsonl"), "--into", str(tmp_path))
     try:
         _, errors = window.process.communicate(timeout=DEADLINE)
         assert (window.process.returncode, errors) == (0, "")
