@@ -22,7 +22,7 @@ from milkglass.viewer.scene.scene import Scene
 from milkglass.viewer.scene.tables import read_profile_table
 from milkglass.viewer.session.preferences import Preferences
 
-CASES = 400  # of each kind
+CASES = 200  # of each kind
 MOST_BYTES = 2 << 30  # that reading may add to the largest resident memory of the process
 WORDS = [b"nan", b"-1", b"1e999", b"99999999999", b"\xff\xfe", b"\0\0\0\0", b"[[[[", b'"', b"\n", b"{}", b"f 1 2", b"0"]
 

@@ -12,7 +12,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.render.renderer import Renderer
 from tests.support.random_scenes import random_scene, write_models
 
-CASES = int(os.environ.get("MILKGLASS_SCENES", "12"))  # of each transport
+CASES = int(os.environ.get("MILKGLASS_SCENES", "6"))  # of each transport
 WARM = 2e-3  # that a warm start of the solver may change, of the brightest
 SPAN = {"layered": 0.0, "ewald": 0.0, "diffusion": WARM}
 

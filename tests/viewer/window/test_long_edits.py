@@ -19,7 +19,7 @@ EDITS = (
     ("transport", {"method": "ewald"}), ("camera", {"azimuth_deg": 10.0}), ("environment", {"builtin": None}),
     ("transport", {"method": "diffusion"}), ("model", {"size_mm": 20.0}), ("model", {"size_mm": 100.0}),
 )  # fmt: skip
-ROUNDS = max(5, int(os.environ.get("MILKGLASS_LONG_USE", "0")) // len(EDITS))
+ROUNDS = max(4, int(os.environ.get("MILKGLASS_LONG_USE", "0")) // len(EDITS))
 WARM = 2  # rounds until what is kept for undoing an edit is all there
 GROWTH = 30 << 20  # bytes
 

@@ -21,9 +21,9 @@ def driver(context, model):
 def held(function, until: threading.Event):
     """A function that first waits for an event."""
 
-    def wait(*arguments):
+    def wait(*arguments, **named):
         assert until.wait(60.0)
-        return function(*arguments)
+        return function(*arguments, **named)
 
     return wait
 

@@ -412,6 +412,8 @@ def test_every_key_of_the_cheat_sheet_runs_its_command(display, tmp_path, scene_
             expected.append(command.id)  # undo and redo too: the ground's switch came before them
             expected += [] if takes_escape else ["dismiss"]
             assert ran() == expected
+        window.press("l")  # the lock of the exposure is an edit of the scene, which would be asked about
+        expected.append("toggle_exposure_lock")
         assert window.quit() == 0
     finally:
         window.stop()
