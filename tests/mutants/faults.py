@@ -534,7 +534,7 @@ FAULTS = (
     ),
     Fault(
         "output-over-a-texture",
-        "viewer/commands/cli.py",
+        "viewer/scene/keys.py",
         '"texture": model.texture,',
         "",
         "viewer/commands/test_cli.py::test_bad_line_is_one_sentence_and_code_2",

@@ -18,6 +18,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command, endings
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
 from milkglass.viewer.files.formats import PICTURE_FORMATS, check_picture_output, format_of
+from milkglass.viewer.scene.keys import input_files
 from milkglass.viewer.scene.scene import Scene, default_scene, first_look
 
 if TYPE_CHECKING:
@@ -272,14 +273,7 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
 
 def _check_inputs_stay(scene: Scene, target: str, option: str, more: Mapping[str, str | None]) -> None:
     """Raise InputError for a file to write that is one of those a scene or an option reads."""
-    model, material = scene.model, scene.material
-    inputs: dict[str, str | Path | None] = {
-        "model": model.path,
-        "texture": model.texture,
-        "normal map": model.normal_map,
-    }
-    inputs |= {"environment": scene.environment.path, "profile": material.profile_table, **more}
-    for role, path in inputs.items():
+    for role, path in (*input_files(scene).items(), *more.items()):
         if path is not None and os.path.realpath(path) == os.path.realpath(target):
             raise InputError(f"{option} {target} would overwrite the {role}; choose another name")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.scene.keys import input_files
 from milkglass.viewer.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -20,10 +21,9 @@ def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str
     from milkglass.viewer.error.report import check_report_path, map_path
 
     check_report_path(path)
-    inputs = {"model": scene.model.path, "environment": scene.environment.path, "reference": reference}
-    inputs |= {"texture": scene.model.texture, "normal map": scene.model.normal_map}
     protected: list[tuple[str, str | Path]] = [(f"--output {output}", output) for output in outputs]
-    protected += [(f"the {role}", file) for role, file in inputs.items() if file is not None]
+    protected += [(f"the {role}", file) for role, file in input_files(scene).items()]
+    protected += [] if reference is None else [("the reference", reference)]
     for written in (path, map_path(path)):
         for role, file in protected:
             if os.path.realpath(file) == os.path.realpath(written):

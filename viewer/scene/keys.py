@@ -48,6 +48,19 @@ def values_moving(scene: "Scene", parts: Collection[Part], without: Collection[s
     )
 
 
+def input_files(scene: "Scene") -> dict[str, Path]:
+    """Return the files that a model's picture is made of, by what sentences call them."""
+    model = scene.model
+    named = {
+        "model": model.path,
+        "texture": model.texture,
+        "normal map": model.normal_map,
+        "environment": scene.environment.path,
+        "profile": scene.material.profile_table,
+    }
+    return {role: path for role, path in named.items() if path is not None}
+
+
 def paths(scene: "Scene") -> Key:
     """Return every file that a scene names, its lights' none, with how often each has been taken anew."""
     tables = [getattr(scene, name) for name in TABLES]

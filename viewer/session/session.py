@@ -16,6 +16,7 @@ import tomli_w
 
 from milkglass.core.errors import InputError
 from milkglass.viewer.scene.declaration import settings_of
+from milkglass.viewer.scene.keys import input_files
 from milkglass.viewer.scene.lights import Light
 from milkglass.viewer.scene.scene import Change, Scene, changed
 from milkglass.viewer.scene.settings import CameraSettings
@@ -412,9 +413,7 @@ def real(path: Path) -> Path:
 
 def files_of(scene: Scene) -> set[Path]:
     """Return the model with what lies on it, the probe and the table of a scene, as far as they are files."""
-    model = scene.model
-    found = model.path, model.texture, model.normal_map, scene.environment.path, scene.material.profile_table
-    return {path for path in found if path is not None}
+    return set(input_files(scene).values())
 
 
 def _is_same(one: Scene, other: Scene) -> bool:
