@@ -387,6 +387,9 @@ class Transport(Protocol):
     def material(self, lit: EnteringFlux) -> tuple[object, ...]:
         """Return what it depends on of the material, profiles or media, as a key of stages."""
 
+    def start_cold(self) -> None:
+        """Forget the solutions that the next would start from, so that it is what a new transport finds, to the bit."""
+
     def release(self) -> None:
         """Release all kernels and results; those needed again are computed again."""
 

@@ -94,6 +94,9 @@ class ClearTransport:
         """Return nothing: no material has any light."""
         return ()
 
+    def start_cold(self) -> None:
+        """Forget nothing: there is no solution."""
+
     def release(self) -> None:
         """Release the other transport."""
         self.instead_of.release()

@@ -123,6 +123,10 @@ class FftTransport(ABC):
         """Return itself: it keeps nothing of a body, and its grid is handed to it."""
         return self
 
+    def start_cold(self) -> None:
+        """Forget nothing: no convolution starts from the last."""
+        return
+
     def release(self) -> None:
         """Release the kernels of all convolutions."""
         self.kernels.release()

@@ -317,6 +317,13 @@ class OfBodies:
             stages.run(Stage.BODIES, key, lambda: scattered)
         return scattered
 
+    def start_cold(self) -> None:
+        """Forget the solutions of all bodies, see `Transport.start_cold`."""
+        for body in self._bodies:
+            body.transport.start_cold()
+            body.stages.forget(Stage.SOLUTION)
+        self.whole.start_cold()
+
     def release(self) -> None:
         """Release the results of all bodies, and all kernels."""
         for body in self._bodies:

@@ -5,8 +5,8 @@ they run, so that help does not.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +29,15 @@ class PictureContents:
         Returns the names of linear channels, and bands (rows, w, c) float32 of them; None where they were not computed.
     profile : bytes, optional
         ICC profile of the image, where it is not sRGB.
+    texts : mapping
+        What is said of the picture, ASCII, by name.
     """
 
     size: tuple[int, ...]
     image: Callable[[], Iterable[npt.NDArray[np.unsignedinteger]]]
     layers: Callable[[], tuple[Sequence[str], Iterable[Float32]]] | None = None
     profile: bytes | None = None
+    texts: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class PictureFormat:
 def _write_png(path: str | Path, contents: PictureContents) -> None:
     from milkglass.viewer.files.images import write_png_bands
 
-    write_png_bands(path, contents.size, contents.image(), contents.profile)
+    write_png_bands(path, contents.size, contents.image(), contents.profile, contents.texts)
 
 
 def _write_exr(path: str | Path, contents: PictureContents) -> None:
@@ -68,7 +71,7 @@ def _write_exr(path: str | Path, contents: PictureContents) -> None:
 
     assert contents.layers is not None
     names, bands = contents.layers()
-    write_exr_bands(path, names, contents.size, bands)
+    write_exr_bands(path, names, contents.size, bands, contents.texts)
 
 
 PICTURE_FORMATS: dict[str, PictureFormat] = {

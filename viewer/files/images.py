@@ -12,6 +12,7 @@ import struct
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,7 @@ MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photogra
 # A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
 # ringing and become 0; more of them mean that the picture is something else.
 NEGATIVE_SHARE = 1e-3
+NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
 _PNG_FILTER_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
 _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
@@ -147,16 +149,36 @@ def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str]
         raise InputError(f"{path} cannot be written: {error.strerror}.") from error
 
 
-def write_png(path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | None = None) -> None:
+def read_texts(path: str | os.PathLike[str]) -> dict[str, str]:
+    """Return the texts that a PNG or EXR file holds beside its pixels, by name; errors as `read_image`."""
+    path = Path(path)
+    _check_input(path, (".png", ".exr"))
+    with reading(path, "the image"):
+        source = oiio.ImageInput.open(str(path))
+        if source is None:
+            _drop_error(oiio.geterror)
+            raise InputError(f"{path} cannot be read: it is damaged or not a {path.suffix} file.")
+        attributes = source.spec().extra_attribs
+        source.close()
+        return {one.name: one.value for one in attributes if isinstance(one.value, str)}
+
+
+def write_png(
+    path: str | os.PathLike[str], pixels: PixelsInt, profile: bytes | None = None, texts: Mapping[str, str] = NO_TEXTS
+) -> None:
     """Write (h, w, 1, 3 or 4) uint8 or uint16, sRGB with unassociated alpha, as a PNG, bit for bit.
 
-    Tagged sRGB, or with the ICC profile given.
+    Tagged sRGB, or with the ICC profile given; `texts`, ASCII, are kept beside the pixels.
     """
-    write_png_bands(path, pixels.shape[:2], [pixels], profile)
+    write_png_bands(path, pixels.shape[:2], [pixels], profile, texts)
 
 
 def write_png_bands(
-    path: str | os.PathLike[str], size: tuple[int, ...], bands: Iterable[PixelsInt], profile: bytes | None = None
+    path: str | os.PathLike[str],
+    size: tuple[int, ...],
+    bands: Iterable[PixelsInt],
+    profile: bytes | None = None,
+    texts: Mapping[str, str] = NO_TEXTS,
 ) -> None:
     """Write a PNG as `write_png`, whose rows come in bands (rows, w, 1, 3 or 4), from the top."""
     remaining = iter(bands)
@@ -172,18 +194,21 @@ def write_png_bands(
     else:
         spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(profile)}]"), np.frombuffer(profile, np.uint8))
     spec.attribute("oiio:UnassociatedAlpha", 1)  # else colours are divided by alpha on the way out
+    _say(spec, texts)
     _write(Path(path), ".png", spec, itertools.chain([first], remaining))
 
 
-def write_exr(path: str | os.PathLike[str], channels: Mapping[str, Pixels32]) -> None:
-    """Write named channels, each (h, w), as 32-bit float EXR with ZIP compression.
+def write_exr(
+    path: str | os.PathLike[str], channels: Mapping[str, Pixels32], texts: Mapping[str, str] = NO_TEXTS
+) -> None:
+    """Write named channels, each (h, w), as 32-bit float EXR with ZIP compression, and texts beside them.
 
     Names may have dots (`position.X`). The file format itself keeps channels sorted by name.
     """
     size = next(iter(channels.values())).shape if channels else ()
     if len(size) != 2 or any(plane.shape != size for plane in channels.values()):
         raise ValueError("channels must be one or more arrays of one shape (h, w)")
-    write_exr_bands(path, tuple(channels), size, channel_bands(channels))
+    write_exr_bands(path, tuple(channels), size, channel_bands(channels), texts)
 
 
 def channel_bands(channels: Mapping[str, Pixels32]) -> Iterator[Pixels32]:
@@ -194,14 +219,24 @@ def channel_bands(channels: Mapping[str, Pixels32]) -> Iterator[Pixels32]:
 
 
 def write_exr_bands(
-    path: str | os.PathLike[str], names: Sequence[str], size: tuple[int, ...], bands: Iterable[Pixels32]
+    path: str | os.PathLike[str],
+    names: Sequence[str],
+    size: tuple[int, ...],
+    bands: Iterable[Pixels32],
+    texts: Mapping[str, str] = NO_TEXTS,
 ) -> None:
     """Write an EXR as `write_exr`, whose rows come in bands (rows, w, c) of at most `BAND`, from the top."""
     spec = oiio.ImageSpec(size[1], size[0], len(names), "float")
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")  # the same picture gives the same bytes
+    _say(spec, texts)
     _write(Path(path), ".exr", spec, bands)
+
+
+def _say(spec: oiio.ImageSpec, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        spec.attribute(name, text)
 
 
 def _read(

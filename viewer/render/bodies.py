@@ -39,6 +39,11 @@ class Separation:
         self._context, self._run, self._layers = context, stages.run, layers
         self._kept: dict[tuple[Quality, Bodies, SurfaceSamples], OfBodies] = {}
 
+    def start_cold(self) -> None:
+        """Have all transports of bodies forget their solutions."""
+        for transport in self._kept.values():
+            transport.start_cold()
+
     def release(self) -> None:
         """Release the transports of bodies that later pictures could use again."""
         self._kept.clear()

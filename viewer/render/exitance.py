@@ -22,9 +22,12 @@ from milkglass.viewer.passes.reentry import ReentryTargets
 from milkglass.viewer.passes.refined import RefinedSurface
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.vertices import without_gaps
+from milkglass.viewer.scene.camera import Camera
 from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.settings import Gloss
 
+# Exitance has no direction; one that stays keeps its last digits from following the picture's camera.
+FROM_ONE_SIDE = Camera(np.eye(4), np.eye(4), np.array([0.0, 0.0, 1.0, 0.0]))
 # Gives values that are known at the vertices of a refined surface, (m, k), at the points that are asked for, (n, k).
 ValuesFound = Callable[[RefinedSurface, Floats], Floats]
 
@@ -82,7 +85,7 @@ class SurfaceExitance:
         for source in lamps_of(lit.sources):
             targets = replace(self._irradiance.targets(gbuffer.position.size, depth), stores=True)
             yield from self._irradiance.steps(
-                gbuffer, (source,), gather, self._no_highlights, lit.camera, targets, 0, sharing
+                gbuffer, (source,), gather, self._no_highlights, FROM_ONE_SIDE, targets, 0, sharing
             )
             lamps[source] = targets
         return lamps
@@ -136,12 +139,12 @@ class SurfaceExitance:
         if gather.reentry is not None:
             sources = *sources, gather.reentry.source
         highlights = self._no_highlights
-        yield from self._irradiance.steps(gbuffer, sources, gather, highlights, lit.camera, targets, 0, PARTS)
+        yield from self._irradiance.steps(gbuffer, sources, gather, highlights, FROM_ONE_SIDE, targets, 0, PARTS)
         # Radiance without an interface and over 1 sr is exitance, by the shader of every picture.
         composite = self._composite.targets(gbuffer.position.size, parts=False, depth=depth)
         bind_cleared(composite.framebuffer)
         traced = self._composite.not_traced(None, goes_inside=inside)
-        self._composite.render(gbuffer, targets, gather.bare(), highlights, lit.camera, 1.0, composite, traced)
+        self._composite.render(gbuffer, targets, gather.bare(), highlights, FROM_ONE_SIDE, 1.0, composite, traced)
         n, textures = len(places.points), (composite.textures["radiance"], targets.irradiance, targets.specular)
         exitance, irradiance, specular = (read_rgba(texture)[::-1].reshape(-1, 4)[:n, :3] for texture in textures)
         return exitance, irradiance, specular

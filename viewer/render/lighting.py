@@ -330,6 +330,12 @@ class Lighting:
         """Return the sources of its probe that shine as lamps, and the rest; None where no light comes from."""
         return self._surround.parted(environment)
 
+    def start_cold(self) -> None:
+        """Have all solvers forget the solutions that the next would start from."""
+        for solver in self._solvers.values():
+            solver.start_cold()
+        self._separation.start_cold()
+
     def release(self) -> None:
         """Let go of solvers and assets, but for the probes."""
         self._solvers.clear()

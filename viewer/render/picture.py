@@ -13,9 +13,11 @@ from milkglass.core.stages import Timings
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.files.formats import PictureContents, write_picture
 from milkglass.viewer.files.images import channel_bands
+from milkglass.viewer.files.record import Record
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import OUTPUTS, Composite
-from milkglass.viewer.scene.camera import Offset, pixel_offsets
+from milkglass.viewer.render.planes import write_depth, write_mask
+from milkglass.viewer.scene.camera import Camera, Offset, pixel_offsets
 from milkglass.viewer.scene.light_paths import LightPaths
 from milkglass.viewer.scene.scene import Scene
 
@@ -93,6 +95,7 @@ class Picture:
 
     composite: Composite
     image: moderngl.Framebuffer
+    camera: Camera
     transparent: bool
     warnings: tuple[str, ...]
     quality: Quality
@@ -113,10 +116,11 @@ class Still:
     remarks: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
     log_average: float = 0.0
+    record: Record | None = None
 
     def save(self, path: str | Path) -> None:
         """Write a format of the tone-mapped picture, ``.png``, whole or not at all; otherwise as `Frame.save`."""
-        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image]))
+        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], texts=_texts(self.record)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +155,12 @@ class Frame:
         Which rays of sight were followed, and why.
     log_average : float
         Of the object's radiance, by its brightest channel: as `display.average` it keeps this exposure for a series.
+    mask : (H, W) float32
+        Coverage of the pixel by the object alone, [0, 1].
+    depth : (H, W) float32
+        Distance of `position` along the camera's axis from the eye's plane, mm; with a parallel projection too.
+    record : Record, optional
+        What files of it say of its making.
     """
 
     radiance: Float32
@@ -163,12 +173,15 @@ class Frame:
     subsurface: Float32
     specular: Float32
     unscattered: Float32
+    mask: Float32
+    depth: Float32
     timings: Timings
     warnings: tuple[str, ...]
     quality: Quality
     remarks: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
     log_average: float = 0.0
+    record: Record | None = None
 
     @property
     def scattered(self) -> Float32:
@@ -181,6 +194,7 @@ class Frame:
         planes["A"] = self.alpha
         for layer, names in (("position", "XYZ"), ("normal", "XYZ")):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate(names)}
+        planes["depth.Z"] = self.depth
         for layer in ("irradiance", "exitance", "subsurface", "specular", "unscattered", "scattered"):
             planes |= {f"{layer}.{name}": getattr(self, layer)[..., i] for i, name in enumerate("RGB")}
         return planes
@@ -193,14 +207,41 @@ class Frame:
         InputError
             For another suffix or a place that cannot be written.
         """
-        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], self._layers))
+        texts = _texts(self.record)
+        write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], self._layers, texts=texts))
+
+    def save_mask(self, path: str | Path) -> None:
+        """Write `mask` as a PNG of 8 bits; errors as `save`."""
+        write_mask(path, self.mask)
+
+    def save_depth(self, path: str | Path) -> tuple[float, float]:
+        """Write `depth` as ``.exr`` or ``.png``, see `viewer.render.planes.write_depth`; errors as `save`."""
+        return write_depth(path, self.depth, self.mask)
 
     def _layers(self) -> tuple[Sequence[str], Iterable[Float32]]:
         channels = self.channels()
         return tuple(channels), channel_bands(channels)
 
 
-def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Frame:
+def _texts(record: Record | None) -> dict[str, str]:
+    return {} if record is None else record.texts()
+
+
+def read_still(picture: Picture, timings: Timings, *, record: Record | None = None) -> Still:
+    """Read the tone-mapped picture alone back from the GPU."""
+    return Still(
+        read_image(picture),
+        timings,
+        picture.warnings,
+        picture.quality,
+        picture.remarks,
+        picture.parts,
+        picture.log_average,
+        record,
+    )
+
+
+def read_frame(picture: Picture, timings: Timings, *, last: bool = False, record: Record | None = None) -> Frame:
     """Read a picture back from the GPU; if nobody needs it there any longer, part by part in its place."""
     with current(picture.image.ctx) as context:
         free_dropped(context)
@@ -219,13 +260,17 @@ def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Fra
     hit = alpha > 0.0
     normals = planes["normal"][hit]
     planes["normal"][hit] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    mask = np.minimum(alpha, 1.0)  # eight times 1/8 may round above 1
+    depth = np.where(hit, -(planes["position"] @ picture.camera.view[:3, 2] + picture.camera.view[3, 2]), 0.0)
     if picture.ground is not None:
         ground = np.maximum(1.0 - alpha, 0.0)[..., None] * read_rgba(picture.ground)
         planes["radiance"] += ground[..., :3]
         alpha += ground[..., 3]
     return Frame(
         **planes,
-        alpha=np.minimum(alpha, 1.0),  # eight times 1/8 may round above 1
+        alpha=np.minimum(alpha, 1.0),
+        mask=mask,
+        depth=depth.astype(np.float32),
         image=read_image(picture),
         timings=timings,
         warnings=picture.warnings,
@@ -233,6 +278,7 @@ def read_frame(picture: Picture, timings: Timings, *, last: bool = False) -> Fra
         remarks=picture.remarks,
         parts=picture.parts,
         log_average=picture.log_average,
+        record=record,
     )
 
 

@@ -16,11 +16,12 @@ import numpy as np
 
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
-from milkglass.core.stages import Stages, Timings
+from milkglass.core.stages import Stage, Stages, Timings
 from milkglass.core.threads import AtOnce, one_blas_thread
 from milkglass.core.transport.base import GoOn, Scattered
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import PartedProbe
+from milkglass.viewer.files.record import Record
 from milkglass.viewer.gl.context import check_image_size, current, free_dropped, headless_context, leave_framebuffer
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.ground import GroundPass
@@ -29,7 +30,7 @@ from milkglass.viewer.render.ground import Ground
 from milkglass.viewer.render.lighting import Lighting, Progress
 from milkglass.viewer.render.lit_scene import LitScene
 from milkglass.viewer.render.paths import Paths
-from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Still, read_frame, read_image
+from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Still, read_frame, read_still
 from milkglass.viewer.render.shading import Shading
 from milkglass.viewer.scene.camera import pixel_offsets
 from milkglass.viewer.scene.scene import Scene
@@ -63,22 +64,15 @@ def render(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress 
         from one that had drawn: drivers do not survive that.
     """
     with current(headless_context()):
-        return read_frame(*_drawn(scene, samples, seed, progress, parts=True), last=True)
+        drawn = _drawn(scene, samples, seed, progress, parts=True)
+        return read_frame(*drawn, last=True, record=Record.of(scene, samples, seed))
 
 
 def render_image(scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Still:
     """Render the tone-mapped picture alone, in five sixths of the memory; otherwise as `render`."""
     with current(headless_context()):
-        picture, timings = _drawn(scene, samples, seed, progress, parts=False)
-        return Still(
-            read_image(picture),
-            timings,
-            picture.warnings,
-            picture.quality,
-            picture.remarks,
-            picture.parts,
-            picture.log_average,
-        )
+        drawn = _drawn(scene, samples, seed, progress, parts=False)
+        return read_still(*drawn, record=Record.of(scene, samples, seed))
 
 
 def _drawn(scene: Scene, samples: int, seed: int, progress: Progress | None, *, parts: bool) -> tuple[Picture, Timings]:
@@ -141,7 +135,7 @@ class Renderer:
     def render(self, scene: Scene, *, samples: int = 4, seed: int = 0, progress: Progress | None = None) -> Frame:
         """Render a scene and read everything back; see `render`."""
         picture = self.draw(scene, PictureRequest(pixel_offsets(samples, seed), parts=True), progress=progress)
-        return read_frame(picture, self.timings)
+        return read_frame(picture, self.timings, record=Record.of(scene, samples, seed))
 
     @_in_turn
     def draw(
@@ -171,6 +165,12 @@ class Renderer:
             memory.give_back()
         say("drawing")
         return self._shade(scene, lit, gather, request, ground, paths)
+
+    def start_cold(self) -> None:
+        """Have the next solution start from nothing: its picture is that of a new renderer, to the bit."""
+        self._lighting.start_cold()
+        for solved in (Stage.SOLUTION, Stage.BODIES):
+            self.transport_stages.forget(solved)
 
     def _scattered(self, scene: Scene, say: Progress, *, draft: bool) -> tuple[LitScene, Gather]:
         """Light a scene and have it scattered; nothing else of that stays on the stack."""

@@ -168,7 +168,7 @@ class Shading:
         flaws = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
         said = (*flaws, *remarks.warnings(scene, lit)), remarks.remarks(scene, lit, gather)
         transparent = scene.display.background == "transparent"
-        return Picture(composite, image, transparent, said[0], lit.quality, average, said[1])
+        return Picture(composite, image, lit.camera, transparent, said[0], lit.quality, average, said[1])
 
     def pick(self, pixel: tuple[int, int]) -> tuple[float, float, float] | None:
         """Return the world position (mm) that the last picture shows at a pixel (column, row from the top), or None."""

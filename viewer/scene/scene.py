@@ -287,10 +287,36 @@ def _parse_assignment(assignment: str) -> Change:
     label = f"--set {name}"
     if not equals:
         raise InputError(f"--set {assignment!r} is not an assignment; write table.key=value")
+    if name in ("lights", MATERIALS):
+        return change_to(name, _toml_value(text), label)
+    kind = setting_at(name, label)[2].kind
+    value = _toml_value(text)
+    # A file called 7 or a material called nan is still text.
+    if kind in ("text", "path") and not isinstance(value, str):
+        value = text
+    return change_to(name, value, label)
+
+
+def change_to(name: str, value: Any, label: str, base: Path = Path()) -> Change:
+    """Return the change of a key to a value as a scene file has it: "display.key", "materials.NAME.eta", "lights".
+
+    `label` is what messages call it; `base` is what relative paths are relative to.
+
+    Raises
+    ------
+    InputError
+        For a name that is no key; the value is checked by `changed`.
+    """
     if name == "lights":
-        return Change("lights", "", _lights(_toml_value(text), label), label)
+        return Change(name, "", _lights(value, label), label)
     if name == MATERIALS:
-        return Change(MATERIALS, "", _materials(_toml_value(text), Path()), label)
+        return Change(name, "", _materials(value, base), label)
+    table, key, declared = setting_at(name, label)
+    return Change(table, key, _placed(declared, value, base), label)
+
+
+def setting_at(name: str, label: str) -> tuple[str, str, Setting]:
+    """Return the table, the key and the declaration of a setting, "table.key"."""
     keys = {f"{table}.{key}": (table, key) for table in TABLES for key in settings_of(TABLES[table])}
     of_part = name.rpartition(".")[0]
     if _part_of(of_part):
@@ -298,11 +324,13 @@ def _parse_assignment(assignment: str) -> Change:
     if name not in keys:
         raise InputError(f"{label} is unknown; {nearest(name, [*keys, 'lights'])}")
     table, key = keys[name]
-    value = _toml_value(text)
-    # A file called 7 or a material called nan is still text.
-    if settings_of(TABLES.get(table, MaterialSettings))[key].kind in ("text", "path") and not isinstance(value, str):
-        value = text
-    return Change(table, key, value, label)
+    return table, key, settings_of(TABLES.get(table, MaterialSettings))[key]
+
+
+def _placed(declared: Setting, value: Any, base: Path) -> Any:
+    """Return a value, where it is a path as of a file in the folder `base`."""
+    is_path = declared.kind == "path" and isinstance(value, str) and value
+    return os.path.join(base, os.path.expanduser(value)) if is_path else value
 
 
 def _toml_value(text: str) -> Any:
@@ -352,9 +380,7 @@ def _table(table: Any, content: Mapping[str, Any], label: str, base: Path) -> An
     for key, value in content.items():
         if key not in declared:
             raise InputError(f'unknown key {label}."{key}"; {nearest(key, declared)}')
-        if declared[key].kind == "path" and isinstance(value, str) and value:
-            value = os.path.join(base, os.path.expanduser(value))
-        values[key] = declared[key].checked(value, f"{label}.{key}")
+        values[key] = declared[key].checked(_placed(declared[key], value, base), f"{label}.{key}")
     for missing in (f.name for f in dataclasses.fields(table) if is_required(f) and f.name not in values):
         raise InputError(f"{label}.{missing} is missing; it must be {declared[missing].expected()}")
     return table(**_spelled_out(table.TABLE, values))

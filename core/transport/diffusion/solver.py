@@ -472,6 +472,14 @@ class DiffusionTransport:
         depth, height, width = (int(n) for n in counts + extra)
         return ConvolutionShape(*grid.shape, padding=(depth, height, width))
 
+    def start_cold(self) -> None:
+        """Forget the last solutions, see `core.transport.base.Transport.start_cold`; the surface's geometry stays."""
+        self._last = self._last_lit = None
+        if self._within is not None:
+            self._within.start_cold()
+        if self._coarse is not None:
+            self._coarse.start_cold()
+
     def release(self) -> None:
         """Release the kernels and the last surface and solution."""
         self.kernels.release()

@@ -61,6 +61,10 @@ class Within:
         self._last: End | None = None
         self._last_even: End | None = None
 
+    def start_cold(self) -> None:
+        """Forget where the last solutions ended."""
+        self._last = self._last_even = None
+
     def resolved(
         self,
         beams: Beams,

@@ -17,6 +17,7 @@ from tests.support.rendering import BACK, FRONT, METHODS, MeshRenderer, inside, 
 LAMPS = (DirectionalLight(FRONT, (3.0, 2.0, 1.0)), PointLight((-40.0, 30.0, -60.0), (2e4, 3e4, 4e4)))
 CHANNELS = [
     *"RGBA",
+    "depth.Z",
     *(f"{layer}.{axis}" for layer in ("position", "normal") for axis in "XYZ"),
     *(
         f"{layer}.{colour}"

@@ -49,7 +49,9 @@ def test_random_scenes_are_finite_and_a_kept_renderer_draws_as_a_new_one(context
             assert np.isfinite(layer).all(), f"case {i}: {name}"
             assert (layer >= 0.0).all(), f"case {i}: {name}"
         if i % 24 == 0:
-            first, second = drawn(Renderer(context), scene), drawn(Renderer(context), scene)
+            first = drawn(Renderer(context), scene)
+            kept.start_cold()
+            second = drawn(kept, scene)
             for name, layer in found.items():
                 np.testing.assert_array_equal(first[name], second[name], err_msg=f"case {i}: {name}")
                 allowed = SPAN[method] * float(layer.max(initial=0.0))
