@@ -11,7 +11,7 @@ from milkglass.viewer.commands.cli import app
 from milkglass.viewer.scene.settings_docs import settings_markdown
 from tests.support.paths import ROOT
 
-PAGES = ("README.md", "core/README.md", "viewer/README.md", "shaders/README.md")
+PAGES = ("README.md", "core/README.md", "viewer/README.md", "viewer/sweep/README.md", "shaders/README.md")
 TEXTS = {page: (ROOT / page).read_text(encoding="utf-8") for page in PAGES}
 PATH = r"`((?:core|viewer|shaders|tests)/[\w./]+)`"
 

@@ -18,6 +18,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.commands import edit as edit_command, endings
 from milkglass.viewer.commands.options import PHOTO_FLAGS, scene_options
 from milkglass.viewer.files.formats import PICTURE_FORMATS, check_picture_output, format_of
+from milkglass.viewer.files.record import is_picture, read_record
 from milkglass.viewer.scene.keys import input_files
 from milkglass.viewer.scene.scene import Scene, default_scene, first_look
 
@@ -132,6 +133,11 @@ def view(
 def render(
     scene: Scene,
     output: Annotated[list[str], typer.Option("--output", "-o", metavar="FILE", help=f"{RENDERED}; may be repeated.")],
+    context: typer.Context,
+    mask: Annotated[str | None, typer.Option(metavar="FILE.png", help="Coverage by the object, 8 bits.")] = None,
+    depth: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Distance along the camera's axis: .exr (mm), .png (16 bits).")
+    ] = None,
     reference: Annotated[
         str | None, typer.Option(metavar="FILE", help="Picture to compare with; exit code 1 if they differ.")
     ] = None,
@@ -140,9 +146,12 @@ def render(
         typer.Option(metavar="T", min=0.0, show_default="1/255", help="Largest accepted rms difference."),
     ] = DEFAULT_THRESHOLD,
     samples: Annotated[
-        int, typer.Option(metavar="N", min=1, max=256, help="Antialiasing samples a pixel.")
-    ] = DEFAULT_SAMPLES,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, max=2**32 - 1, help="Seed of the samples.")] = 0,
+        int | None,
+        typer.Option(metavar="N", min=1, max=256, show_default="4", help="Antialiasing samples a pixel."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", min=0, max=2**32 - 1, show_default="0", help="Seed of the samples.")
+    ] = None,
     report: Annotated[
         str | None,
         typer.Option(metavar="FILE.json", help="Error against a reference in float64; a map beside it, .png."),
@@ -164,6 +173,8 @@ def render(
 ) -> None:
     """Write pictures of a model without a window."""
     _check_outputs(scene, output, reference, report)
+    _check_planes(scene, mask, depth)
+    samples, seed = _sampling(context.params["scene"], samples, seed)
     compared = None if reference is None else _counterpart(reference, output)
     if path_traced is not None:
         from milkglass.viewer.error import path_traced as tracing
@@ -171,16 +182,40 @@ def render(
         tracing.check(scene, Path(path_traced), output)
         typer.echo(tracing.run(scene, Path(path_traced), path_traced_samples, seed))
     if report is None:
-        frame = _render(scene, samples, seed, output)
+        frame = _render(scene, samples, seed, output, linear=mask is not None or depth is not None)
         _save(frame, output)
     else:
         frame = _render_with_report(scene, samples, seed, output, report, report_points, report_photons)
+    if mask is not None:
+        frame.save_mask(mask)  # type: ignore[union-attr]  # a `Frame` where one is asked for
+    if depth is not None:
+        frame.save_depth(depth)  # type: ignore[union-attr]
     if verbose:
         from milkglass.viewer.commands import terminal
 
         terminal.show_frame(frame)
     if reference is not None and compared is not None:
         _compare(Path(compared), Path(reference), reference_threshold)
+
+
+@app.command()
+def sweep(
+    file: Annotated[str, typer.Argument(metavar="SWEEP.toml", help="A base scene, and what varies.")],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="DIR", help="Folder of the pictures; what is there stays.")
+    ],
+    workers: Annotated[int, typer.Option(metavar="N", min=1, max=1024, help="Processes that render.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers render.")
+    ] = None,
+    shard: Annotated[str | None, typer.Option(metavar="I/N", help="Make the I-th of N shares alone.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say how many, how long and how large, and stop.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Make more than a million pictures.")] = False,
+) -> None:
+    """Write many pictures of a scene; what is there already is not made again."""
+    from milkglass.viewer.commands import sweep as sweeping
+
+    sweeping.run(file, output, workers, scheduler, shard, dry=dry_run, yes=yes)
 
 
 @app.command()
@@ -229,15 +264,24 @@ def _run_window(scene: Scene, path: Path | None = None, record: Path | None = No
     show(scene, path, record)
 
 
-def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str]) -> "Frame | Still":
-    """Return the picture of a scene, tone-mapped alone where no output holds linear data."""
+def _sampling(scene: str | None, samples: int | None, seed: int | None) -> tuple[int, int]:
+    """Return the samples and the seed: those given, else those of the picture that the scene was read from."""
+    usual, usual_seed = DEFAULT_SAMPLES, 0
+    if scene is not None and is_picture(scene):
+        _, usual, usual_seed = read_record(scene)
+    return usual if samples is None else samples, usual_seed if seed is None else seed
+
+
+def _render(scene: Scene, samples: int, seed: int, outputs: Sequence[str], *, linear: bool = False) -> "Frame | Still":
+    """Return the picture of a scene, tone-mapped alone where nothing and no output holds linear data."""
     from rich.console import Console
 
     from milkglass.viewer.commands import terminal
     from milkglass.viewer.render import memory, renderer as frame
 
     memory.share_heap()
-    draw = frame.render if any(format_of(output).linear for output in outputs) else frame.render_image
+    linear = linear or any(format_of(output).linear for output in outputs)
+    draw = frame.render if linear else frame.render_image
     with terminal.progress_bar(Console(stderr=True)) as tell:
         picture = draw(scene, samples=samples, seed=seed, progress=tell)
     for warning in picture.warnings:
@@ -269,6 +313,17 @@ def _check_outputs(scene: Scene, outputs: Sequence[str], reference: str | None, 
     for output in outputs:
         check_picture_output(output)
         _check_inputs_stay(scene, output, "--output", {"reference": reference})
+
+
+def _check_planes(scene: Scene, mask: str | None, depth: str | None) -> None:
+    """Raise InputError for a mask or a depth that cannot be written, or would overwrite an input, before any work."""
+    from milkglass.viewer.files.images import check_output
+    from milkglass.viewer.render.planes import DEPTH_SUFFIXES, MASK_SUFFIXES
+
+    for option, target, suffixes in (("--mask", mask, MASK_SUFFIXES), ("--depth", depth, DEPTH_SUFFIXES)):
+        if target is not None:
+            check_output(target, suffixes)
+            _check_inputs_stay(scene, target, option, {})
 
 
 def _check_inputs_stay(scene: Scene, target: str, option: str, more: Mapping[str, str | None]) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from milkglass.core.errors import InputError
+from milkglass.viewer.files.record import is_picture, read_record
 from milkglass.viewer.scene.declaration import Setting, nearest, settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
 from milkglass.viewer.scene.material_settings import ADDED
@@ -102,7 +103,7 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
     InputError
         Naming the option or the scene file's key, the problem and the fix.
     """
-    scene = Scene.load(values["scene"]) if values["scene"] is not None else start or Scene()
+    scene = start or Scene() if values["scene"] is None else load_scene(values["scene"])
     # Two steps, so that --material replaces coefficients given by --set instead of conflicting with them; additions of
     # --set to a material apply to the named one.
     scene = apply_set(scene, values["set"] or [])
@@ -120,6 +121,11 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
     if values["light"]:
         changes.append(Change("lights", "", tuple(map(parse_light, values["light"])), "--light"))
     return changed(scene, changes)
+
+
+def load_scene(path: str) -> Scene:
+    """Read a scene file, or the scene that a picture was made of."""
+    return read_record(path)[0] if is_picture(path) else Scene.load(path)
 
 
 def parse_light(text: str) -> Light:

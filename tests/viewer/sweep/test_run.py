@@ -1,0 +1,206 @@
+"""Sweeps that are run: the same bytes whatever the order, the workers, the shard or a kill, and what is written."""
+
+import csv
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from milkglass.core.errors import InputError
+from milkglass.viewer.commands.cli import main
+from milkglass.viewer.files.images import read_channels, read_texts
+from milkglass.viewer.render.renderer import Renderer
+from milkglass.viewer.sweep import run as running, work
+from milkglass.viewer.sweep.run import Shard, count_missing, run
+from milkglass.viewer.sweep.sweep import Sweep
+from tests.support.solids import block
+
+pytestmark = pytest.mark.slow
+
+SCENE = """
+[model]
+path = "block.ply"
+size_mm = 20
+[transport]
+resolution = 24
+[display]
+image_size = [24, 24]
+[specular]
+strength = 0
+"""
+SWEEP = """
+scene = "scene.toml"
+[grid]
+"material.name" = ["jade", "whole milk"]
+[turntable]
+frames = 3
+[output]
+samples = 1
+files = ["png", "mask", "depth", "normal"]
+animation = "gif"
+"""
+
+
+@pytest.fixture
+def sweep(tmp_path, context):
+    block((2.0, 1.0, 0.5)).export(tmp_path / "block.ply")
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    (tmp_path / "turn.toml").write_text(SWEEP, encoding="utf-8")
+    return Sweep.load(tmp_path / "turn.toml")
+
+
+def pictures(folder):
+    """The hash of each picture's files."""
+    names = [name for row in json.loads((folder / "index.json").read_text("utf-8")) for name in row["files"]]
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
+
+
+def test_the_same_bytes_by_two_processes_by_shards_after_a_kill_and_alone(sweep, tmp_path, monkeypatch):
+    assert run(sweep, tmp_path / "one") == 6
+    expected = pictures(tmp_path / "one")
+    assert len(expected) == 6 * 5
+
+    for number in (2, 1):
+        run(sweep, tmp_path / "shards", shard=Shard(number, 2))
+    assert pictures(tmp_path / "shards") == expected
+
+    deaths = []
+
+    def executors():
+        pool = ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))
+        deaths.append(pool)
+        return pool
+
+    def tell(_):
+        if len(deaths) == 1:  # the first pool's workers, once a picture is there
+            for process in list(deaths[0]._processes.values()):
+                os.kill(process.pid, signal.SIGKILL)
+
+    run(sweep, tmp_path / "killed", executors, 2, tell=tell)
+    assert len(deaths) > 1
+    assert pictures(tmp_path / "killed") == expected
+
+    for name in ("00001.png", "00004.png"):
+        assert main(["render", "--scene", str(tmp_path / "one" / name), "--output", str(tmp_path / "alone.png")]) == 0
+        assert (tmp_path / "alone.png").read_bytes() == (tmp_path / "one" / name).read_bytes()
+
+
+def test_what_is_there_is_not_made_again_and_what_changed_is(sweep, tmp_path):
+    folder, made = tmp_path / "out", []
+    run(sweep, folder)
+    run(sweep, folder, tell=made.append)
+    assert made == []
+    (folder / "00002_mask.png").unlink()
+    (folder / ".sweep" / "0000004.row.json").write_text('{"hash": "cut sho', encoding="utf-8")
+    assert count_missing(sweep, folder) == 2
+    run(sweep, folder, tell=made.append)
+    assert sorted(one.index for one in made) == [2, 4]
+
+    block((2.0, 1.0, 0.6)).export(tmp_path / "block.ply")
+    assert count_missing(sweep, folder) == 6
+    scene = (tmp_path / "scene.toml").read_text("utf-8")
+    (tmp_path / "scene.toml").write_text(scene.replace("size_mm = 20", "size_mm = 20.0"), encoding="utf-8")
+    block((2.0, 1.0, 0.5)).export(tmp_path / "block.ply")
+    assert count_missing(Sweep.load(tmp_path / "turn.toml"), folder) == 0
+
+
+def test_indices_planes_and_cameras_say_what_each_picture_is(sweep, tmp_path):
+    folder = tmp_path / "out"
+    run(sweep, folder)
+    with (folder / "index.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["material.name"] for row in rows] == ["jade"] * 3 + ["whole milk"] * 3
+    assert [float(row["turn_deg"]) for row in rows] == [0.0, 120.0, 240.0] * 2
+    assert {row["version"] for row in rows} == {read_texts(folder / "00000.png")["Software"].split()[1]}
+    assert len({row["hash"] for row in rows}) == 6
+
+    # A point of the surface, by the camera of transforms.json, is at its pixel and as deep as the plane says.
+    transforms = json.loads((folder / "transforms.json").read_text("utf-8"))
+    for i, frame in enumerate(transforms["frames"]):
+        to_world = np.array(frame["transform_matrix"])
+        scene = sweep.row(i).scene
+        depth = read_channels(folder / f"{i:05d}_depth.exr")["Z"]
+        steps = np.asarray(Image.open(folder / f"{i:05d}_depth.png")).astype(float)
+        mask = np.asarray(Image.open(folder / f"{i:05d}_mask.png"))
+        assert ((depth > 0) == (mask == 255)).all()
+        near, far = float(rows[i]["depth_near_mm"]), float(rows[i]["depth_far_mm"])
+        mean = near + (steps[mask > 0] - 1) / 65534 * (far - near)
+        np.testing.assert_allclose(mean, depth[mask > 0], atol=1e-3)
+        y, x = np.argwhere(mask == 255).mean(axis=0).round().astype(int)
+        ray = np.array([(x + 0.5 - frame["cx"]) / frame["fl_x"], -(y + 0.5 - frame["cy"]) / frame["fl_y"], -1.0])
+        place = to_world[:3, :3] @ (ray * depth[y, x]) + to_world[:3, 3]
+        assert (np.abs(place) <= np.array([10.0, 5.0, 2.5]) + 0.02).all()  # of the block
+        assert np.isclose(np.abs(place), [10.0, 5.0, 2.5], atol=0.02).any()
+        assert scene.camera.target_mm == (0.0, 0.0, 0.0)
+    assert len({frame["fl_x"] for frame in transforms["frames"]}) == 1  # one zoom, for the turn does not breathe
+
+    with Image.open(folder / "turntable-00001.gif") as film:
+        assert film.n_frames == 3
+    with Image.open(folder / "contact_sheet.png") as sheet:
+        assert sheet.width > 3 * 160
+
+
+def test_a_kept_renderer_that_starts_cold_draws_as_a_new_one(sweep):
+    first, second = sweep.row(0).scene, sweep.row(4).scene
+    kept = Renderer()
+    kept.render(first, samples=1)
+    kept.start_cold()
+    np.testing.assert_array_equal(
+        kept.render(second, samples=1).radiance, Renderer().render(second, samples=1).radiance
+    )
+
+
+def test_another_sweeps_folder_is_left_alone(sweep, tmp_path, capsys):
+    run(sweep, tmp_path / "out", shard=Shard(6, 6))
+    (tmp_path / "other.toml").write_text('[grid]\n"model.size_mm" = [1]\n', encoding="utf-8")
+    assert main(["sweep", str(tmp_path / "other.toml"), "--output", str(tmp_path / "out")]) == 2
+    assert "holds pictures of another sweep (turn, over material.name, turn_deg)" in capsys.readouterr().err
+
+
+def test_a_dry_run_says_how_many_and_writes_nothing(sweep, tmp_path, capsys):
+    assert main(["sweep", str(tmp_path / "turn.toml"), "--output", str(tmp_path / "out"), "--dry-run"]) == 0
+    assert capsys.readouterr().out.startswith("6 pictures, 6 of them to be made: about ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_workers_that_die_again_and_again_end_in_a_sentence(sweep, tmp_path):
+    class Dying(running.AtOnce):
+        def submit(self, work, /, *args, **kwargs):
+            raise BrokenProcessPool
+
+    with pytest.raises(InputError, match="were killed 3 times at the same picture"):
+        run(sweep, tmp_path / "out", Dying)
+
+
+def test_a_full_disk_is_a_sentence_and_the_next_run_goes_on(sweep, tmp_path, monkeypatch):
+    folder, write, count = tmp_path / "out", work.ledger.write_row, []
+
+    def full(*args):
+        if len(count) == 2:
+            raise InputError(f"{folder} could not be written (No space left on device)")
+        count.append(write(*args))
+
+    monkeypatch.setattr(work.ledger, "write_row", full)
+    with pytest.raises(InputError, match="No space left"):
+        run(sweep, folder)
+    monkeypatch.undo()
+    assert run(sweep, folder) == 4
+
+
+def test_more_than_a_million_pictures_are_asked_for_twice(tmp_path, capsys):
+    (tmp_path / "many.toml").write_text("[random]\ncount = 1000001\nmodel.size_mm = {low=1,high=2}", encoding="utf-8")
+    assert main(["sweep", str(tmp_path / "many.toml"), "--output", str(tmp_path / "out")]) == 2
+    assert "has 1,000,001 pictures; add --yes" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "a/2", "2", "1/"])
+def test_a_wrong_shard_is_a_sentence(text):
+    with pytest.raises(InputError, match="write I/N such as 2/8"):
+        Shard.parse(text)

@@ -1,0 +1,74 @@
+"""A few pictures of a sweep, where they are made: in any process, on any machine; what is known is in files."""
+
+import functools
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from milkglass.viewer.sweep import ledger
+from milkglass.viewer.sweep.outputs import OUTPUTS, files_of
+from milkglass.viewer.sweep.studio import Studio
+from milkglass.viewer.sweep.sweep import Row
+
+
+@dataclass(frozen=True)
+class Task:
+    """A few pictures to make, most often of one state of light and material.
+
+    Attributes
+    ----------
+    rows : tuple of (Row, str)
+        With the hash of each, in their order.
+    kinds : tuple of str
+        Of `viewer.sweep.outputs.OUTPUTS`.
+    samples, seed : int
+    folder : Path
+    """
+
+    rows: tuple[tuple[Row, str], ...]
+    kinds: tuple[str, ...]
+    samples: int
+    seed: int
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a task returns of a picture: little, since all else is in files.
+
+    Attributes
+    ----------
+    index : int
+    seconds : float
+    size : int
+        Bytes of its files.
+    """
+
+    index: int
+    seconds: float
+    size: int
+
+
+def make(task: Task) -> list[Finished]:
+    """Make the pictures of a task and write their files, each picture's row last."""
+    studio, finished = process_studio(), []
+    linear = any(OUTPUTS[kind].linear for kind in task.kinds)
+    for row, content in task.rows:
+        start, path = time.perf_counter(), task.folder / row.name
+        shot = studio.shot(row.scene, task.samples, task.seed, linear=linear, series=row.series)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        more: dict[str, float] = {}
+        for kind in task.kinds:
+            more |= OUTPUTS[kind].write(path, shot.frame)
+        more["seconds"] = round(time.perf_counter() - start, 3)
+        files = files_of(row.name, task.kinds)
+        ledger.write_row(task.folder, row, content, files, shot, more)
+        size = sum((task.folder / file).stat().st_size for file in files)
+        finished.append(Finished(row.index, more["seconds"], size))
+    return finished
+
+
+@functools.cache
+def process_studio() -> Studio:
+    """Return the studio of this process."""
+    return Studio()
