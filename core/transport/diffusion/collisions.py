@@ -37,6 +37,8 @@ KEPT = 3  # of media, and of indices
 LEAST_SHARE = 0.2  # that collides: less counts as this
 COSINES = 4096  # of tables of Fresnel's factors
 PATCHES_AT_A_TIME = 1024
+ROUNDING = np.finfo(np.float32).eps  # of shares: next to no matter, of which only that is left
+ENDLESS = 1e30  # mm: a way that light never gets through, which of no matter at all is no mean free path long
 
 
 class Collisions(NamedTuple):
@@ -92,7 +94,7 @@ class FirstCollisions:
         return self._kept.of((medium.eta, medium.sigma_t_prime), lambda: self._found(medium))
 
     def _found(self, medium: Medium) -> Collisions | None:
-        areas, thickness = self._areas, np.where(self._thickness > 0.0, self._thickness, np.inf)
+        areas, thickness = self._areas, np.where(self._thickness > 0.0, self._thickness, ENDLESS)
         if areas @ np.exp(-medium.sigma_t_prime * thickness) < DENSE * areas.sum():
             return None
         exits = self._exits(medium.eta)
@@ -107,7 +109,7 @@ class FirstCollisions:
         # Few rays that meet the object count with one of all.
         one = 1.0 / len(weights)
         from_object = np.einsum("ij,ij->j", meets, colliding, dtype=np.float64) + one * share
-        towards = from_object / np.maximum((one + weights @ meets) * share, np.finfo(np.float64).tiny)
+        towards = from_object / ((one + weights @ meets) * np.maximum(share, ROUNDING))
         return Collisions(share, curved, towards)
 
 
@@ -254,9 +256,9 @@ def _left(meetings: list[tuple[Int32, Float32, Float32]], n: int, table: Float32
     """Return where light of the first n paths leaves by a table of F_r from inside: lengths, shares, (EXITS, n) each.
 
     Of a path that is not reflected totally the rest goes on to where it meets the surface next. Nothing is left to
-    chance, so that neighbours are alike. Lengths are infinite where light does not leave.
+    chance, so that neighbours are alike. Lengths are `ENDLESS` where light does not leave.
     """
-    lengths, shares = np.full((EXITS, n), np.inf, np.float32), np.zeros((EXITS, n), np.float32)
+    lengths, shares = np.full((EXITS, n), ENDLESS, np.float32), np.zeros((EXITS, n), np.float32)
     kept, exits = np.ones(n, np.float32), np.zeros(n, np.intp)
     for paths, cosines, along in meetings:
         used = int(np.searchsorted(paths, n))

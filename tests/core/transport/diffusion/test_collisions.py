@@ -93,3 +93,11 @@ def test_light_towards_the_object_itself_goes_straight_across():
     straight = (1.0 - 0.98 * np.exp(-1.0)) / colliding(lambda inside: 1.0 / inside)  # along the normal but for F_r
     assert beneath.any()
     assert ((found.towards > straight) & (found.towards < 0.98))[beneath].all()
+
+
+@pytest.mark.parametrize("eta", ETAS)
+def test_without_matter_next_to_nothing_collides_and_all_is_finite(plate, eta):
+    found = plate.collisions.of(Medium(0.0, 0.0, eta))  # light that the plate keeps in has no end, and no free path
+    assert all(np.isfinite(part.astype(np.float32)).all() for part in found)
+    middle = np.abs(plate.patches.points[:, :2]).max(axis=1) < 15.0
+    assert np.abs(found.share[middle]).max() < 0.02
