@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 import numpy as np
 
 from milkglass.core.arrays import Array
+from milkglass.core.errors import InputError
 from milkglass.core.geometry.bodies import Bodies, bodies_of_kinds, find_bodies
 from milkglass.core.geometry.detail import MeshDetail
 from milkglass.core.geometry.mesh import Mesh
@@ -70,8 +71,8 @@ class ModelFile:
     """A model in a file; parameters and errors as `viewer.files.model.read_model`."""
 
     path: Path
-    size_mm: float
-    up: str
+    size_mm: float | str
+    up: str | None
     close_holes: bool = True
 
     @property
@@ -89,7 +90,7 @@ class BuiltinModel:
     """A shape that needs no file, see `viewer.files.builtin.builtin_model`."""
 
     shape: str
-    size_mm: float
+    size_mm: float | str
     up: str
 
     @property
@@ -99,6 +100,10 @@ class BuiltinModel:
 
     def load(self, assets: "Assets") -> FileModel:
         """Make the shape."""
+        if isinstance(self.size_mm, str):
+            raise InputError(
+                f'model.size_mm = "{self.size_mm}" needs a model of a file; {self.name} has no size, give mm'
+            )
         if self.shape in VESSELS:
             return builtin_vessel(self.shape, self.size_mm, self.up)
         return FileModel(builtin_model(self.size_mm, self.up))
@@ -452,7 +457,7 @@ def whole_source(settings: ModelSettings) -> ModelSource:
     if settings.path is not None:
         return ModelFile(settings.path, settings.size_mm, settings.up, settings.close_holes)
     assert settings.builtin_name is not None
-    return BuiltinModel(settings.builtin_name, settings.size_mm, settings.up)
+    return BuiltinModel(settings.builtin_name, settings.size_mm, settings.up or "y")
 
 
 def probe_source(environment: EnvironmentSettings) -> Source[Probe]:

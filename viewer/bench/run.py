@@ -213,7 +213,7 @@ def _models(model: Path | None, scene: Scene) -> dict[str, Callable[[], Mesh]]:
 def _yardsticks(
     plan: Plan, scene: Scene, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport
 ) -> None:
-    size = scene.model.size_mm
+    size = scene.model.length_mm
     scene_models = models or {f"sculpture, {size:g} mm": lambda: builtin_model(size)}
 
     def selected(names: tuple[str, ...]) -> dict[str, Callable[[], Mesh]]:

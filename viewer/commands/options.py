@@ -184,7 +184,7 @@ def _parsed(flag: Flag, value: Any) -> Any:
         return _numbers(value.lower(), "x", f"{flag.option} {value}", fix, int)
     kind = {"number": float, "integer": int}.get(flag.setting.kind)
     try:
-        return value if kind is None else kind(value)
+        return value if kind is None or value in flag.setting.choices else kind(value)
     except ValueError:
         return value
 

@@ -306,7 +306,7 @@ def _model_content(scene: Scene, lit: LitScene) -> dict[str, Any]:
     return {
         "path": None if scene.model.path is None else Path(scene.model.path).name,
         "builtin": scene.model.builtin_name,
-        "size_mm": scene.model.size_mm,
+        "size_mm": lit.model.size_of(scene.model.size_mm),
         "bodies": {"mode": scene.model.bodies, "count": 1 if lit.bodies is None else lit.bodies.count},
     }
 

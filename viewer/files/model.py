@@ -26,6 +26,7 @@ from milkglass.core.geometry.normals import unit
 from milkglass.core.geometry.solids import COUNTS, Solids, solids
 from milkglass.core.geometry.vessels import VESSELS
 from milkglass.core.threads import computed_once
+from milkglass.viewer.files.conventions import FILE, conventions
 from milkglass.viewer.files.decoding import cause_of, textures_only
 from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
@@ -64,6 +65,8 @@ class FileModel:
         Name of the file's material of each part, empty where it has none.
     clear : tuple of Mesh
         Parts that have been taken out of it, see `parted`.
+    file_size : str
+        The size that it has in its file, in words; empty where there is no file.
     """
 
     mesh: Mesh
@@ -73,6 +76,7 @@ class FileModel:
     names: tuple[tuple[str, ...], ...] = ()
     materials: tuple[str, ...] = ()
     clear: tuple[Mesh, ...] = ()
+    file_size: str = ""
 
     @computed_once
     def parts(self) -> tuple[tuple[tuple[str, ...], Bools], ...]:
@@ -135,7 +139,7 @@ class FileModel:
         if scattering:
             mesh = replace(mesh, kinds=kinds[left])
         of_face = None if self.of_face is None else self.of_face[left]
-        return FileModel(mesh, self.warnings, look, of_face, self.names, self.materials, meshes)
+        return replace(self, mesh=mesh, look=look, of_face=of_face, clear=meshes)
 
     def solid(self, name: str, nested: str = "hollow") -> "FileModel":
         """Return the model with the boundaries of its matter alone, see `core.geometry.solids`.
@@ -161,7 +165,7 @@ class FileModel:
             look = None if look is None else look.cut(matter.face, matter.weights)
             of_face = None if of_face is None else of_face[matter.face]
         said = f"{name}: {'; '.join(_clauses(changed, nested))}."
-        return FileModel(mesh, (said, *warnings), look, of_face, self.names, self.materials, tuple(clear))
+        return replace(self, mesh=mesh, warnings=(said, *warnings), look=look, of_face=of_face, clear=tuple(clear))
 
     def _drawn_as_one(self, name: str) -> tuple[str, ...]:
         """Return a sentence where parts of several of the file's materials are of one matter, that of [material]."""
@@ -232,13 +236,13 @@ def submesh(mesh: Mesh, chosen: Bools) -> Mesh:
     return Mesh.of(mesh.vertices[used], mesh.normals[used], faces)
 
 
-def load_model(path: str | Path, size_mm: float, up: str = "y") -> tuple[Mesh, str | None]:
+def load_model(path: str | Path, size_mm: float | str, up: str | None = None) -> tuple[Mesh, str | None]:
     """Return the mesh of a model file, the boundary of its matter, and one sentence on its flaws or None."""
     model = read_model(path, size_mm, up).solid(str(path))
     return model.mesh, next(iter(model.warnings), None)
 
 
-def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: bool = True) -> FileModel:
+def read_model(path: str | Path, size_mm: float | str, up: str | None = None, *, close_holes: bool = True) -> FileModel:
     """Read a model file and place it in world space.
 
     Parts of a scene are joined, each with its transform. Normals of the file are kept, hard edges included,
@@ -248,10 +252,10 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
     Parameters
     ----------
     path : str or Path
-    size_mm : float
-        Longest side of the bounding box in world space, finite and > 0.
-    up : str
-        The file's up axis: x, y, z, -x, -y or -z.
+    size_mm : float or "file"
+        Longest side of the bounding box in world space, finite and > 0; or that which it has in the file.
+    up : str, optional
+        The file's up axis: x, y, z, -x, -y or -z; as `viewer.files.conventions` has it if not given.
     close_holes : bool
         Whether simple holes are closed, see `core.geometry.repair.caps`.
 
@@ -266,7 +270,12 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
         No file, not a model, no faces, vertices that are not finite numbers, nothing but degenerate faces.
     """
     path = Path(path)
-    check_size(size_mm)
+    declared = conventions(path)
+    up = declared.up if up is None else up
+    if not isinstance(size_mm, str):
+        check_size(size_mm)
+    elif size_mm != FILE:
+        raise InputError(f'model.size_mm must be a length or "{FILE}", not {size_mm!r}.')
     up_rotation(up)
     looks = LookParts(path.suffix.lower())
     with texture_troubles() as troubles, textures_only(), reading(path, "the model"):
@@ -281,13 +290,16 @@ def read_model(path: str | Path, size_mm: float, up: str = "y", *, close_holes: 
     used, triangles = compact(faces[distinct], len(vertices))
     if len(triangles) == 0:
         raise InputError(all_degenerate(path))
-    placed = place_in_world(vertices[used], size_mm, up)
+    longest = float(np.ptp(vertices[used], axis=0).max())
+    size = declared.size(longest, path) if isinstance(size_mm, str) else size_mm
+    placed = place_in_world(vertices[used], size, up)
     names, materials = _part_names(scene)
     turned_up = normals[used] @ up_rotation(up).T
     found = condition(path, placed, turned_up, triangles, rows[distinct], close_holes=close_holes)
     look, of_face = looks.look(found.corners), looks.parts(found.corners)
     said = (*(("; ".join(found.said),) if found.said else ()), *troubles, *left_out)
-    return FileModel(found.mesh, tuple(f"{path}: {clause}." for clause in said), look, of_face, names, materials)
+    warnings = tuple(f"{path}: {clause}." for clause in said)
+    return FileModel(found.mesh, warnings, look, of_face, names, materials, file_size=declared.size_text(longest))
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:

@@ -124,7 +124,7 @@ class Controls:
         """Draw the control of any value that a `Setting` describes; returns the new value, None if unchanged."""
         imgui.begin_disabled(off is not None)
         self.begin_row(label, resettable=True)
-        if declared.choices and not declared.pattern:
+        if declared.choices and not declared.pattern and not declared.is_number:
             new = self._choice(name, declared, value, automatic)
         elif declared.kind == "boolean":
             changed, new = imgui.checkbox(f"##{name}", value)
@@ -133,7 +133,7 @@ class Controls:
             new = self._integer(name, declared, value, reach or REACH.get(name), automatic)
         else:
             new = self._number(name, declared, value, reach or REACH.get(name), automatic)
-        hint = TYPE_HINT if declared.kind in ("number", "integer") else RESET_HINT
+        hint = TYPE_HINT if declared.is_number else RESET_HINT
         tip = explained(declared, reset.default) + "\n" + (hint if off is None else off)
         self.end_row(name, label, tip, reset.run, differs=value != reset.default, is_off=off is not None)
         imgui.end_disabled()
@@ -299,11 +299,18 @@ class Controls:
         return new if new is None or declared.high is None else min(new, int(declared.high))
 
     def _number(
-        self, name: str, declared: Setting, value: float | None, reach: Reach | None, automatic: float | str | None
+        self,
+        name: str,
+        declared: Setting,
+        value: float | str | None,
+        reach: Reach | None,
+        automatic: float | str | None,
     ) -> float | None:
         reach = reach or Reach(declared.low or 0.0, declared.high or 1.0)
-        shown = float(automatic or reach.low) if value is None else value
-        text = f"{'auto: ' if value is None else ''}{reach.format % shown}{UNITS.get(declared.unit, '')}"
+        is_word = not isinstance(value, float | int)
+        shown = value if isinstance(value, float | int) else float(automatic or reach.low)
+        word = f"{value or 'auto'}: " if is_word else ""
+        text = f"{word}{reach.format % shown}{UNITS.get(declared.unit, '')}"
         return self.sliders.number(name, shown, reach.low, reach.high, text, logarithmic=reach.logarithmic)
 
     def _put(self, table: str, key: str, value: Any) -> None:
@@ -321,7 +328,7 @@ def explained(declared: Setting, default: Any) -> str:
     text = purpose[:1].upper() + purpose[1:] + "."
     facts = [declared.unit and f"unit {declared.unit}"]
     is_bounded = min(-(declared.low or 0.0), declared.high or 0.0) < BOUNDLESS
-    facts += [declared.range_text()] if declared.kind in ("number", "integer") and is_bounded else []
+    facts += [declared.range_text()] if declared.is_number and is_bounded else []
     if declared.default_text or default not in (None, dataclasses.MISSING):
         shown = ("off", "on")[default] if declared.kind == "boolean" else default
         facts.append(f"default {declared.default_text or shown}")

@@ -114,7 +114,7 @@ def edit(
         timings[stage], clock = 1e3 * (perf_counter() - clock), perf_counter()
 
     progress("estimating the depth")
-    framing = frame_object(photo, scene.model.size_mm)
+    framing = frame_object(photo, scene.model.length_mm)
     white, depth = scene.display.white, scene.photo
     lights: list[Future[Probe]] = []
     geometry = make_geometry(

@@ -47,7 +47,7 @@ class ObjectRequest:
     @classmethod
     def of(cls, scene: Scene, mask: int) -> "ObjectRequest":
         """Return what a scene and a version of the mask ask for."""
-        return cls(mask, scene.key(Part.OBJECT), scene.model.size_mm, scene.display.white, scene.photo)
+        return cls(mask, scene.key(Part.OBJECT), scene.model.length_mm, scene.display.white, scene.photo)
 
     @property
     def light(self) -> tuple[object, ...]:

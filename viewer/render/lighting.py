@@ -353,7 +353,7 @@ class Lighting:
 
     def _load(self, settings: ModelSettings) -> Model:
         file = self._assets.model(settings)
-        model = Model(file.mesh, MeshBuffers(self._context, file.mesh), file.warnings)
+        model = Model(file.mesh, MeshBuffers(self._context, file.mesh), file.warnings, file_size=file.file_size)
         if not file.clear:
             return model
         buffers = MeshBuffers(self._context, joined(*file.clear))

@@ -59,6 +59,8 @@ class Model:
         Of that.
     lift : float
         How far the mesh is above the lowest point of the whole, mm.
+    file_size : str
+        The size that it has in its file, in words; empty where there is no file.
     """
 
     mesh: Mesh
@@ -69,11 +71,16 @@ class Model:
     with_clear: Mesh | None = None
     whole_buffers: MeshBuffers | None = None
     lift: float = 0.0
+    file_size: str = ""
 
     @property
     def whole(self) -> Mesh:
         """Return all that is seen, clear parts too."""
         return self.with_clear or self.mesh
+
+    def size_of(self, size_mm: float | str) -> float:
+        """Return the size that a scene asks for, mm, which is this model's where it asks for the file's."""
+        return float(f"{np.ptp(self.whole.bounds, axis=0).max():.6g}") if isinstance(size_mm, str) else size_mm
 
 
 def kinds_of(bodies: Int32, matter: tuple[Matter, ...]) -> Ints:

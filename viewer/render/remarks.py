@@ -35,6 +35,16 @@ def remarks(scene: Scene, lit: LitScene, gather: Gather) -> tuple[str, ...]:
     return tuple(sentence for sentence in inexact if sentence is not None)
 
 
+def sizes(scene: Scene, lit: LitScene) -> tuple[str, ...]:
+    """Return a sentence on the size that the model has in its file and in the picture, if it is a file's."""
+    size = lit.model.size_of(scene.model.size_mm)
+    return (
+        (f"the size of the model in its file is {lit.model.file_size}; in the picture it is {size:.4g} mm",)
+        if lit.model.file_size
+        else ()
+    )
+
+
 def lacks_crossing(scene: Scene, mesh: Mesh, method: str) -> str | None:
     """Return a sentence if much light crosses the object without scattering, and the transport knows none such.
 

@@ -166,7 +166,10 @@ class Shading:
         average: float,
     ) -> Picture:
         flaws = (*lit.model.warnings, *lit.troubles, *bodies_warnings(lit.bodies), *lit.quality.warnings)
-        said = (*flaws, *remarks.warnings(scene, lit)), remarks.remarks(scene, lit, gather)
+        said = (
+            (*flaws, *remarks.warnings(scene, lit)),
+            (*remarks.remarks(scene, lit, gather), *remarks.sizes(scene, lit)),
+        )
         transparent = scene.display.background == "transparent"
         return Picture(composite, image, lit.camera, transparent, said[0], lit.quality, average, said[1])
 

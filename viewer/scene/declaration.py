@@ -38,7 +38,7 @@ class Setting:
     unit : "mm", "1/mm", "deg", "px" or empty
     low, high : inclusive range of a number, None where open; non-finite numbers are never accepted
     length : number of elements of a vector, None for a single value
-    choices : the only texts accepted, empty for any
+    choices : the only texts accepted, empty for any; of a number, texts accepted in its place
     optional : True where None (key absent) is a value
     nonzero : True where a vector must have a direction
     default_text : the default as documented, where the field's own default does not say it
@@ -77,6 +77,8 @@ class Setting:
         if value is None and self.optional:
             return None
         elements = [value] if self.length is None else _elements(value)
+        if self.is_number and isinstance(value, str) and value in self.choices:
+            return value
         converted = [_CONVERTERS[self.kind](element) for element in elements]
         if len(converted) != (self.length or 1) or not all(map(self._accepts, converted)):
             raise InputError(f"{label} must be {self.expected()}, not {shown(value)}")
@@ -86,10 +88,15 @@ class Setting:
             return tuple(converted)
         return converted[0]
 
+    @property
+    def is_number(self) -> bool:
+        """Whether the value is a number, or several."""
+        return self.kind in ("number", "integer")
+
     def _accepts(self, converted: Any) -> bool:
         if converted is None:
             return False
-        if self.kind in ("number", "integer"):
+        if self.is_number:
             return self._in_range(converted)
         return not self.choices or converted in self.choices or self._matches(converted)
 
@@ -105,13 +112,13 @@ class Setting:
 
     def expected(self) -> str:
         """Return what the value must be, as a phrase: "a number from 1 to 120"."""
-        if self.choices:
-            words = [f'"{choice}"' for choice in self.choices]
+        words = [f'"{choice}"' for choice in self.choices]
+        if self.choices and not self.is_number:
             words += [self.pattern_name] if self.pattern else []
             return "one of " + ", ".join(words) if len(words) > 1 else words[0]
         single, plural = _NOUNS[self.kind]
         noun = f"{self.length} {plural}" if self.length is not None else single
-        return " ".join(part for part in (noun, self.range_text()) if part)
+        return " or ".join([" ".join(part for part in (noun, self.range_text()) if part), *words])
 
     def range_text(self) -> str:
         """Return the range as "from 1 to 120", "of at least 0", or nothing."""
@@ -124,7 +131,7 @@ class Setting:
     def help(self) -> str:
         """Return one line for an option's help: purpose, unit and range."""
         facts = [self.unit, "|".join([*self.choices, *([self.pattern_name] if self.pattern else [])])]
-        facts += [self.range_text()] if self.kind in ("number", "integer") else []
+        facts += [self.range_text()] if self.is_number else []
         text = ", ".join(fact for fact in facts if fact)
         return f"{self.why} ({text})" if text else self.why
 

@@ -225,14 +225,16 @@ class ModelSettings:
         "text", None, optional=True, choices=BUILTINS, default_text="sculpture",
         moves=Part.SHAPE, why="a shape that needs no file; instead of path"
     )
-    size_mm: float = setting(
-        "number", 100.0, unit="mm", low=1e-3, high=1e6,
+    size_mm: float | str = setting(
+        "number", 100.0, unit="mm", low=1e-3, high=1e6, choices=("file",),
         moves=(Part.OBJECT, Part.SHAPE),
-        why="longest side of the model; a hand-sized object, since translucency depends on size"
+        why="longest side of the model; a hand-sized object, since translucency depends on size; file: as the model's "
+            "file has it"
     )
-    up: str = setting(
-        "text", "y", choices=("x", "y", "z", "-x", "-y", "-z"),
-        moves=Part.SHAPE, why="axis of the file that points up; most scans use y"
+    up: str | None = setting(
+        "text", None, optional=True, choices=("x", "y", "z", "-x", "-y", "-z"),
+        default_text="of the file: z with STL and 3MF, COLLADA's up_axis, else y",
+        moves=Part.SHAPE, why="axis of the file that points up"
     )
     bodies: str | None = setting(
         "text", None, optional=True, choices=("joined", "separate"),
@@ -269,6 +271,13 @@ class ModelSettings:
         check_fields(self, self.TABLE)
         if self.path is not None and self.builtin is not None:
             raise InputError("model.path and model.builtin are both given; keep one of them")
+
+    @property
+    def length_mm(self) -> float:
+        """The longest side in mm of what is no file's; raises `InputError` where that is said to be a file's."""
+        if isinstance(self.size_mm, str):
+            raise InputError(f'model.size_mm = "{self.size_mm}" needs a model of a file; give a number of mm')
+        return self.size_mm
 
     @property
     def builtin_name(self) -> str | None:

@@ -37,7 +37,7 @@ def _row(name: str, field: Field[Any]) -> str:
 
 
 def _range(declared: Setting) -> str:
-    if declared.choices:
+    if declared.choices and not declared.is_number:
         words = [f"`{choice}`" for choice in declared.choices]
         return ", ".join([*words, f"`{declared.pattern_name}`"] if declared.pattern else words)
     return declared.expected()

@@ -65,7 +65,10 @@ def following(before: Scene, after: Scene) -> Scene:
     if replace(before.model, size_mm=after.model.size_mm) == after.model:
         zoom = camera.zoom
         if camera.target_mm is not None:
-            x, y, z = (np.array(camera.target_mm) * (after.model.size_mm / before.model.size_mm)).tolist()
+            sizes = after.model.size_mm, before.model.size_mm
+            if isinstance(sizes[0], str) or isinstance(sizes[1], str):
+                return replace(after, camera=replace(camera, zoom=None, target_mm=None))
+            x, y, z = (np.array(camera.target_mm) * (sizes[0] / sizes[1])).tolist()
             target = (x, y, z)
     return replace(after, camera=replace(camera, zoom=zoom, target_mm=target))
 

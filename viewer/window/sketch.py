@@ -43,8 +43,8 @@ class Sketch:
     def of(cls, context: moderngl.Context, scene: Scene) -> "Sketch | None":
         """Return the sketch of a scene's model; None where that would take long, or where its file cannot be used."""
         settings = scene.model
-        if settings.builtin_name == BUILTINS[0]:
-            return cls(context, builtin_model(settings.size_mm, settings.up, COARSENESS * SPACING))
+        if settings.builtin_name == BUILTINS[0] and not isinstance(settings.size_mm, str):
+            return cls(context, builtin_model(settings.size_mm, settings.up or "y", COARSENESS * SPACING))
         if settings.mesh is not None or settings.path is None:
             return None
         from milkglass.viewer.files.model import read_model

@@ -12,9 +12,9 @@ def subject_status(session: Session, live: Live) -> str:
     """Return what the picture is of, in words."""
     if live.finished is None or live.shown is None:
         return ""
-    mesh, model = live.finished.lit.model.whole, live.shown.model
+    shown, model = live.finished.lit.model, live.shown.model
     name = session.view.photograph or (str(model.builtin_name) if model.path is None else model.path.name)
-    return f"{name}   {len(mesh.faces):,} triangles   {model.size_mm:g} mm"
+    return f"{name}   {len(shown.whole.faces):,} triangles   {shown.size_of(model.size_mm):g} mm"
 
 
 def progress_status(view: ViewArea, scene: Scene, measured: str, *, can_cancel: bool) -> str:

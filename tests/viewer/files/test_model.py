@@ -22,7 +22,7 @@ def test_a_box_of_every_format_is_the_same_solid(tmp_path: Path, suffix: str) ->
         path = tmp_path / "model.gltf"
     else:
         path = save(box(), tmp_path / f"box.{suffix}")
-    mesh, warning = load_model(path, 100.0)
+    mesh, warning = load_model(path, 100.0, "y")
     assert warning is None
     assert flaws(mesh).solid
     assert len(mesh.faces) == 12

@@ -58,7 +58,8 @@ NEEDED: dict[str, tuple[str, ...]] = {
     **{f"material.mix_{key}": SECOND for key in ("sigma_s_prime", "sigma_a", "eta", "share")},
     "material.profile_table": ("material.profile=table", "material.profile_table={table}"),
     **{f"camera.{angle}_deg": LAYERED for angle in ("azimuth", "elevation", "roll")},
-    **{f"model.{key}": SOLVED for key in ("path", "builtin", "size_mm", "up", "close_holes")},
+    **{f"model.{key}": SOLVED for key in ("path", "builtin", "size_mm", "close_holes")},
+    "model.up": (*SOLVED, "model.up=y"),
     "model.nested": ("model.path={nested}", "transport.method=diffusion"),
     "model.bodies": ("model.path={pair}", "model.bodies=joined"),
     "transport.method": ("model.path={pair}", *LAYERED),
@@ -121,7 +122,7 @@ def another(declared: Setting, value: Any) -> Any:
         return (another(declared, value[0]), *value[1:])
     if declared.kind == "boolean":
         return not value
-    if declared.choices:
+    if declared.choices and not declared.is_number:
         choices = [*declared.choices]
         return choices[(choices.index(value) + 1) % len(choices)]
     low, high = declared.low, declared.high

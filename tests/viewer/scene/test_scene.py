@@ -80,7 +80,7 @@ def rich_scene(folder: Path) -> Scene:
 def test_example_of_the_design_loads(tmp_path):
     scene = load(tmp_path, EXAMPLE)
     expected = Scene(
-        model=ModelSettings(path=tmp_path / "dragon.ply"),
+        model=ModelSettings(path=tmp_path / "dragon.ply", up="y"),
         camera=CameraSettings(zoom=1.0),
         specular=SpecularSettings(0.3, 80.0),
         lights=(DirectionalLight((0.4, 0.5, 0.77)),),
@@ -217,7 +217,7 @@ BAD_FILES = [
     ("[model]\npath = ''", 'model.path must be a file name, not ""'),
     ("[model]\nbuiltin = 'teapot'", 'model.builtin must be one of "sculpture", "tumbler", "bottle", not "teapot"'),
     ("[model]\nbuiltin = 'sculpture'\npath = 'a.ply'", "model.path and model.builtin are both given"),
-    ("[model]\nsize_mm = -1.0", "model.size_mm must be a number from 0.001 to 1e6, not -1.0"),
+    ("[model]\nsize_mm = -1.0", 'model.size_mm must be a number from 0.001 to 1e6 or "file", not -1.0'),
     ("[model]\nup = 'Y'", 'model.up must be one of "x", "y", "z", "-x", "-y", "-z", not "Y"'),
     ("[material]\n", "material has neither name nor sigma_s_prime and sigma_a"),
     ("[material]\neta = 1.5", "material has neither name nor sigma_s_prime and sigma_a"),

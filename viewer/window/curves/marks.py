@@ -43,4 +43,5 @@ def marks(scene: Scene, lit: LitScene | None) -> list[Mark]:
         found.append(Mark(lit.quality.facts.grid_unit, texel))
         if distance > 0.0 and abs(distance - texel) > SAME_DISTANCE * texel:
             found.append(Mark("layer", distance))
-    return [*found, Mark("object", scene.model.size_mm)]
+    size = scene.model.size_mm if lit is None else lit.model.size_of(scene.model.size_mm)
+    return found if isinstance(size, str) else [*found, Mark("object", size)]

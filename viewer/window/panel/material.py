@@ -8,6 +8,7 @@ import numpy as np
 
 from milkglass.core.material import library as materials, single_scattering
 from milkglass.core.material.library import Material
+from milkglass.viewer.files.conventions import FILE
 from milkglass.viewer.gui.command import Commands
 from milkglass.viewer.gui.controls import CHANNELS, REACH, RESET_HINT, TYPE_HINT, Controls, Reset, explained
 from milkglass.viewer.gui.sliders import significant
@@ -111,8 +112,20 @@ class MaterialSection(Section):
         self._forward()
         self._mixture.draw()
         self._profile.chooser(no_profile)
-        self._controls.setting("model.size_mm", "Object size")
+        self._size(seen.live)
         self._derived(seen.live, has_profile=no_profile is None)
+
+    def _size(self, live: Live) -> None:
+        """Draw the size of the object, and that of its file, which a click takes."""
+        shown = None if live.finished is None else live.finished.lit.model
+        asked = self._session.scene.model.size_mm
+        automatic = None if shown is None or not isinstance(asked, str) else shown.size_of(asked)
+        self._controls.setting("model.size_mm", "Object size", automatic)
+        if shown is not None and shown.file_size:
+            self._controls.note(f"in its file {shown.file_size}")
+            if asked != FILE and imgui.button("Size of the file"):
+                self._session.edit("model", size_mm=FILE)
+            self._controls.mark("model.size_mm.file")
 
     def _library(self) -> None:
         controls, session = self._controls, self._session

@@ -40,7 +40,7 @@ class ModelSection(Section):
         if imgui.button(f"{session.scene.model.builtin_name if path is None else path.name}##model", (-1.0, 0.0)):
             self._commands.request("open_model")
         controls.end_row("model.path", "Model", "A mesh file. Or drop one on the window.")
-        controls.setting("model.up", "Up axis")
+        controls.setting("model.up", "Up axis", automatic="y" if path is None else "of the file")
         bodies = None if live.finished is None else live.finished.lit.bodies
         controls.setting("model.bodies", "Bodies", automatic="joined" if bodies is None else "separate")
         if bodies is not None:
@@ -57,6 +57,8 @@ class ModelSection(Section):
         if path is not None:
             if imgui.button("Built-in sculpture"):
                 model = ModelSettings(builtin=BUILTINS[0], size_mm=session.scene.model.size_mm)
+                if isinstance(model.size_mm, str):
+                    model = ModelSettings(builtin=BUILTINS[0])
                 session.put(replace(session.scene, model=model, materials=()))
             controls.mark("model.builtin")
 
