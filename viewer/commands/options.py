@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -11,7 +12,7 @@ from milkglass.core.errors import InputError
 from milkglass.viewer.files.record import is_picture, read_record
 from milkglass.viewer.scene.declaration import Setting, nearest, settings_of
 from milkglass.viewer.scene.lights import LIGHT_KINDS, Light
-from milkglass.viewer.scene.material_settings import ADDED
+from milkglass.viewer.scene.material_settings import ADDED, MaterialSettings
 from milkglass.viewer.scene.scene import Change, Scene, apply_set, changed, parse_set
 from milkglass.viewer.scene.settings import BUILTIN_PROBES, TABLES
 
@@ -82,7 +83,10 @@ def scene_options(
     shared = [parameter for parameter in _parameters(extra_flags) if parameter.name not in excluded]
 
     def with_scene(**values: Any) -> None:
-        scene = scene_from_options({parameter.name: values.pop(parameter.name) for parameter in shared}, start)
+        given = {parameter.name: values.pop(parameter.name) for parameter in shared}
+        scene, heard = with_medium(scene_from_options(given, start), given)
+        if heard is not None:
+            typer.echo(f"milkglass: {heard}.", err=True)
         command(scene, **values)
 
     with_scene.__name__, with_scene.__doc__ = command.__name__, command.__doc__
@@ -126,6 +130,23 @@ def scene_from_options(values: Mapping[str, Any], start: Scene | None = None) ->
 def load_scene(path: str) -> Scene:
     """Read a scene file, or the scene that a picture was made of."""
     return read_record(path)[0] if is_picture(path) else Scene.load(path)
+
+
+def with_medium(scene: Scene, values: Mapping[str, Any]) -> tuple[Scene, str | None]:
+    """Return a scene in the medium of the model's file, and a sentence on it, where options name that and no other.
+
+    A scene file's material is its own: it names one, or means the default.
+    """
+    path, assigned = values.get("model"), parse_set(values["set"] or [])
+    named = values["material"] is not None or any(change.table == MaterialSettings.TABLE for change in assigned)
+    if path is None or values["scene"] is not None or named:
+        return scene, None
+    from milkglass.viewer.files.gltf_medium import medium_of  # which few commands need
+
+    medium = medium_of(Path(path))
+    if medium is None:
+        return scene, None
+    return replace(scene, material=MaterialSettings.of(medium.material)), medium.sentence(Path(path))
 
 
 def parse_light(text: str) -> Light:

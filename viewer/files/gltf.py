@@ -24,17 +24,17 @@ def check_gltf(path: Path) -> tuple[str, ...]:
     InputError
         If what it has that cannot be read changes its shape: required extensions, instancing, sparse accessors.
     """
-    tree = _tree(path)
-    required = [name for name in _list(tree, "extensionsRequired") if isinstance(name, str)]
+    tree = read_tree(path)
+    required = [name for name in listed(tree, "extensionsRequired") if isinstance(name, str)]
     for name in required:
         if name in COMPRESSED:
             raise InputError(f"{path} is compressed ({name}), which is not read; export it without compression")
         if name not in READ and not name.startswith(HARMLESS):
             raise InputError(f"{path} requires the extension {name}, which is not read; export it without")
-    nodes = _list(tree, "nodes")
+    nodes = listed(tree, "nodes")
     if any("EXT_mesh_gpu_instancing" in node.get("extensions", {}) for node in nodes):
         raise InputError(f"{path} has instances (EXT_mesh_gpu_instancing), which are not read; export them as meshes")
-    if any("sparse" in accessor for accessor in _list(tree, "accessors")):
+    if any("sparse" in accessor for accessor in listed(tree, "accessors")):
         raise InputError(f"{path} has sparse accessors, which are not read; export it without")
     return tuple(_left_out(tree, nodes))
 
@@ -42,9 +42,9 @@ def check_gltf(path: Path) -> tuple[str, ...]:
 def _left_out(tree: dict[str, Any], nodes: list[Any]) -> Iterator[str]:
     if any("skin" in node for node in nodes):
         yield "it has a skin, whose joints and pose are left out, so that parts of it may lie elsewhere"
-    if any(any(_list(holder, "weights")) for holder in (*nodes, *_list(tree, "meshes"))):
+    if any(any(listed(holder, "weights")) for holder in (*nodes, *listed(tree, "meshes"))):
         yield "its morph targets are left out"
-    textures = [texture for material in _list(tree, "materials") for texture in _textures(material)]
+    textures = [texture for material in listed(tree, "materials") for texture in _textures(material)]
     if any("KHR_texture_transform" in texture.get("extensions", {}) for texture in textures):
         yield "its textures are drawn without the transform that it gives them (KHR_texture_transform)"
     if any(texture.get("texCoord") for texture in textures):
@@ -57,18 +57,19 @@ def _textures(material: dict[str, Any]) -> Iterator[dict[str, Any]]:
     yield from (texture for texture in (base, material.get("normalTexture")) if isinstance(texture, dict))
 
 
-def _list(holder: dict[str, Any], key: str) -> list[Any]:
+def listed(holder: dict[str, Any], key: str) -> list[Any]:
+    """Return the list that a key holds; an empty one where it holds none."""
     found = holder.get(key)
     return found if isinstance(found, list) else []
 
 
-def _tree(path: Path) -> dict[str, Any]:
+def read_tree(path: Path) -> dict[str, Any]:
     """Return the JSON of a file; nothing of one that is damaged, which its reader will say."""
     try:
         with path.open("rb") as file:
             head = file.read(JSON_CHUNK)
             size = struct.unpack("<I", head[12:16])[0] if head[:4] == b"glTF" else -1
             tree = json.loads(file.read(size) if size >= 0 else head + file.read())
-    except (OSError, ValueError, struct.error):
+    except (OSError, ValueError, RecursionError, struct.error):
         return {}
     return tree if isinstance(tree, dict) else {}
