@@ -44,22 +44,29 @@ def _left_out(tree: dict[str, Any], nodes: list[Any]) -> Iterator[str]:
         yield "it has a skin, whose joints and pose are left out, so that parts of it may lie elsewhere"
     if any(any(listed(holder, "weights")) for holder in (*nodes, *listed(tree, "meshes"))):
         yield "its morph targets are left out"
-    textures = [texture for material in listed(tree, "materials") for texture in _textures(material)]
-    if any("KHR_texture_transform" in texture.get("extensions", {}) for texture in textures):
-        yield "its textures are drawn without the transform that it gives them (KHR_texture_transform)"
-    if any(texture.get("texCoord") for texture in textures):
-        yield "a texture of it that lies on the second set of coordinates is drawn on the first"
+    for material in listed(tree, "materials"):
+        lies = [(texture.get("texCoord", 0), table(texture, "extensions")) for texture in drawn_textures(material)]
+        if any(lie != lies[0] for lie in lies):
+            yield "a normal map of it lies otherwise than its colours, and is drawn as these lie"
+            return
 
 
-def _textures(material: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the references to textures that are drawn."""
-    base = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
-    yield from (texture for texture in (base, material.get("normalTexture")) if isinstance(texture, dict))
+def drawn_textures(material: Any) -> Iterator[dict[str, Any]]:
+    """Yield the references to textures that are drawn, colours first."""
+    glossy = table(table(material, "extensions"), "KHR_materials_pbrSpecularGlossiness").get("diffuseTexture")
+    base = glossy or table(material, "pbrMetallicRoughness").get("baseColorTexture")
+    yield from (texture for texture in (base, table(material, "normalTexture") or None) if isinstance(texture, dict))
 
 
-def listed(holder: dict[str, Any], key: str) -> list[Any]:
+def table(holder: Any, key: str) -> dict[str, Any]:
+    """Return the table that a key holds; an empty one where it holds none."""
+    found = holder.get(key) if isinstance(holder, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def listed(holder: Any, key: str) -> list[Any]:
     """Return the list that a key holds; an empty one where it holds none."""
-    found = holder.get(key)
+    found = holder.get(key) if isinstance(holder, dict) else None
     return found if isinstance(found, list) else []
 
 

@@ -29,10 +29,12 @@ from milkglass.core.threads import computed_once
 from milkglass.viewer.files.conventions import FILE, conventions
 from milkglass.viewer.files.decoding import cause_of, textures_only
 from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
+from milkglass.viewer.files.gltf_textures import plain_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
 from milkglass.viewer.files.ply import plain_ply
 from milkglass.viewer.files.polygons import cut_obj, read_off
+from milkglass.viewer.files.references import References, candidates
 from milkglass.viewer.scene.given_file import reading
 
 LONGEST_HEAD = 1 << 16  # bytes in which an OBJ file names its materials
@@ -280,7 +282,9 @@ def read_model(path: str | Path, size_mm: float | str, up: str | None = None, *,
     looks = LookParts(path.suffix.lower())
     with texture_troubles() as troubles, textures_only(), reading(path, "the model"):
         left_out = check_gltf(path) if path.suffix.lower() in SUFFIXES else ()
-        scene = _read(path)
+        replaced, transforms = plain_gltf(path) if path.suffix.lower() in SUFFIXES else (None, {})
+        looks.transforms = transforms
+        scene = _read(path, replaced)
         vertices, normals, faces, rows = _join(scene, looks)
     if len(faces) == 0:
         raise InputError(f"{path} has no faces (points or lines only); export it as a triangle mesh.")
@@ -319,8 +323,8 @@ def supported_suffixes() -> tuple[str, ...]:
     return tuple(sorted(f".{name}" for name in formats))
 
 
-def _read(path: Path) -> trimesh.Scene:
-    """Parse the file, silently; any failure becomes one sentence."""
+def _read(path: Path, replaced: bytes | None = None) -> trimesh.Scene:
+    """Parse the file, or other bytes in its place, silently; any failure becomes one sentence."""
     if os.path.isdir(path):
         raise InputError(f"{path} is a directory; name a model file in it.")
     if not os.path.isfile(path):
@@ -341,8 +345,12 @@ def _read(path: Path) -> trimesh.Scene:
             options: dict[str, Any] = {"split_objects": True} if suffix == ".obj" and not _has_materials(path) else {}
             source: Path | io.BytesIO = path
             if suffix in CUT:
-                source = io.BytesIO(CUT[suffix](path.read_bytes()))
-                options |= {"resolver": trimesh.resolvers.FilePathResolver(path)}
+                replaced = CUT[suffix](path.read_bytes())
+            if suffix == ".gltf" and replaced is None:
+                replaced = path.read_bytes()
+            if replaced is not None:
+                source = io.BytesIO(replaced)
+                options |= {"resolver": References(path)}
             return trimesh.load_scene(source, file_type=suffix[1:], process=False, fix_texture=False, **options)
     except InputError:
         raise
@@ -365,7 +373,7 @@ def _has_materials(path: Path) -> bool:
     """Return whether an OBJ file comes with its materials, by which its parts are then told apart, else by objects."""
     with path.open("rb") as file:
         named = re.search(rb"^\s*mtllib\s+(.+?)\s*$", file.read(LONGEST_HEAD), re.MULTILINE)
-    return named is not None and os.path.isfile(path.parent / os.fsdecode(named[1]))
+    return named is not None and any(os.path.isfile(path.parent / name) for name in candidates(os.fsdecode(named[1])))
 
 
 def _unsupported(path: Path, suffix: str) -> str:

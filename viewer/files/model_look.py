@@ -1,7 +1,7 @@
 """Colours and relief that a model's file comes with, taken from what trimesh parsed.
 
-Only texture set 0 and repeating textures; alpha, and a single colour for the whole model, which is the material's
-business, are left out.
+Only one set of texture coordinates a material, and repeating textures; alpha, and a single colour for the whole model,
+which is the material's business, are left out.
 """
 
 import contextlib
@@ -24,6 +24,7 @@ from milkglass.core.geometry.texture import COLOUR, NORMAL, Texture, linear
 from milkglass.core.threads import computed_once
 from milkglass.viewer.files.decoding import cause_of
 from milkglass.viewer.files.images import PICTURE_SUFFIXES, read_image
+from milkglass.viewer.files.references import transform_of
 
 Table = tuple[Float32, Float32]  # texture coordinates (k, 2), linear colours (k, 3)
 
@@ -107,6 +108,7 @@ class LookParts:
         self._materials: list[MaterialLook] = []
         self._starts = [0]
         self._mapped = False
+        self.transforms: dict[str, Array] = {}  # of texture coordinates, by the name of a vertex attribute
 
     def add(self, part: trimesh.Trimesh, faces: Ints) -> Int32:
         """Add a part and return the row of each corner of its faces (m, 3), as the file winds them."""
@@ -156,13 +158,21 @@ class LookParts:
         if not mapped and (vertex_colours is None or len(vertex_colours) != n):
             return (np.zeros((1, 2), np.float32), np.ones((1, 3), np.float32)), np.zeros_like(faces)
         self._mapped |= mapped
-        coordinates = _finite(np.asarray(uv)) if mapped else np.zeros((n, 2), np.float32)
+        coordinates = _finite(self._transformed(part, np.asarray(uv))) if mapped else np.zeros((n, 2), np.float32)
         colours = (
             np.ones((n, 3), np.float32)
             if vertex_colours is None or len(vertex_colours) != n
             else self._colours(vertex_colours)
         )
         return (coordinates, colours), faces
+
+    def _transformed(self, part: trimesh.Trimesh, coordinates: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return texture coordinates, (n, 2), as the file transforms them."""
+        matrix = next((self.transforms[name] for name in part.vertex_attributes if name in self.transforms), None)
+        image = getattr(getattr(part.visual, "material", None), "image", None)
+        if matrix is None and image is not None:
+            matrix = transform_of(str(getattr(image, "info", {}).get("file_path", "")))
+        return coordinates if matrix is None else coordinates @ matrix[:2, :2].T + matrix[:2, 2]
 
     def _colours(self, values: npt.NDArray[Any]) -> Float32:
         """Linear RGB of 8-bit, 16-bit or float colours, (n, 3 or 4)."""
