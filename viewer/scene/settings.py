@@ -233,7 +233,7 @@ class ModelSettings:
     )
     up: str | None = setting(
         "text", None, optional=True, choices=("x", "y", "z", "-x", "-y", "-z"),
-        default_text="of the file: z with STL and 3MF, COLLADA's up_axis, else y",
+        default_text="of the file: z with STL and 3MF, COLLADA's own, else y",
         moves=Part.SHAPE, why="axis of the file that points up"
     )
     bodies: str | None = setting(

@@ -123,9 +123,10 @@ class MaterialSection(Section):
         self._controls.setting("model.size_mm", "Object size", automatic)
         if shown is not None and shown.file_size:
             self._controls.note(f"in its file {shown.file_size}")
-            if asked != FILE and imgui.button("Size of the file"):
-                self._session.edit("model", size_mm=FILE)
-            self._controls.mark("model.size_mm.file")
+            if asked != FILE:
+                if imgui.button("Size of the file"):
+                    self._session.edit("model", size_mm=FILE)
+                self._controls.mark("model.size_mm.file")
 
     def _library(self) -> None:
         controls, session = self._controls, self._session

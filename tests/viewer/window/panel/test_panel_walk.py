@@ -216,6 +216,8 @@ def try_nested(walker):
     assert differ(walker.picture(), hollow)
     walker.click("model.nested.reset")
     assert session.scene.model.nested == "hollow"
+    walker.click("model.size_mm.file")
+    assert session.scene.model.size_mm == "file"
     session.put(start)
     walker.settle()
 
