@@ -18,15 +18,18 @@ from milkglass.core.errors import InputError
 from milkglass.core.light.harmonics import convolve_zonal, evaluate_grid, project_latlong, zonal_coefficients
 from milkglass.core.light.maps import (
     Pixels,
+    Projection,
     Radiance,
     angular_to_direction,
     angular_to_latlong,
+    check_projection,
     detect_projection,
     direction_to_angular,
     direction_to_latlong,
     latlong_to_direction,
     resample_latlong,
     solid_angles,
+    to_latlong,
     to_probe_frame,
 )
 from milkglass.core.material import fresnel
@@ -69,35 +72,38 @@ class Probe:
         Radiance, linear RGB, h <= MAX_HEIGHT, row 0 at +y.
     sh : ((SH_ORDER + 1)^2, 3) float64
         Real spherical-harmonic coefficients, radiance x sr (see `core.light.harmonics`).
+    said : tuple of str
+        Sentences on what was made of the file's pixels.
     """
 
     latlong: Radiance
     sh: Array
+    said: tuple[str, ...] = ()
 
     @classmethod
-    def from_pixels(cls, pixels: Pixels) -> "Probe":
-        """Return the probe of a lat-long map or an angular map, distinguished by aspect.
+    def from_pixels(cls, pixels: Pixels, projection: Projection | None = None, said: tuple[str, ...] = ()) -> "Probe":
+        """Return the probe of a map.
 
         Parameters
         ----------
         pixels : (h, w, 3) float array
             Radiance, finite and >= 0.
+        projection : Projection, optional
+            See `core.light.maps`; None tells a lat-long map (2:1) from an angular map (square, with dark corners).
+        said : tuple of str
+            Sentences on what was made of the file's pixels.
 
         Raises
         ------
         InputError
-            If the shape is neither 2:1 nor square, or a value is negative, NaN or above MAX_RADIANCE.
+            As `core.light.maps.check_projection`, or if a value is negative, NaN or above MAX_RADIANCE.
         """
-        projection = detect_projection(pixels)
         if not (pixels.min() >= 0.0 and pixels.max() <= MAX_RADIANCE):  # written so that NaN fails
             raise InputError(
                 f"The probe holds radiance that is negative, NaN or above {MAX_RADIANCE:g}: repair it first."
             )
-        if projection == "angular":
-            latlong = angular_to_latlong(pixels, min(max(pixels.shape[0] // 2, 2), MAX_HEIGHT))
-        else:
-            latlong = resample_latlong(pixels, min(pixels.shape[0], MAX_HEIGHT))
-        return cls(latlong, project_latlong(latlong, SH_ORDER))
+        latlong = to_latlong(pixels, check_projection(pixels, projection), MAX_HEIGHT)
+        return cls(latlong, project_latlong(latlong, SH_ORDER), said)
 
     @property
     def mean_radiance(self) -> Array:

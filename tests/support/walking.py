@@ -240,6 +240,10 @@ CONTROLS = [
         also=frozenset({"display"}),
     ),
     Control(
+        "environment.projection", "environment.projection", choose("environment.projection", "mirrorball"),
+        "square probe",
+    ),
+    Control(
         "environment.builtin", "environment.builtin", choose("environment.builtin", "window"),
     ),
     Control("specular.model", "specular.model", choose("specular.model", "normalized")),

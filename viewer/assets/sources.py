@@ -25,6 +25,7 @@ from milkglass.core.light.exchange import Hits
 from milkglass.core.light.ground import GroundPlane, GroundRays
 from milkglass.core.light.highlights import LobeFilter
 from milkglass.core.light.indices import Indices
+from milkglass.core.light.maps import PROJECTIONS
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
 from milkglass.core.light.sources import ProbeSource, extract_sources
@@ -37,9 +38,9 @@ from milkglass.viewer.assets.exchange import find_crossings, find_hits
 from milkglass.viewer.assets.ground import find_ground_rays
 from milkglass.viewer.assets.visibility import BakedVisibility, bake_visibility, refine
 from milkglass.viewer.files.builtin import builtin_model
-from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import FileModel, builtin_vessel, read_model
 from milkglass.viewer.files.model_look import detail_of
+from milkglass.viewer.files.radiance import read_probe
 from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings, TransportSettings
 from milkglass.viewer.scene.tables import ProfileTable, read_profile_table
 
@@ -153,13 +154,24 @@ class SolidModel:
 
 @dataclass(frozen=True)
 class ProbeFile:
-    """A light probe in a file; errors as `viewer.files.images.read_radiance`."""
+    """A light probe in a file; errors as `viewer.files.radiance.read_probe` and `Probe.from_pixels`."""
 
     path: Path
+    projection: str
 
     def load(self, assets: "Assets") -> Probe:
         """Read the file."""
-        return Probe.from_pixels(read_radiance(self.path))
+        pixels, said = read_probe(self.path)
+        if self.projection == "auto" and pixels.shape[0] == pixels.shape[1]:
+            said += (
+                f"{self.path}: read as an angular map, since it is square; of a mirror ball's photograph say "
+                "environment.projection = mirrorball.",
+            )
+        known = next((name for name in PROJECTIONS if name == self.projection), None)  # none is "auto"
+        try:
+            return Probe.from_pixels(pixels, known, said)
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -465,7 +477,7 @@ def probe_source(environment: EnvironmentSettings) -> Source[Probe]:
     if environment.probe is not None:
         return ProbeInMemory(environment.probe)
     if environment.path is not None:
-        return ProbeFile(environment.path)
+        return ProbeFile(environment.path, environment.projection)
     assert environment.builtin is not None
     return BuiltinProbe(environment.builtin)
 

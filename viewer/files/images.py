@@ -1,4 +1,4 @@
-"""Image files through OpenImageIO: light probes and photographs in, PNG and multi-channel EXR out.
+"""Image files through OpenImageIO: pictures, light probes and photographs in, PNG and multi-channel EXR out.
 
 Pixel arrays are (h, w, c), row 0 at the top. Every failure is an InputError of one sentence. Files are
 written under a temporary name in the same folder and then renamed: no reader sees half a file, and nothing is
@@ -11,8 +11,10 @@ import os
 import struct
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,9 +32,6 @@ PROBE_SUFFIXES = (".hdr", ".exr")
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg")
 PHOTO_SUFFIXES = (*PICTURE_SUFFIXES, ".tif", ".tiff", ".webp", ".bmp")
 MAX_PIXELS = 1 << 26  # 8192 x 8192: 800 MB of float32 RGB; no probe or photograph here gains from more
-# A resampled probe can undershoot next to a lamp. Negative values of at most this share of the sum are such
-# ringing and become 0; more of them mean that the picture is something else.
-NEGATIVE_SHARE = 1e-3
 NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 BAND = 128  # rows of an EXR that are put together at once: 8 of its blocks, 12 MB of a frame of 1024 columns
 _PNG_FILTER_AVERAGE = 64  # of libpng: each byte less the mean of those to the left and above
@@ -40,49 +39,23 @@ _FORMATS = {".hdr": "hdr", ".exr": "openexr", ".png": "png", ".jpg": "jpeg", ".j
 _FORMATS |= {".tif": "tiff", ".tiff": "tiff", ".webp": "webp", ".bmp": "bmp"}
 
 
-def read_radiance(path: str | os.PathLike[str]) -> Pixels32:
-    """Return the radiance of a light probe's file.
+@dataclass(frozen=True)
+class Stored:
+    """An image as its file stores it, turned upright.
 
-    Parameters
+    Attributes
     ----------
-    path : path of a .hdr or .exr file
-
-    Returns
-    -------
-    (h, w, 3) float32
-        Radiance, linear RGB, finite and >= 0; one channel is repeated. Slight ringing below 0 is set to 0.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is too large, has no RGB, or holds NaN, infinite or negative pixels.
-        Those are refused, not replaced: where an infinite pixel is the sun, a guess would light the scene.
+    names : of the channels
+    pixels : (h, w, c)
+        Of the display window.
+    attributes : of the header, by name
+    cropped : whether the file has pixels outside the display window
     """
-    path = Path(path)
-    channels = read_channels(path, PROBE_SUFFIXES, limit=4)
-    rgb = [channels[name] for name in "RGB" if name in channels]
-    if len(rgb) < 3:
-        single = channels.get("Y", next(iter(channels.values())) if len(channels) == 1 else None)
-        if single is None:
-            raise InputError(f"{path} has no R, G and B but {', '.join(channels)}: save a colour picture.")
-        rgb = [single] * 3
-    pixels = np.stack(rgb, axis=-1)
-    finite = np.isfinite(pixels)
-    if not finite.all():
-        raise InputError(
-            f"{path} has {_count(~finite)} with NaN or infinite radiance: repair it first, for example with "
-            "oiiotool --fixnan box3."
-        )
-    negative = pixels < 0.0
-    if negative.any():
-        total = np.abs(pixels).sum(dtype=np.float64)
-        if -pixels[negative].sum(dtype=np.float64) > NEGATIVE_SHARE * total:
-            raise InputError(
-                f"{path} has {_count(negative)} with negative radiance: repair it first, for example with "
-                "oiiotool --clamp:min=0."
-            )
-        pixels[negative] = 0.0
-    return pixels
+
+    names: list[str]
+    pixels: npt.NDArray[np.generic]
+    attributes: Mapping[str, Any]
+    cropped: bool
 
 
 def read_image(path: str | os.PathLike[str]) -> Pixels8 | Pixels32:
@@ -98,7 +71,7 @@ def read_image(path: str | os.PathLike[str]) -> Pixels8 | Pixels32:
     path = Path(path)
     if path.suffix.lower() in PROBE_SUFFIXES:
         return np.stack(list(read_channels(path).values()), axis=-1)
-    return np.asarray(_read(path, PICTURE_SUFFIXES, "uint8", None)[1], np.uint8)
+    return np.asarray(stored_image(path, PICTURE_SUFFIXES, "uint8").pixels, np.uint8)
 
 
 def read_photo(path: str | os.PathLike[str]) -> tuple[PixelsInt, bytes | None]:
@@ -108,7 +81,8 @@ def read_photo(path: str | os.PathLike[str]) -> tuple[PixelsInt, bytes | None]:
     where there is none for RGB. Errors as `read_image`.
     """
     path = Path(path)
-    names, pixels = _read(path, PHOTO_SUFFIXES, "", 4)
+    stored = stored_image(path, PHOTO_SUFFIXES, "", lambda names: names[:4])
+    names, pixels = stored.names, stored.pixels
     if pixels.dtype == np.float32:
         raise InputError(f"{path} holds floating-point pixels: save it with 8 or 16 bits a channel.")
     source = oiio.ImageInput.open(str(path))
@@ -128,8 +102,8 @@ def read_channels(
 
     R, G, B and A come first, then the others sorted by name: the file format stores them sorted.
     """
-    names, pixels = _read(Path(path), suffixes, "float", limit)
-    return {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+    stored = stored_image(Path(path), suffixes, "float", lambda names: names[:limit])
+    return {name: np.ascontiguousarray(stored.pixels[..., i], np.float32) for i, name in enumerate(stored.names)}
 
 
 def check_output(path: str | os.PathLike[str], allowed_suffixes: Collection[str]) -> None:
@@ -239,49 +213,89 @@ def _say(spec: oiio.ImageSpec, texts: Mapping[str, str]) -> None:
         spec.attribute(name, text)
 
 
-def _read(
-    path: Path, suffixes: Collection[str], dtype: str, limit: int | None
-) -> tuple[list[str], npt.NDArray[np.generic]]:
-    """Return channel names and (h, w, c) pixels of the first image in a file, turned upright; no dtype: as stored."""
+def stored_image(
+    path: Path,
+    suffixes: Collection[str],
+    dtype: str,
+    choose: Callable[[Sequence[str]], Sequence[str]] = list,
+    opened: Path | None = None,
+) -> Stored:
+    """Return the first image in a file, of the channels that `choose` takes of all names, in its order.
+
+    No dtype: as stored. `opened` is a file that stands in for that at `path`. Errors as `read_image`, and as `choose`.
+    """
     _check_input(path, suffixes)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # else colours are multiplied by alpha on the way in
     with reading(path, "the image"):
-        source = oiio.ImageInput.open(str(path), config)
+        source = _opened(str(opened or path), config)
         if source is None:
-            _drop_error(oiio.geterror)
             raise InputError(f"{path} cannot be read: it is damaged or not a {path.suffix} file.")
-        return _pixels(source, path, dtype, limit)
+        return _stored_pixels(source, path, dtype, choose)
 
 
-def _pixels(
-    source: oiio.ImageInput, path: Path, dtype: str, limit: int | None
-) -> tuple[list[str], npt.NDArray[np.generic]]:
-    """Return what `_read` returns, of a file that is open, and close it."""
+def _opened(name: str, config: oiio.ImageSpec) -> oiio.ImageInput | None:
+    """Open an image; None if that fails."""
+    source = oiio.ImageInput.open(name, config)
+    if source is not None or "Subsampled" not in _drop_error(oiio.geterror):
+        return source
+    # Only OpenEXR's older interface knows chroma of fewer pixels, and gives RGB.
+    newer = oiio.get_int_attribute("openexr:core", 1)
+    oiio.attribute("openexr:core", 0)
+    try:
+        source = oiio.ImageInput.open(name, config)
+    finally:
+        oiio.attribute("openexr:core", newer)
+    if source is None:
+        _drop_error(oiio.geterror)
+    return source
+
+
+def _stored_pixels(
+    source: oiio.ImageInput, path: Path, dtype: str, choose: Callable[[Sequence[str]], Sequence[str]]
+) -> Stored:
+    """Return what `stored_image` returns, of a file that is open, and close it."""
     try:
         spec = source.spec()
         if source.format_name() != _FORMATS[path.suffix.lower()]:
             raise InputError(f"{path} holds {source.format_name()} data: rename it to its real type.")
         size = f"{spec.width}x{spec.height}"
-        names = list(spec.channelnames)[:limit]
-        if spec.width * spec.height * max(1.0, len(names) / 8) > MAX_PIXELS:
+        names = list(choose(spec.channelnames))
+        at = [spec.channelnames.index(name) for name in names]
+        first, last = min(at), max(at) + 1
+        if spec.width * spec.height * max(1.0, (last - first) / 8) > MAX_PIXELS:
             raise InputError(f"{path} measures {size} pixels: reduce it to at most 8192x8192.")
-        if (spec.x, spec.y, size) != (spec.full_x, spec.full_y, f"{spec.full_width}x{spec.full_height}"):
-            raise InputError(f"{path} stores a cropped or extended window: save the full picture alone.")
+        left, top = spec.full_x - spec.x, spec.full_y - spec.y
+        right, bottom = left + spec.full_width, top + spec.full_height
+        if min(left, top) < 0 or right > spec.width or bottom > spec.height or min(right - left, bottom - top) < 1:
+            raise InputError(
+                f"{path} stores a cropped window, {size} pixels of {spec.full_width}x{spec.full_height}: "
+                "save the full picture."
+            )
         dtype = dtype or _stored(spec.format)
-        pixels = None if spec.deep else source.read_image(0, 0, 0, len(names), dtype)
+        pixels = None if spec.deep else source.read_image(0, 0, first, last, dtype)
         if pixels is None:
             _drop_error(source.geterror)
             raise InputError(f"{path} cannot be read: it is cut short, damaged or has deep pixels.")
-        return names, upright(pixels, spec.get_int_attribute("Orientation", 1))
+        _drop_error(source.geterror)  # of an attribute that was left out
+        pixels = pixels[top:bottom, left:right]
+        if at != list(range(first, last)):
+            pixels = pixels[..., [index - first for index in at]]
+        return Stored(
+            names,
+            upright(pixels, spec.get_int_attribute("Orientation", 1)),
+            {attribute.name: attribute.value for attribute in spec.extra_attribs},
+            (right - left, bottom - top) != (spec.width, spec.height),
+        )
     finally:
         source.close()
 
 
-def _drop_error(fetch: Callable[[], str]) -> None:
+def _drop_error(fetch: Callable[[], str]) -> str:
     """Fetch an error of OpenImageIO, which it would print at exit; one that quotes a damaged file may be no UTF-8."""
     with contextlib.suppress(UnicodeDecodeError):
-        fetch()
+        return fetch()
+    return ""
 
 
 def _stored(kind: oiio.TypeDesc) -> str:
@@ -348,12 +362,6 @@ def _write(path: Path, suffix: str, spec: oiio.ImageSpec, bands: Iterable[npt.ND
                 raise InputError(f"{path} could not be written: check the free space and the permissions.")
     except OSError as error:
         raise InputError(f"{path} could not be written: {error.strerror}.") from error
-
-
-def _count(mask: npt.NDArray[np.bool_]) -> str:
-    """Return "3 pixels" of a mask (h, w, 3)."""
-    count = int(mask.any(axis=-1).sum())
-    return f"{count:,} pixel{'' if count == 1 else 's'}"
 
 
 _PNG_START = b"\x89PNG\r\n\x1a\n"

@@ -124,7 +124,7 @@ class Lighting:
         samples = run(Stage.SAMPLES, [model, spacing, finer], lambda: self._assets.samples(model.mesh, spacing, finer))
         surface, detail, troubles = self._details.surface(scene, samples)
         parts, left_out = self._clear_parts(scene, model, quality)
-        troubles += *left_out, *unlike
+        troubles += *left_out, *unlike, *self._surround.said(scene.environment)
 
         scatters: Transport = transport
         body_marks = marks = None

@@ -114,6 +114,10 @@ class Surround:
             return (), self.probe(environment)
         return self._run(Stage.PROBE_SOURCES, [self.probe(environment)], lambda: self._assets.surround(environment))
 
+    def said(self, environment: EnvironmentSettings) -> tuple[str, ...]:
+        """Return sentences on what was made of the file of its probe; none if nothing shines."""
+        return self.probe(environment).said if shines(environment) else ()
+
     def rest(self, environment: EnvironmentSettings) -> Probe:
         """Return the probe of an environment that shines, without what shines as lamps."""
         parts = self.parted(environment)

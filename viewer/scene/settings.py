@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 SMOOTH_SHININESS = 300.0  # from which on highlights fall to half within 4 degrees
 BUILTIN_PROBES = ("studio", "backlight", "window", "overcast")  # of core.light.presets
+PROBE_PROJECTIONS = ("auto", "latlong", "angular", "mirrorball", "octahedral", "cross", "strip")  # of core.light.maps
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,10 @@ class EnvironmentSettings:
     )
     occluded: bool = setting(
         "boolean", True, moves=Part.OCCLUSION, why="whether the object is in the way of the light that reaches it"
+    )
+    projection: str = setting(
+        "text", "auto", choices=PROBE_PROJECTIONS, moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY),
+        why="how the probe's file maps directions; auto: latlong if 2:1, angular if square with dark corners"
     )
     probe: "Probe | None" = in_memory(moves=(Part.LIGHT, Part.OCCLUSION, Part.DISPLAY))  # instead of path and builtin
 

@@ -9,7 +9,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.light import probe as env
 from milkglass.core.light.harmonics import zonal_coefficients
 from milkglass.core.material import fresnel
-from milkglass.viewer.files.images import read_radiance
+from milkglass.viewer.files.radiance import read_radiance
 
 UFFIZI = "uffizi_latlong_1200x600.hdr"
 UFFIZI_SMALL = "uffizi_latlong_256x128.hdr"

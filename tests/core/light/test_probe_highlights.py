@@ -7,7 +7,7 @@ from milkglass.core.light import probe as env
 from milkglass.core.light.harmonics import zonal_coefficients
 from milkglass.core.light.highlights import LobeFilter, lobe_zonal
 from milkglass.core.light.probe import Probe
-from milkglass.viewer.files.images import read_radiance
+from milkglass.viewer.files.radiance import read_radiance
 from tests.support.rendering import relative_rms
 from tests.support.skies import SPOTS, directions, sky
 

@@ -8,7 +8,7 @@ from milkglass.core.light.harmonics import project_latlong
 from milkglass.core.light.probe import Probe
 from milkglass.core.light.sources import MAX_SOURCES, MIN_SHARE, ProbeSource, disc_sh, extract_sources
 from milkglass.core.material import fresnel
-from milkglass.viewer.files.images import read_radiance
+from milkglass.viewer.files.radiance import read_radiance
 from tests.support.skies import HEIGHT, SPOTS, directions, sky, unit
 
 

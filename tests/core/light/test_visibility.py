@@ -13,8 +13,8 @@ from milkglass.core.light.harmonics import basis, rotated
 from milkglass.core.light.probe import Probe, irradiance_table, irradiance_zonal, lookup, to_probe_frame
 from milkglass.core.light.visibility import BLOCK_POINTS, MIN_UNOCCLUDED, Sight, blocks, phong_zonal, transfer
 from milkglass.viewer.bench.lights import sky_pixels
-from milkglass.viewer.files.images import read_radiance
 from milkglass.viewer.files.model import load_model
+from milkglass.viewer.files.radiance import read_radiance
 from tests.support.occluding import Places, irradiance, rms
 from tests.support.shapes import ball, cube, torus_knot
 from tests.support.solids import ball as part, block, mesh_of

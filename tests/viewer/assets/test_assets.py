@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from milkglass.core.errors import InputError
+from milkglass.core.light.maps import PROJECTIONS
 from milkglass.core.light.presets import preset
 from milkglass.core.light.probe import Probe
 from milkglass.viewer.assets.keeper import Assets
 from milkglass.viewer.assets.sources import BodiesOf, DetailOf, RowSumsOf, SamplesOf, model_source, probe_source
-from milkglass.viewer.scene.settings import DetailSettings, EnvironmentSettings, ModelSettings
+from milkglass.viewer.files.images import write_exr
+from milkglass.viewer.scene.settings import PROBE_PROJECTIONS, DetailSettings, EnvironmentSettings, ModelSettings
 from tests.support.driving import write_knot
 
 
@@ -76,3 +78,20 @@ def test_nobody_measures_a_mesh_that_is_closed_by_construction(tmp_path):
     measured, known = (assets.get(RowSumsOf(mesh, separate=False)) for mesh in (knot, replace(knot, closed=True)))
     assert len(measured) > len(known)
     np.testing.assert_array_equal(known, [-0.5])
+
+
+def test_a_probe_of_a_file_follows_its_projection_and_keeps_what_was_said(tmp_path):
+    assert ("auto", *PROJECTIONS) == PROBE_PROJECTIONS
+    path = tmp_path / "square.exr"
+    y, x = np.mgrid[:32, :32] / 16.0 - 1.0
+    write_exr(path, dict.fromkeys("RGB", (np.hypot(x, y) < 1.0).astype(np.float32) * (2.0 + x).astype(np.float32)))
+    found = {
+        name: Assets().get(probe_source(EnvironmentSettings(path=path, projection=name)))
+        for name in ("auto", "angular", "mirrorball")
+    }
+    np.testing.assert_array_equal(found["auto"].latlong, found["angular"].latlong)
+    assert np.abs(found["mirrorball"].latlong - found["angular"].latlong).max() > 0.5
+    assert "mirrorball" in found["auto"].said[0]
+    assert found["angular"].said == ()
+    with pytest.raises(InputError, match=r"square\.exr.*32x32.*strip"):
+        Assets().get(probe_source(EnvironmentSettings(path=path, projection="strip")))

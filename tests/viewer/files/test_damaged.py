@@ -16,6 +16,7 @@ from milkglass.viewer.assets import ray_cache
 from milkglass.viewer.assets.ray_cache import RayCache
 from milkglass.viewer.files import depth, images
 from milkglass.viewer.files.model import read_model
+from milkglass.viewer.files.radiance import read_radiance
 from milkglass.viewer.gui.events import Drawn, MouseMoved, Recorder, Resized, read_recording
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.scene import Scene
@@ -112,8 +113,8 @@ KINDS = {
     "glb": model("glb"),
     "gltf": (".gltf", write_gltf, model("gltf")[2]),
     "obj": (".obj", write_obj, model("obj")[2]),
-    "exr": (".exr", write_probe, images.read_radiance),
-    "hdr": (".hdr", write_hdr, images.read_radiance),
+    "exr": (".exr", write_probe, read_radiance),
+    "hdr": (".hdr", write_hdr, read_radiance),
     "png": (".png", write_png, images.read_photo),
     "npy": (
         ".npy",

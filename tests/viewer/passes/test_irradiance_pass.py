@@ -8,8 +8,9 @@ import pytest
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light import probe as environment
 from milkglass.core.light.probe import Probe
-from milkglass.viewer.files.images import read_radiance, write_exr
+from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.files.model import load_model
+from milkglass.viewer.files.radiance import read_radiance
 from milkglass.viewer.gl.buffers import MeshBuffers, SampleBuffers
 from milkglass.viewer.gl.context import latlong_texture
 from milkglass.viewer.passes.irradiance import SampleIrradiancePass

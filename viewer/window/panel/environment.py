@@ -24,6 +24,7 @@ class EnvironmentSection(Section):
         if imgui.button(f"{name}##environment.path", (-1.0, 0.0)):
             self._commands.request("open_probe")
         controls.end_row("environment.path", "Probe", "Light from all around: an .hdr or .exr file. Or drop one here.")
+        controls.setting("environment.projection", "Projection")  # chosen before a file that needs it is opened
         self._builtin()
         if not environment.given:
             controls.note("no environment: drop an .hdr or .exr file on the window, or choose one that is built in")

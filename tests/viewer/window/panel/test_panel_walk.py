@@ -79,6 +79,7 @@ def states_of(scene: Scene, probe: Path) -> dict[str, Scene]:
         "coloured": replace(scene, display=replace(scene.display, background="#3a3d42")),
         "pair": replace(scene, model=pair),
         "holed": replace(scene, model=holed),
+        "square probe": replace(scene, environment=replace(environment, path=probe.with_name("square.exr"))),
         "skin": replace(scene, model=replace(scene.model, path=probe.with_name("skin.glb"))),
         "pair in probe": replace(scene, model=pair, environment=environment),
         "colour": replace(scene, material=MaterialSettings(**given_by(scene.material, COLOUR))),
@@ -112,6 +113,9 @@ def walker(context, few_rays, tmp_path, monkeypatch):
     for plane in planes.values():
         plane[4, 20] = 200.0  # a source to extract
     write_exr(tmp_path / "probe.exr", planes)
+    u, v = np.meshgrid(*[np.linspace(-1.0, 1.0, 32)] * 2)
+    disc = np.where(np.hypot(u, v) < 1.0, np.where(v + u < -0.3, 4.0, 0.1), 0.0).astype(np.float32)
+    write_exr(tmp_path / "square.exr", dict.fromkeys("RGB", disc))
     for name, value in (("table", 0.05), ("other", 0.01)):
         (tmp_path / f"{name}.csv").write_text(f"0,{value},0.02,0.01\n1,0.005,0.004,0.001\n4,0.001,0.001,0\n")
     trimesh.creation.torus(1.0, 0.4, 24, 12).export(tmp_path / "other.ply")
