@@ -162,11 +162,6 @@ class ProbeFile:
     def load(self, assets: "Assets") -> Probe:
         """Read the file."""
         pixels, said = read_probe(self.path)
-        if self.projection == "auto" and pixels.shape[0] == pixels.shape[1]:
-            said += (
-                f"{self.path}: read as an angular map, since it is square; of a mirror ball's photograph say "
-                "environment.projection = mirrorball.",
-            )
         known = next((name for name in PROJECTIONS if name == self.projection), None)  # none is "auto"
         try:
             return Probe.from_pixels(pixels, known, said)
