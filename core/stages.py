@@ -177,6 +177,7 @@ class Stage(StrEnum):
     ENTRY = "entry of light", Part.TRANSPORT
     EXCHANGE_GEOMETRY = "places of the exchange", Part.TRANSPORT
     EVEN_LIGHT = "even light in thin parts", Part.TRANSPORT
+    EVEN_SURFACE = "surface by even light", Part.TRANSPORT
     SURFACE_EXCHANGE = "exchange between patches", Part.TRANSPORT
     PATCH_FLUX = "flux into patches", Part.TRANSPORT
     RETURNED = "light that has returned", Part.TRANSPORT

@@ -127,19 +127,19 @@ class Pattern:
     def __init__(self, hits: Hits, emitters: Ints, count: int) -> None:
         self._hits = hits
         columns = np.where(hits.faces >= 0, emitters.astype(np.int32)[hits.faces], np.int32(-1))
-        self._used = columns >= 0
+        used = columns >= 0
         # Rays are in the order of rows, and those of a row that meet the same emitter are one entry.
-        rows = np.concatenate([[0], np.cumsum(self._used.sum(axis=1))])[hits.first].astype(np.int32)
-        self._shape, entries = (len(hits.first) - 1, count), columns[self._used]
+        rows = np.concatenate([[0], np.cumsum(used.sum(axis=1))])[hits.first].astype(np.int32)
+        self._shape, entries = (len(hits.first) - 1, count), columns[used]
         del columns
-        sorting = csr_array((np.arange(len(entries), dtype=np.int32), entries, rows), shape=self._shape)
+        sorting = csr_array((np.flatnonzero(used).astype(np.int32), entries, rows), shape=self._shape)
         sorting.sort_indices()
         starts = np.ones(len(entries), bool)
         starts[1:] = sorting.indices[1:] != sorting.indices[:-1]
         starts[rows[:-1][np.diff(rows) > 0]] = True
-        self._order, self._columns, first = sorting.data, sorting.indices[starts], np.flatnonzero(starts)
-        self._rays = np.diff(first, append=len(entries)).astype(np.uint16)  # of each entry
-        self._rows = np.searchsorted(first, rows).astype(np.int32)
+        self._hit, self._columns = sorting.data, sorting.indices[starts]  # the first or second of a ray
+        self._first = np.flatnonzero(starts).astype(np.int32)  # of each entry
+        self._rows = np.searchsorted(self._first, rows).astype(np.int32)
 
     def matrix(self, eta: Eta) -> csr_array:
         """Return the matrix for an index of refraction."""
@@ -150,9 +150,8 @@ class Pattern:
         else:
             arriving = (entering / np.float32(self._hits.rays * hemispherical_transmittance(eta)))[:, None]
         values = arriving * np.stack([1.0 - mirrored, mirrored], axis=1)
-        values = values[self._used][self._order]
-        first = np.cumsum(self._rays, dtype=np.intp) - self._rays
-        sums = np.add.reduceat(values, first) if len(values) else values
+        values = values.ravel()[self._hit]
+        sums = np.add.reduceat(values, self._first) if len(values) else values
         return csr_array((sums, self._columns, self._rows), shape=self._shape)
 
 

@@ -569,10 +569,10 @@ FAULTS = (
     ),
     Fault(
         "negative-radiance-stays",
-        "viewer/files/images.py",
+        "viewer/files/radiance.py",
         "        pixels[negative] = 0.0\n",
         "",
-        "viewer/files/test_images_radiance.py::test_negative_pixels_are_refused_unless_they_are_ringing",
+        "viewer/files/test_images_radiance.py::test_negative_pixels_become_black_and_are_counted_unless_they_are_ringing",
     ),
     Fault(
         "textures-of-any-kind",

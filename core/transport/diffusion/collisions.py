@@ -33,7 +33,8 @@ INDICES = 1.3, 1.5  # least and largest index that paths are followed for at fir
 EXITS, MOSTLY = 2, 0.5  # times that some of a path's light leaves; F_r from which on none does
 EVENTS = 16  # surfaces that a path meets
 DENSE = 2e-3  # share of light that crosses parts, along normals, below which all collides
-KEPT = 3  # of media, and of indices
+KEPT = 3  # indices
+KEPT_MEDIA = 8  # those of a material, and the free paths of even light beside them
 LEAST_SHARE = 0.2  # that collides: less counts as this
 COSINES = 4096  # of tables of Fresnel's factors
 PATCHES_AT_A_TIME = 1024
@@ -87,7 +88,7 @@ class FirstCollisions:
 
     def __init__(self, areas: Array, thickness: Array, exits: "Callable[[float], Exits | None]") -> None:
         self._areas, self._thickness, self._exits = areas, thickness, exits
-        self._kept = Recent[tuple[float, float], Collisions | None](KEPT)
+        self._kept = Recent[tuple[float, float], Collisions | None](KEPT_MEDIA)
 
     def of(self, medium: Medium) -> Collisions | None:
         """Return what collides in a medium; None where next to all does, or no paths are known."""

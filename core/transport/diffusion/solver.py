@@ -389,8 +389,13 @@ class DiffusionTransport:
             between = exchanged = stages.run(
                 Stage.SURFACE_EXCHANGE, (geometry, eta), lambda: SurfaceExchange(geometry, depths, eta)
             )
-            placed = boundary
-            boundary = stages.run(Stage.EVEN_LIGHT, (placed, exchanged), lambda: self._by_even_light(placed, exchanged))
+            placed, samples = boundary, problem.samples
+            even = stages.run(
+                Stage.EVEN_LIGHT, (placed, samples), lambda: self._even_light(placed, len(samples), depths)
+            )
+            boundary = stages.run(
+                Stage.EVEN_SURFACE, (even, exchanged), lambda: _by_even_light(placed, even, exchanged)
+            )
             if (crossings := exchange.crossings) is not None:
                 alone = between
                 lengths = exchange.extinctions
@@ -424,14 +429,11 @@ class DiffusionTransport:
         channels = {i: channel() for i, channel in makers.items()}
         return sources, [None if twin is None else channels[twin] for twin in twins], returned
 
-    def _by_even_light(self, boundary: Boundary, exchange: SurfaceExchange) -> Boundary:
-        """Return a surface with extrapolation lengths by which even light leaves thin parts as it must.
-
-        Matter so dark that light between parts is not looked for does without.
-        """
+    def _even_light(self, boundary: Boundary, samples: int, depths: Depths) -> EvenLight:
+        """Return what even light tells of a surface of so many samples, whatever the medium."""
+        everywhere = EnteringLight(np.ones((samples, 3), np.float32))
         s, convolve = self.window_width(boundary.grid), self._unabsorbed(boundary.grid)
-        even = EvenLight(boundary, exchange.entry, s, convolve)
-        return boundary.bent(lambda medium: (boundary if exchange.is_negligible(medium) else even).bending(medium))
+        return EvenLight(boundary, lambda eta: enter(everywhere, boundary, depths, eta), s, convolve)
 
     def _with_returned(
         self, sources: Sources, problem: Problem, stages: Stages
@@ -535,6 +537,14 @@ class DiffusionTransport:
     def _maker(self, grid: LayerGrid) -> Callable[[Medium, ConvolutionShape], Float32]:
         s = self.window_width(grid)
         return lambda medium, shape: green_spectrum(medium, s, grid, shape)
+
+
+def _by_even_light(boundary: Boundary, even: EvenLight, exchange: SurfaceExchange) -> Boundary:
+    """Return a surface with extrapolation lengths by which even light leaves thin parts as it must.
+
+    Matter so dark that light between parts is not looked for does without.
+    """
+    return boundary.bent(lambda medium: (boundary if exchange.is_negligible(medium) else even).bending(medium))
 
 
 def _keep_returned(

@@ -5,8 +5,8 @@ import pytest
 
 from milkglass.core.arrays import Array
 from milkglass.core.material.medium import Medium
+from milkglass.core.transport.diffusion import solver
 from milkglass.core.transport.diffusion.even import EvenLight
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
 from tests.support.furnaces import Furnace, bowl, furnace, shape
 
 RESOLUTION = 32
@@ -22,7 +22,7 @@ def in_bowl(share: float) -> Furnace:
 def test_even_light_leaves_a_thin_bowl_where_it_entered(monkeypatch, share):
     found = in_bowl(share)
     assert found.error < 0.01
-    monkeypatch.setattr(DiffusionTransport, "_by_even_light", lambda _, boundary, exchange: boundary)
+    monkeypatch.setattr(solver, "_by_even_light", lambda boundary, even, exchange: boundary)
     assert in_bowl(share).error > 2.0 * found.error
 
 
