@@ -156,7 +156,8 @@ class Surface:
         )
         absorption = np.zeros((len(faces.etas), 3), np.float32)
         absorption[scattering:] = [part.absorption for part in clear] or np.empty((0, 3))
-        return cls(faces, RayMesh(vertices, corners), OFFSET * radius, scattering, absorption, of_body)
+        rays = RayMesh(vertices, corners) if clear else mesh.rays
+        return cls(faces, rays, OFFSET * radius, scattering, absorption, of_body)
 
     def below_clear(self, points: Array, inwards: Array) -> Array:
         """Return points (n, 3), those in a clear part moved along unit vectors `inwards` to below what they meet."""

@@ -146,8 +146,8 @@ void main() {
     // abs: interpolated normals may turn from the eye at a silhouette, which would draw a black outline
     float entering = fresnel_transmittance(u_eta, abs(dot(normal, to_eye)));
     vec4 seen_mirrored = vec4(0.0, 0.0, 0.0, 1.0), seen_through = seen_mirrored, seen_scattered = seen_mirrored;
-    if (u_traced) {
-        seen_mirrored = texelFetch(t_seen_mirrored, pixel, 0);
+    if (u_traced) seen_mirrored = texelFetch(t_seen_mirrored, pixel, 0);
+    if (u_traced && u_traced_inside) {
         seen_through = texelFetch(t_seen_through, pixel, 0);
         seen_scattered = texelFetch(t_seen_scattered, pixel, 0);
     }

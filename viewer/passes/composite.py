@@ -35,7 +35,8 @@ class Traced:
     ----------
     textures : tuple of moderngl.Texture
         What the first mirror shows, what is seen through the object, and what scatters towards the eye on the way; in
-        their alphas R, G and B of the share of a ray that collides before it leaves. Any where no rays are followed.
+        their alphas R, G and B of the share of a ray that collides before it leaves. Any where no rays are followed;
+        any but the first where none go on inside.
     left : tuple of R, G and B, optional
         Share of exitance that such rays do not find, in this sample of a pixel or another one, of each kind of matter.
     is_followed, goes_inside : bool
@@ -55,7 +56,8 @@ class CompositePass:
         self._context = context
         choices = "u_thin_reach", "u_surround_strength", "u_mirror_strength"
         self._shader = FullScreen(context, "composite.frag", *choices)
-        self._not_traced = Traced(self.traced_textures((1, 1)), is_followed=False)
+        self._none = float_texture(context, (1, 1))
+        self._not_traced = Traced((self._none,) * len(SEEN), is_followed=False)
 
     def not_traced(self, left: tuple[tuple[float, ...], ...] | None, *, goes_inside: bool = False) -> Traced:
         """Return what stands for rays of a sample of which none are followed; arguments as of `Traced`.
@@ -64,9 +66,11 @@ class CompositePass:
         """
         return replace(self._not_traced, left=left, goes_inside=goes_inside)
 
-    def traced_textures(self, size: tuple[int, int]) -> tuple[moderngl.Texture, ...]:
-        """Allocate the textures of `Traced` for (width, height) pixels."""
-        return tuple(float_texture(self._context, size) for _ in range(len(SEEN)))
+    def traced_textures(self, size: tuple[int, int], *, inside: bool) -> tuple[moderngl.Texture, ...]:
+        """Allocate the textures of `Traced` for (width, height) pixels; fewer where no rays go on `inside`."""
+        count = len(SEEN) if inside else 1
+        drawn = tuple(float_texture(self._context, size) for _ in range(count))
+        return drawn + (self._none,) * (len(SEEN) - count)
 
     def targets(self, size: tuple[int, int], *, parts: bool, depth: moderngl.Renderbuffer | None = None) -> Composite:
         """Allocate the textures of (width, height) pixels, of radiance or its `parts` too; `depth` of the G-buffer."""

@@ -39,7 +39,10 @@ class Reentry:
 
 @dataclass(frozen=True, eq=False)
 class ReentryTargets:
-    """Float textures of E at every pixel, on its side and on the other, and the framebuffer that draws into them."""
+    """Float textures of E at every pixel, on its side and on the other, and the framebuffer that draws into them.
+
+    Without thin parts, whose other side counts, both are one texture.
+    """
 
     irradiance: moderngl.Texture
     behind: moderngl.Texture
@@ -53,11 +56,11 @@ class ReentryPass:
         self._context = context
         self._program = Program(context, "reentry.vert", "reentry.frag")
 
-    def targets(self, size: tuple[int, int]) -> ReentryTargets:
-        """Allocate textures of (width, height) pixels, with a depth buffer of their own."""
-        irradiance, behind = float_targets(self._context, size, 2)
+    def targets(self, size: tuple[int, int], *, thin: bool) -> ReentryTargets:
+        """Allocate textures of (width, height) pixels, two where parts are `thin`, with a depth buffer of their own."""
+        textures = float_targets(self._context, size, 2 if thin else 1)
         depth = checked(self._context, lambda: self._context.depth_renderbuffer(size), "a depth buffer")
-        return ReentryTargets(irradiance, behind, self._context.framebuffer([irradiance, behind], depth))
+        return ReentryTargets(textures[0], textures[-1], self._context.framebuffer(textures, depth))
 
     def upload(self, reentry: Reentry, *, thin: bool) -> tuple[moderngl.Buffer, moderngl.Buffer]:
         """Return E of the vertices and E on their other side, which is asked for where parts are `thin`."""

@@ -10,11 +10,13 @@ from milkglass.core.errors import InputError
 
 # Bytes of a pixel at the peak, measured from 512 x 512 to 4096 x 4096: of a picture alone, and with all its layers.
 PICTURE_BYTES, LAYERS_BYTES = 110, 255
-_ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
+# Of malloc.h. Arrays of a MB or more are mapped on their own, so that their memory goes back when they go; the limit
+# that glibc chooses grows to 32 MB, and what was freed below it stays, in pieces.
+_ARENA_MAX, _MMAP_THRESHOLD, _OWN_BYTES = -8, -3, 2**20
 
 
 def share_heap() -> None:
-    """Let all threads allocate from one heap, for a process that makes a single picture; before they start.
+    """Let all threads allocate from one small heap, for a process that makes a single picture; before they start.
 
     With heaps of their own, each thread of transport leaves 20 MB that nobody else can use nor give back. Our threads
     rarely allocate: they do not get into each other's way.
@@ -22,6 +24,7 @@ def share_heap() -> None:
     set_option = _glibc("mallopt")
     if set_option is not None:
         set_option(_ARENA_MAX, 1)
+        set_option(_MMAP_THRESHOLD, _OWN_BYTES)
 
 
 def give_back() -> None:

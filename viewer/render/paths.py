@@ -9,7 +9,6 @@ import numpy as np
 from milkglass.core.arrays import Bools
 from milkglass.core.geometry.bodies import Bodies
 from milkglass.core.geometry.mesh import Mesh
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
@@ -244,7 +243,7 @@ def thin_part(mesh: Mesh, samples: SurfaceSamples, of_kind: Bools | slice = slic
     chosen = np.random.default_rng(0).choice(len(samples), THICKNESS_RAYS, p=areas / areas.sum())
     inwards = -samples.normals[chosen]
     starts = samples.points[chosen] + START * mesh.radius * inwards
-    face, distance = RayMesh(mesh.vertices, mesh.faces).first(starts, inwards)
+    face, distance = mesh.rays.first(starts, inwards)
     met = face >= 0
     return float(np.quantile(distance[met], THIN_QUANTILE)) if met.any() else 2.0 * mesh.radius
 

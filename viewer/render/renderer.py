@@ -159,12 +159,15 @@ class Renderer:
         self.transport_stages.begin()
         lit, gather = self._scattered(scene, say, draft=draft)
         lit = lit if tinted else lit.without_tint()
-        ground, paths = self._lighting.ground(scene, lit), self._paths(scene, lit, request, say)
+        ground = self._lighting.ground(scene, lit)
         if last:
-            lit = self._without_transport(lit)
+            self._let_go_of_transport(lit)
+        paths = self._paths(scene, lit, request, say)
+        if last:
+            lit = self._for_pixels(lit)
             memory.give_back()
         say("drawing")
-        return self._shade(scene, lit, gather, request, ground, paths)
+        return self._shade(scene, lit, gather, request, ground, paths, last=last)
 
     def start_cold(self) -> None:
         """Have the next solution start from nothing: its picture is that of a new renderer, to the bit."""
@@ -178,12 +181,15 @@ class Renderer:
         say("scattering light through the layers")
         return lit, self.gather(lit, self.scatter(lit))
 
-    def _without_transport(self, lit: LitScene) -> LitScene:
-        """Let go of all that pixels do not need, and return what they do."""
+    def _let_go_of_transport(self, lit: LitScene) -> None:
+        """Let go of all that was kept for another solution."""
         self.stages.clear()
         self.transport_stages.clear()
         self._lighting.release()
         lit.transport.release()
+
+    def _for_pixels(self, lit: LitScene) -> LitScene:
+        """Return what pixels need of a lit scene, and let go of the rest."""
         free_dropped(self.context)
         none = np.empty((0, 3), np.float32)
         samples = SurfaceSamples(none, none, none[:, 0])
@@ -235,10 +241,12 @@ class Renderer:
         request: PictureRequest,
         ground: Ground | None,
         paths: Paths | None,
+        *,
+        last: bool = False,
     ) -> Picture:
         is_seen = scene.display.background == "environment"
         behind = self._lighting.probe(scene.environment) if is_seen else None
-        return self._shading.shade(scene, lit, gather, request, behind, ground, paths)
+        return self._shading.shade(scene, lit, gather, request, behind, ground, paths, last=last)
 
     def serves_at_vertices(self, scene: Scene, lit: LitScene, gather: Gather) -> bool:
         """Whether `shade` draws a picture that may be `at_vertices` so."""

@@ -13,7 +13,7 @@ from milkglass.core.light.blur import blurred
 from milkglass.core.light.probe import Probe
 from milkglass.core.stages import Stage, Stages, Steps, alike
 from milkglass.viewer.gl.constants import MOST_LAMPS
-from milkglass.viewer.gl.context import bind_cleared, checked, latlong_texture, over_object, read_rgba
+from milkglass.viewer.gl.context import bind_cleared, checked, free_dropped, latlong_texture, over_object, read_rgba
 from milkglass.viewer.passes.composite import OUTPUTS, Composite, CompositePass
 from milkglass.viewer.passes.gather import Gather
 from milkglass.viewer.passes.gbuffer import ClearBuffers, GBuffer, GBufferPass, LitVertices
@@ -40,6 +40,7 @@ from milkglass.viewer.scene.lights.sub_lights import PARTS
 from milkglass.viewer.scene.scene import Scene
 
 LARGE_SUB_LIGHTS = 16  # of a light of which a picture may show some first
+TARGETS = Stage.GBUFFER_TARGETS, Stage.LIGHT_TARGETS, Stage.REENTRY_TARGETS, Stage.PATH_TARGETS  # of each sample
 EXPOSURE_STEP = 4  # pixels, between those that a picture is exposed for while something moves
 
 
@@ -94,6 +95,8 @@ class Shading:
         behind: Probe | None = None,
         ground: Ground | None = None,
         paths: Paths | None = None,
+        *,
+        last: bool = False,
     ) -> Picture:
         """Draw a scene through its camera and return the picture on the GPU.
 
@@ -110,6 +113,8 @@ class Shading:
             Where the object stands on one.
         paths : Paths, optional
             Rays of sight, where the scene needs any and they are wanted.
+        last : bool
+            Whether what the pixels are drawn from goes before they are developed.
 
         Raises
         ------
@@ -125,6 +130,11 @@ class Shading:
             composite = self._between_vertices(scene, lit, gather)
         else:
             composite = self._pixels(scene, lit, gather, request, paths)
+        if last:
+            self._seen = None
+            for targets in TARGETS:
+                self._stages.forget(targets)
+            free_dropped(self._context)
         if not request.develop:
             return self._picture(scene, lit, gather, composite, composite.framebuffer, 0.0)
         why = () if paths is None else paths.why
@@ -406,7 +416,7 @@ class Shading:
     ) -> ReentryTargets:
         """Draw light that enters the object again at every pixel."""
         thin = gather.is_thin
-        targets = self._run(Stage.REENTRY_TARGETS, [size], lambda: self._reentry.targets(size))
+        targets = self._run(Stage.REENTRY_TARGETS, [size, thin], lambda: self._reentry.targets(size, thin=thin))
         values = self._run(Stage.REENTRY_BUFFERS, [reentry, thin], lambda: self._reentry.upload(reentry, thin=thin))
         self._run(
             Stage.REENTRY_PIXELS,

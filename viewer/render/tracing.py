@@ -35,6 +35,7 @@ FINE_RAYS = 2**19  # of sight in a picture of several samples, up to which each 
 MOST_RAYS = 32  # of a pixel, likewise
 RESUME = 1e-5  # radii behind a face at which rays that look for the next one start
 ALIKE = 0.05  # contrast of rays between which others are interpolated
+ROWS_WRITTEN = 64  # at a time, of what rays have found
 RAYS_A_STEP = 65536  # of sight: what about 0.1 s are enough for
 
 
@@ -172,14 +173,16 @@ class Tracing:
                 )
         finally:
             superseded.set()
+        size, inside = (width, height), tree.clear
         textures = self._run(
-            Stage.PATH_TARGETS, [(width, height)], lambda: self._composite.traced_textures((width, height))
+            Stage.PATH_TARGETS, [size, inside], lambda: self._composite.traced_textures(size, inside=inside)
         )
-        *shown, collided = radiance
-        for texture, values, share in zip(textures, shown, collided.T, strict=True):
-            of_pixels = np.zeros((height * width, 4), np.float32)
-            of_pixels[pixels, :3], of_pixels[pixels, 3] = values, share
-            texture.write(of_pixels)
+        if inside:
+            *shown, collided = radiance
+            for texture, values, share in zip(textures, shown, collided.T, strict=True):
+                _write(texture, pixels, np.column_stack([values, share]))
+        else:
+            _write(textures[0], pixels, radiance[0])
         return Traced(textures, goes_inside=tree.clear)
 
     def _found(
@@ -190,10 +193,14 @@ class Tracing:
         superseded: threading.Event,
         highlights: float,
     ) -> Steps[Float32]:
-        """Return the mean radiance of `count` places by rays, part by part: (kinds, count, 3)."""
+        """Return the mean radiance of `count` places by rays, part by part: (kinds, count, 3).
+
+        Kinds are those of `core.paths.tree.Seen`, or the first alone where no rays go on inside.
+        """
         from milkglass.core.paths.tree import Seen
 
-        radiance, counts = np.zeros((len(Seen._fields), count, 3), np.float32), np.zeros(count, np.float32)
+        kinds = len(Seen._fields) if tree.clear else 1
+        radiance, counts = np.zeros((kinds, count, 3), np.float32), np.zeros(count, np.float32)
 
         def begun(rays: "Sight") -> "Future[Found]":
             return self._worker.submit(tree.find, rays, lambda: not superseded.is_set(), highlights)
@@ -205,10 +212,11 @@ class Tracing:
             found, numbers = following.result(), shown
             if after is not None:
                 shown, following = after[0], begun(after[1])
-            for layer, values in zip(radiance, tree.lit(found), strict=True):
+            for layer, values in zip(radiance, tree.lit(found), strict=False):
                 layer[numbers] += values
             counts[numbers] += 1.0
-        return radiance / counts[:, None]
+        radiance /= counts[:, None]
+        return radiance
 
     def draft(self, tree: "Tree", lit: LitScene, gbuffer: GBuffer, depth: moderngl.Renderbuffer, clip: Array) -> Traced:
         """Draw a draft of what rays of all pixels would find in one kind of matter, in place of following them.
@@ -335,9 +343,12 @@ def seen_first(gbuffer: GBuffer, eye: Array) -> tuple[Ints, "Sight"]:
     """Return the pixels that show the object, (k,), numbered as OpenGL does, and where their rays meet it."""
     from milkglass.core.paths import Sight
 
-    position, normal = (_values(texture) for texture in (gbuffer.position, gbuffer.normal))
+    position = _values(gbuffer.position)
     pixels = np.flatnonzero(position[:, 3] > 0.0)
-    points, normals, bodies = position[pixels, :3], normal[pixels, :3], normal[pixels, 3].astype(np.int32)
+    points = position[pixels, :3]
+    del position  # 16 bytes a pixel, at the peak of memory
+    normals_and_bodies = _values(gbuffer.normal)[pixels]
+    normals, bodies = normals_and_bodies[:, :3], normals_and_bodies[:, 3].astype(np.int32)
     if gbuffer.detail is not None:
         normals = _values(gbuffer.detail[1].shading)[pixels, :3]
     directions = np.float32(eye[3]) * points - eye[:3].astype(np.float32)
@@ -357,6 +368,20 @@ def seen_beside(tree: "Tree", pixels: Ints, size: tuple[int, int], clip: Array) 
     along = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
     shown, sight = tree.sight(near.astype(np.float32), along.astype(np.float32))
     return shown.astype(np.int64), sight
+
+
+def _write(texture: moderngl.Texture, pixels: Ints, values: Float32) -> None:
+    """Write the RGBA of some pixels, (k, 4), or their RGB, (k, 3), and 0 elsewhere.
+
+    Pixels are numbered row by row from the bottom, ascending.
+    """
+    width, height = texture.size
+    for row in range(0, height, ROWS_WRITTEN):
+        rows = min(ROWS_WRITTEN, height - row)
+        first, end = np.searchsorted(pixels, [row * width, (row + rows) * width])
+        band = np.zeros((rows * width, 4), np.float32)
+        band[pixels[first:end] - row * width, : values.shape[1]] = values[first:end]
+        texture.write(band, viewport=(0, row, width, rows))
 
 
 def _values(texture: moderngl.Texture) -> Float32:
