@@ -406,7 +406,6 @@ def kind_of(box: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_every_control_changes_what_it_says(walker):
     scene, probe = walker.session.scene, Path(walker.app.preferences.folder) / "probe.exr"
     for name, state in states_of(scene, probe).items():
