@@ -5,7 +5,7 @@ from pathlib import Path
 import typer
 
 from milkglass.core.errors import InputError
-from milkglass.viewer.sweep import run as running
+from milkglass.viewer.sweep import pools, run as running
 from milkglass.viewer.sweep.sweep import MOST_PICTURES, Sweep
 from milkglass.viewer.sweep.work import Finished
 
@@ -24,7 +24,7 @@ def run(
     if dry:
         typer.echo(said_of(running.estimate(sweep, folder), workers))
         return
-    executors = running.in_processes(workers) if scheduler is None else running.on_cluster(scheduler)
+    where = pools.in_processes(workers) if scheduler is None else pools.on_cluster(scheduler)
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
@@ -34,7 +34,7 @@ def run(
             progress.advance(task)
 
         progress.update(task, description="rendering", total=running.count_missing(sweep, folder, share))
-        count = running.run(sweep, folder, executors, workers, share, tell)
+        count = running.run(sweep, folder, where, share, tell)
     typer.echo(f"{count} of {sweep.count} pictures made; they and index.csv are in {folder}.")
 
 

@@ -1,29 +1,22 @@
 """A sweep from beginning to end: what is missing is made, wherever that is, and gathered."""
 
-import multiprocessing
-import signal
 import tempfile
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 from milkglass.core.errors import InputError
-from milkglass.core.threads import AtOnce
-from milkglass.viewer.render import memory
 from milkglass.viewer.sweep import ledger, sheet
 from milkglass.viewer.sweep.contents import content_hash
+from milkglass.viewer.sweep.pools import ROWS, Pool, Pools, in_processes, killed
 from milkglass.viewer.sweep.sweep import Sweep
 from milkglass.viewer.sweep.work import Finished, Task, make
 
-ROWS = 8  # of a task: its worker keeps what they share for the next
-AHEAD = 3  # tasks a worker that are handed out
 MOST_DEATHS = 3  # of workers, with no picture between
 
-Executors = Callable[[], AbstractContextManager[Executor]]
 Tell = Callable[[Finished], None]
 
 
@@ -70,32 +63,10 @@ class Estimate:
     size: float
 
 
-def in_processes(workers: int) -> Executors:
-    """Return what makes executors of so many processes; of one, this process itself does the work."""
-    if workers == 1:
-        return lambda: nullcontext(AtOnce())
-    context = multiprocessing.get_context("spawn")  # drivers do not survive a fork
-    return lambda: ProcessPoolExecutor(workers, context, _begin_worker)
-
-
-def on_cluster(address: str) -> Executors:
-    """Return what makes the executor of a Dask cluster; raise `InputError` without the extra."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs the extra: pip install 'milkglass[cluster]'") from None
-    try:
-        client = Client(address, timeout="10s", set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--scheduler {address}: no scheduler answers there ({type(error).__name__})") from error
-    return lambda: nullcontext(client.get_executor())
-
-
 def run(
     sweep: Sweep,
     folder: Path,
-    executors: Executors = in_processes(1),
-    workers: int = 1,
+    pools: Pools = in_processes(1),
     shard: Shard = Shard(),
     tell: Tell = lambda _: None,
 ) -> int:
@@ -103,10 +74,10 @@ def run(
 
     Parameters
     ----------
-    executors : callable
-        Makes a context of an executor, again where its workers died.
-    workers : int
-        Of it.
+    folder : Path
+        That all workers see by the same name.
+    pools : callable
+        Makes a context of workers, again where they died.
     tell : callable
         Told of each picture that was made.
 
@@ -116,23 +87,21 @@ def run(
         What is wrong with a picture, a file or the folder; what was made before stays, and the next call goes on.
     """
     sheet.check_film(sweep.output.animation, sweep.files)
+    folder = folder.absolute()  # workers may have other working directories
     ledger.begin(sweep, folder)
     count, deaths = 0, 0
     while True:
         before = count
         try:
-            with executors() as executor:
-                for one in _finished(executor, tasks(sweep, folder, shard), AHEAD * workers):
+            with pools() as pool:
+                for one in _finished(pool, tasks(sweep, folder, shard, pool.rows)):
                     count += 1
                     tell(one)
             break
         except BrokenProcessPool as error:
             deaths = deaths + 1 if count == before else 1
             if deaths == MOST_DEATHS:
-                raise InputError(
-                    f"the processes that render were killed {deaths} times at the same picture, most often for want of "
-                    "memory; fewer --workers, or smaller pictures"
-                ) from error
+                raise killed(deaths) from error
     rows = ledger.gather(sweep, folder)
     if sweep.output.sheet:
         sheet.write_sheet(folder, rows, sweep.title)
@@ -141,7 +110,7 @@ def run(
     return count
 
 
-def tasks(sweep: Sweep, folder: Path, shard: Shard = Shard()) -> Iterator[Task]:
+def tasks(sweep: Sweep, folder: Path, shard: Shard = Shard(), rows: int = ROWS) -> Iterator[Task]:
     """Yield the work that is left of a shard, a few pictures each; those of one state follow each other."""
     output, number = sweep.output, 0
     by_group = sweep.groups_count >= 4 * shard.count  # else shares are of the pictures of each group
@@ -157,8 +126,8 @@ def tasks(sweep: Sweep, folder: Path, shard: Shard = Shard()) -> Iterator[Task]:
             if not ledger.is_finished(folder, index, content):
                 left.append((row, content))
         while left:
-            yield Task(tuple(left[:ROWS]), sweep.files, output.samples, output.seed, folder)
-            left = left[ROWS:]
+            yield Task(tuple(left[:rows]), sweep.files, output.samples, output.seed, folder)
+            left = left[rows:]
 
 
 def count_missing(sweep: Sweep, folder: Path, shard: Shard = Shard()) -> int:
@@ -184,12 +153,13 @@ def estimate(sweep: Sweep, folder: Path) -> Estimate:
     return Estimate(sweep.count, todo, seconds * todo, size * sweep.count)
 
 
-def _finished(executor: Executor, work: Iterator[Task], ahead: int) -> Iterator[Finished]:
+def _finished(pool: Pool, work: Iterator[Task]) -> Iterator[Finished]:
     """Hand out work, as much ahead as workers need, and yield what is made as it comes; the first failure ends it."""
     running: set[Future[list[Finished]]] = set()
     try:
         while True:
-            running |= {executor.submit(make, task) for task in islice(work, ahead - len(running))}
+            ahead = pool.ahead * max(1, pool.size())
+            running |= {pool.executor.submit(make, task) for task in islice(work, max(0, ahead - len(running)))}
             if not running:
                 return
             done, running = wait(running, return_when=FIRST_COMPLETED)
@@ -198,9 +168,3 @@ def _finished(executor: Executor, work: Iterator[Task], ahead: int) -> Iterator[
     finally:
         for future in running:
             future.cancel()
-
-
-def _begin_worker() -> None:
-    """Leave interrupts to the process that hands out work, and share one heap among threads."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    memory.share_heap()

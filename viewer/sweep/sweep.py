@@ -178,7 +178,7 @@ class Sweep:
         path = Path(path)
         document = toml_files.parse(given_bytes(path, "the sweep file"), path)
         try:
-            return _from_document(document, path)
+            return _from_document(document, path.absolute())
         except InputError as error:
             raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
 

@@ -1,6 +1,7 @@
 """A few pictures of a sweep, where they are made: in any process, on any machine; what is known is in files."""
 
 import functools
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,8 +50,16 @@ class Finished:
     size: int
 
 
+_turns = threading.Lock()  # of threads, as a cluster's workers may have several: the studio knows one picture at a time
+
+
 def make(task: Task) -> list[Finished]:
     """Make the pictures of a task and write their files, each picture's row last."""
+    with _turns:
+        return _made(task)
+
+
+def _made(task: Task) -> list[Finished]:
     studio, finished = process_studio(), []
     linear = any(OUTPUTS[kind].linear for kind in task.kinds)
     for row, content in task.rows:

@@ -6,21 +6,28 @@ import json
 import multiprocessing
 import os
 import signal
-from concurrent.futures import ProcessPoolExecutor
+import subprocess
+import sys
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, contextmanager, nullcontext
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from milkglass.core.errors import InputError
+from milkglass.core.threads import AtOnce
 from milkglass.viewer.commands.cli import main
 from milkglass.viewer.files.images import read_channels, read_texts
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.sweep import run as running, work
+from milkglass.viewer.sweep import work
+from milkglass.viewer.sweep.pools import Pool, in_processes, on_cluster
 from milkglass.viewer.sweep.run import Shard, count_missing, run
 from milkglass.viewer.sweep.sweep import Sweep
+from tests.support.paths import PACKAGES
 from tests.support.solids import block
+from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -71,25 +78,95 @@ def test_the_same_bytes_by_two_processes_by_shards_after_a_kill_and_alone(sweep,
         run(sweep, tmp_path / "shards", shard=Shard(number, 2))
     assert pictures(tmp_path / "shards") == expected
 
-    deaths = []
+    pools = []
 
-    def executors():
-        pool = ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))
-        deaths.append(pool)
-        return pool
+    @contextmanager
+    def counted():
+        with in_processes(2)() as pool:
+            pools.append(pool)
+            yield pool
 
     def tell(_):
-        if len(deaths) == 1:  # the first pool's workers, once a picture is there
-            for process in list(deaths[0]._processes.values()):
-                os.kill(process.pid, signal.SIGKILL)
+        if len(pools) == 1:  # the first pool's workers, once a picture is there
+            for process in multiprocessing.active_children():
+                process.kill()
 
-    run(sweep, tmp_path / "killed", executors, 2, tell=tell)
-    assert len(deaths) > 1
+    run(sweep, tmp_path / "killed", counted, tell=tell)
+    assert len(pools) > 1
     assert pictures(tmp_path / "killed") == expected
 
     for name in ("00001.png", "00004.png"):
         assert main(["render", "--scene", str(tmp_path / "one" / name), "--output", str(tmp_path / "alone.png")]) == 0
         assert (tmp_path / "alone.png").read_bytes() == (tmp_path / "one" / name).read_bytes()
+
+
+def test_an_interrupt_leaves_no_process_and_no_half_written_file(sweep, tmp_path):
+    def tell(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(sweep, tmp_path / "out", in_processes(2), tell=tell)
+    assert multiprocessing.active_children() == []
+    assert not list((tmp_path / "out").rglob(".milkglass-*"))
+
+
+@contextmanager
+def cluster(folder, workers):
+    """A scheduler of Dask's and so many workers: its address, and the workers' processes."""
+    module, address = "distributed.cli.dask_", folder / "scheduler.json"
+    with ExitStack() as stack, (folder / "dask.log").open("w") as log:
+
+        def start(program, *arguments):
+            command = [
+                sys.executable,
+                "-m",
+                module + program,
+                "--scheduler-file",
+                address,
+                "--no-dashboard",
+                *arguments,
+            ]
+            environment = os.environ | {"PYTHONPATH": str(PACKAGES)}
+            process = subprocess.Popen(command, stdout=log, stderr=log, cwd=folder, env=environment)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        start("scheduler", "--port", "0", "--host", "127.0.0.1")
+        processes = [start("worker", "--nthreads", "1", "--no-nanny") for _ in range(workers)]
+        wait_until(address.exists)
+        yield json.loads(address.read_text("utf-8"))["address"], processes
+
+
+def test_a_cluster_loses_a_worker_and_no_picture(sweep, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    run(sweep, tmp_path / "one")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path)
+    sweep = Sweep.load("turn.toml")  # by names that mean something else where the workers are
+    with cluster(tmp_path / "elsewhere", 2) as (address, processes):
+        killed = []
+
+        def tell(_):
+            if killed:
+                return
+            with distributed.Client(address, set_as_default=False) as client:
+                busy = [name for name, work in client.processing().items() if work]
+                killed.extend(client.run(os.getpid, workers=busy).values())
+            for number in killed:
+                os.kill(number, signal.SIGKILL)
+
+        assert run(sweep, Path("many"), on_cluster(address), tell=tell) == 6
+        assert [process.pid in killed for process in processes].count(True) == 1
+    assert pictures(tmp_path / "many") == pictures(tmp_path / "one")
+
+
+def test_no_scheduler_is_a_sentence(sweep, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("milkglass.viewer.sweep.pools.ANSWER_SECONDS", 0.1)
+    arguments = ["sweep", str(tmp_path / "turn.toml"), "--output", str(tmp_path / "out")]
+    assert main([*arguments, "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "no scheduler answers" in capsys.readouterr().err
 
 
 def test_what_is_there_is_not_made_again_and_what_changed_is(sweep, tmp_path):
@@ -171,12 +248,12 @@ def test_a_dry_run_says_how_many_and_writes_nothing(sweep, tmp_path, capsys):
 
 
 def test_workers_that_die_again_and_again_end_in_a_sentence(sweep, tmp_path):
-    class Dying(running.AtOnce):
+    class Dying(AtOnce):
         def submit(self, work, /, *args, **kwargs):
             raise BrokenProcessPool
 
     with pytest.raises(InputError, match="were killed 3 times at the same picture"):
-        run(sweep, tmp_path / "out", Dying)
+        run(sweep, tmp_path / "out", lambda: nullcontext(Pool(Dying())))
 
 
 def test_a_full_disk_is_a_sentence_and_the_next_run_goes_on(sweep, tmp_path, monkeypatch):
