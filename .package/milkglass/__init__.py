@@ -16,6 +16,7 @@ from milkglass.core.lazy import lazy
 if TYPE_CHECKING:
     from milkglass.core.errors import InputError as InputError
     from milkglass.core.material.library import Material as Material
+    from milkglass.viewer.notebook.show import show as show
     from milkglass.viewer.render.picture import Frame as Frame, Still as Still
     from milkglass.viewer.render.renderer import Renderer as Renderer, render as render, render_image as render_image
     from milkglass.viewer.scene.library import materials as materials
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
         SpecularSettings as SpecularSettings,
         TransportSettings as TransportSettings,
     )
+    from milkglass.viewer.sweep.frames import sweep as sweep
 else:
     __getattr__, __dir__, __all__ = lazy(__name__)
 

@@ -6,6 +6,7 @@ left behind.
 """
 
 import contextlib
+import io
 import itertools
 import os
 import struct
@@ -145,6 +146,15 @@ def write_png(
     Tagged sRGB, or with the ICC profile given; `texts`, ASCII, are kept beside the pixels.
     """
     write_png_bands(path, pixels.shape[:2], [pixels], profile, texts)
+
+
+def png_bytes(pixels: Pixels8) -> bytes:
+    """Return the content of a PNG file of sRGB pixels, (h, w, 3 or 4) uint8: what a notebook shows."""
+    from PIL import Image
+
+    content = io.BytesIO()
+    Image.fromarray(pixels).save(content, "PNG")
+    return content.getvalue()
 
 
 def write_png_bands(

@@ -12,7 +12,7 @@ from milkglass.core.arrays import Float32
 from milkglass.core.stages import Timings
 from milkglass.core.transport.quality import Quality
 from milkglass.viewer.files.formats import PictureContents, write_picture
-from milkglass.viewer.files.images import channel_bands
+from milkglass.viewer.files.images import channel_bands, png_bytes
 from milkglass.viewer.files.record import Record
 from milkglass.viewer.gl.context import current, free_dropped, read_rgba
 from milkglass.viewer.passes.composite import OUTPUTS, Composite
@@ -122,6 +122,9 @@ class Still:
         """Write a format of the tone-mapped picture, ``.png``, whole or not at all; otherwise as `Frame.save`."""
         write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], texts=_texts(self.record)))
 
+    def _repr_png_(self) -> bytes:
+        return png_bytes(self.image)
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -209,6 +212,9 @@ class Frame:
         """
         texts = _texts(self.record)
         write_picture(path, PictureContents(self.image.shape[:2], lambda: [self.image], self._layers, texts=texts))
+
+    def _repr_png_(self) -> bytes:
+        return png_bytes(self.image)
 
     def save_mask(self, path: str | Path) -> None:
         """Write `mask` as a PNG of 8 bits; errors as `save`."""

@@ -9,6 +9,7 @@
 """
 
 import dataclasses
+import html
 import os
 import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -176,6 +177,9 @@ class Scene:
         """Return the text of a scene file; paths in it stay absolute."""
         return _to_toml(self, Path(os.path.sep))
 
+    def _repr_html_(self) -> str:
+        return _settings_html(_document(self, Path.cwd()))
+
     @classmethod
     def from_toml(cls, text: str) -> "Scene":
         """Read what `to_toml` returned; raise `InputError` for anything else."""
@@ -188,6 +192,17 @@ class Scene:
     def save(self, path: str | Path) -> None:
         """Write a scene file, whole or not at all; paths in it become relative to it where possible."""
         toml_files.write(path, _to_toml(self, Path(os.path.abspath(path)).parent), "the scene file")
+
+
+def _settings_html(document: Mapping[str, Any]) -> str:
+    """Return a scene file's content as a compact table for a notebook, a line for each of its tables."""
+    lines = []
+    for name, content in document.items():
+        for table in content if isinstance(content, list) else [content]:
+            values = html.escape(", ".join(filter(None, toml_files.dumps(table).splitlines())))
+            cells = f"<th>{html.escape(name)}</th><td style='text-align: left'>{values}</td>"
+            lines += [f"<tr>{cells}</tr>"] if values else []
+    return f"<table>{''.join(lines)}</table>"
 
 
 def _check_count(lights: Collection[object]) -> None:
@@ -409,6 +424,11 @@ def _light(content: dict[str, Any], label: str) -> Light:
 def _to_toml(scene: Scene, base: Path) -> str:
     if scene.model.mesh is not None or scene.environment.probe is not None:
         raise InputError("a scene file cannot hold a mesh or a light probe in memory: write it to a file and name that")
+    return toml_files.dumps(_document(scene, base))
+
+
+def _document(scene: Scene, base: Path) -> dict[str, Any]:
+    """Return what a scene file holds, without a mesh or a light probe in memory."""
     document: dict[str, Any] = {}
     for name in (f.name for f in dataclasses.fields(scene)):
         content = getattr(scene, name)
@@ -429,7 +449,7 @@ def _to_toml(scene: Scene, base: Path) -> str:
             document[name] = _content(content, base)
         elif content is not None:
             document[name] = [{"kind": light.KIND} | _content(light, base) for light in content]
-    return toml_files.dumps(document)
+    return document
 
 
 def _content(table: Any, base: Path) -> dict[str, Any]:

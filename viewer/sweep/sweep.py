@@ -20,6 +20,7 @@ All that varies multiplies: the grid's first key changes slowest, the turntable'
 """
 
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -167,7 +168,7 @@ class Sweep:
     folder: Path = Path()
 
     @classmethod
-    def load(cls, path: str | Path) -> "Sweep":
+    def load(cls, path: str | os.PathLike[str]) -> "Sweep":
         """Read a sweep file; paths in it are relative to it.
 
         Raises

@@ -1,0 +1,1 @@
+"""An interactive view in a notebook, with orbit and sliders."""
