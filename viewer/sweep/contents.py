@@ -33,6 +33,7 @@ def content_hash(sweep: Sweep, row: Row) -> str:
         "scene": by_content(row.scene).to_toml(),
         "files": sweep.files,
         "name": row.name,
+        "measured": output.measured,
         "samples": [output.samples, output.seed],
         "series": None if row.series is None else [row.series.table.frames, by_content(row.series.scene).to_toml()],
     }

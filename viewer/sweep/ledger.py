@@ -49,7 +49,15 @@ def begin(sweep: Sweep, folder: Path) -> None:
         _write(rows / IDENTITY, identity)
 
 
-def write_row(folder: Path, row: Row, content: str, files: Sequence[str], shot: Shot, more: Mapping[str, Any]) -> None:
+def write_row(
+    folder: Path,
+    row: Row,
+    content: str,
+    files: Sequence[str],
+    shot: Shot,
+    more: Mapping[str, Any],
+    note: str = "",
+) -> None:
     """Write what is known of a picture whose files are there; `more` are further columns of the index."""
     frame = shot.frame
     _write(
@@ -59,7 +67,7 @@ def write_row(folder: Path, row: Row, content: str, files: Sequence[str], shot: 
             "values": row.values,
             "files": list(files),
             "hash": content,
-            "note": " ".join((*frame.warnings, *frame.remarks)),
+            "note": " ".join(filter(None, (*frame.warnings, *frame.remarks, note))),
             "predicted_error": frame.quality.predicted_error,
             "version": VERSION,
             "more": dict(more),

@@ -126,7 +126,7 @@ def tasks(sweep: Sweep, folder: Path, shard: Shard = Shard(), rows: int = ROWS) 
             if not ledger.is_finished(folder, index, content):
                 left.append((row, content))
         while left:
-            yield Task(tuple(left[:rows]), sweep.files, output.samples, output.seed, folder)
+            yield Task(tuple(left[:rows]), sweep.files, output.samples, output.seed, folder, output.measured)
             left = left[rows:]
 
 
@@ -144,7 +144,8 @@ def estimate(sweep: Sweep, folder: Path) -> Estimate:
         target = Path(temporary)
         ledger.begin(sweep, target)
         rows = [sweep.row(index) for index in shown]
-        task = Task(tuple((row, "") for row in rows), sweep.files, sweep.output.samples, sweep.output.seed, target)
+        output = sweep.output
+        task = Task(tuple((row, "") for row in rows), sweep.files, output.samples, output.seed, target, output.measured)
         pictures = {one.index: one for one in make(task)}
     anew = pictures[groups[-1][0]].seconds  # of another state, where there is one: the first also starts everything
     again = pictures[groups[0][1]].seconds if len(groups[0]) > 1 else anew

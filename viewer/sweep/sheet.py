@@ -6,6 +6,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from milkglass.core.errors import InputError
@@ -89,12 +90,15 @@ def _opaque(paths: Sequence[Path]) -> Iterator[Image.Image]:
 def _film(path: Path, pictures: Sequence[Image.Image], frames_per_second: float) -> None:
     import imageio_ffmpeg
 
+    width, height = (side + side % 2 for side in pictures[0].size)
     writer = imageio_ffmpeg.write_frames(
-        str(path), pictures[0].size, fps=frames_per_second, codec="libx264", quality=8, macro_block_size=2
+        str(path), (width, height), fps=frames_per_second, codec="libx264", quality=8, macro_block_size=1
     )
     writer.send(None)
     for picture in pictures:
-        writer.send(picture.tobytes())
+        # H.264 has even sizes: the last row and column are there twice, and no pixel is resampled.
+        more = ((0, height - picture.height), (0, width - picture.width), (0, 0))
+        writer.send(np.pad(np.asarray(picture), more, "edge").tobytes())
     writer.close()
 
 

@@ -5,6 +5,7 @@ meshes, probes and what rays found of them stay.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from milkglass.core.stages import Part
 from milkglass.viewer.assets.keeper import Assets
@@ -14,6 +15,7 @@ from milkglass.viewer.render.picture import Frame, Picture, PictureRequest, Stil
 from milkglass.viewer.render.renderer import Renderer
 from milkglass.viewer.scene.camera import Camera, framed, pixel_offsets
 from milkglass.viewer.scene.scene import Scene
+from milkglass.viewer.sweep.measured import measured
 from milkglass.viewer.sweep.sweep import Series
 
 KEPT_ASSETS = 2  # of each kind
@@ -34,6 +36,7 @@ class Studio:
     def __init__(self) -> None:
         self._assets = Assets(KEPT_ASSETS)
         self._renderer = Renderer(assets=self._assets)
+        self._judge: Renderer | None = None
         self._state: object = None
         self._series: Series | None = None
         self._zoom = self._average = 0.0
@@ -47,6 +50,11 @@ class Studio:
             record = Record.of(scene, samples, seed)
             read = read_frame if linear else read_still
             return Shot(read(picture, self._renderer.timings, record=record), scene, picture.camera)
+
+    def measured(self, shot: Shot, seed: int) -> tuple[dict[str, Any], str]:
+        """Return what the error of a picture is found to be, by a renderer apart; see `measured`."""
+        self._judge = self._judge or Renderer(assets=self._assets)
+        return measured(self._judge, shot.scene, seed)
 
     def _of_series(self, scene: Scene, series: Series, samples: int, seed: int) -> Scene:
         """Return a frame's scene with the zoom that shows all frames whole, and the exposure of the first."""

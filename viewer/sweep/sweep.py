@@ -72,6 +72,9 @@ class OutputSettings:
     )
     samples: int = setting("integer", 4, low=1, high=256, moves=(), why="antialiasing samples a pixel")
     seed: int = setting("integer", 0, low=0, high=2**32 - 1, moves=(), why="of the pattern of samples")
+    measured: bool = setting(
+        "boolean", False, moves=(), why="whether the error of each picture is measured, as by `render --report`"
+    )
     sheet: bool = setting("boolean", True, moves=(), why="whether a contact sheet with labels is made")
     animation: str | None = setting(
         "text", None, optional=True, choices=ANIMATIONS, moves=(), why="film of each turntable"

@@ -5,6 +5,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from milkglass.viewer.sweep import ledger
 from milkglass.viewer.sweep.outputs import OUTPUTS, files_of
@@ -24,6 +25,8 @@ class Task:
         Of `viewer.sweep.outputs.OUTPUTS`.
     samples, seed : int
     folder : Path
+    measured : bool
+        Whether the error of each is measured.
     """
 
     rows: tuple[tuple[Row, str], ...]
@@ -31,6 +34,7 @@ class Task:
     samples: int
     seed: int
     folder: Path
+    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,12 +70,14 @@ def _made(task: Task) -> list[Finished]:
         start, path = time.perf_counter(), task.folder / row.name
         shot = studio.shot(row.scene, task.samples, task.seed, linear=linear, series=row.series)
         path.parent.mkdir(parents=True, exist_ok=True)
-        more: dict[str, float] = {}
+        more: dict[str, Any] = {}
         for kind in task.kinds:
             more |= OUTPUTS[kind].write(path, shot.frame)
+        columns, note = studio.measured(shot, task.seed) if task.measured else ({}, "")
+        more |= columns
         more["seconds"] = round(time.perf_counter() - start, 3)
         files = files_of(row.name, task.kinds)
-        ledger.write_row(task.folder, row, content, files, shot, more)
+        ledger.write_row(task.folder, row, content, files, shot, more, note)
         size = sum((task.folder / file).stat().st_size for file in files)
         finished.append(Finished(row.index, more["seconds"], size))
     return finished

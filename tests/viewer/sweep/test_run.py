@@ -11,6 +11,7 @@ import sys
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from milkglass.core.threads import AtOnce
 from milkglass.viewer.commands.cli import main
 from milkglass.viewer.files.images import read_channels, read_texts
 from milkglass.viewer.render.renderer import Renderer
-from milkglass.viewer.sweep import work
+from milkglass.viewer.sweep import measured, sheet, work
 from milkglass.viewer.sweep.pools import Pool, in_processes, on_cluster
 from milkglass.viewer.sweep.run import Shard, count_missing, run
 from milkglass.viewer.sweep.sweep import Sweep
@@ -275,6 +276,54 @@ def test_more_than_a_million_pictures_are_asked_for_twice(tmp_path, capsys):
     (tmp_path / "many.toml").write_text("[random]\ncount = 1000001\nmodel.size_mm = {low=1,high=2}", encoding="utf-8")
     assert main(["sweep", str(tmp_path / "many.toml"), "--output", str(tmp_path / "out")]) == 2
     assert "has 1,000,001 pictures; add --yes" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("method", "expected"), [("diffusion", (0.3, 0.02, "photons")), ("ewald", (0.05, 0.0, "equation (1)"))]
+)
+def test_the_measured_error_is_that_of_the_report_in_the_worst_channel(sweep, tmp_path, monkeypatch, method, expected):
+    by_photons = {"by": "photons", "whole": {"rms": [0.1, None, 0.3], "noise": [0.01, None, 0.02]}}
+    by_equation = SimpleNamespace(deviation=SimpleNamespace(rms=(0.01, 0.05, 0.02)))
+    monkeypatch.setattr(measured, "transport_content", lambda *_: by_photons)
+    monkeypatch.setattr(measured, "error_report", lambda *_, **__: by_equation)
+    many = f'scene = "scene.toml"\n[grid]\n"transport.method" = ["{method}"]\n[output]\nmeasured = true\nsamples = 1\n'
+    (tmp_path / "many.toml").write_text(many, encoding="utf-8")
+    run(Sweep.load(tmp_path / "many.toml"), tmp_path / "out")
+    (row,) = json.loads((tmp_path / "out" / "index.json").read_text("utf-8"))
+    assert (row["measured_error"], row["measured_noise"], row["measured_by"]) == expected
+    with (tmp_path / "out" / "index.csv").open(encoding="utf-8", newline="") as file:
+        assert next(csv.DictReader(file))["measured_by"] == expected[-1]
+
+
+def test_where_no_error_can_be_measured_the_note_says_why(sweep, tmp_path):
+    varied = '[grid]\n"display.background" = ["#ffffff"]\nlights = [[]]\n[output]\nsamples = 1\nmeasured = true\n'
+    (tmp_path / "many.toml").write_text(f'scene = "scene.toml"\n{varied}', encoding="utf-8")
+    run(Sweep.load(tmp_path / "many.toml"), tmp_path / "out")
+    (row,) = json.loads((tmp_path / "out" / "index.json").read_text("utf-8"))
+    assert "The error was not measured: " in row["note"]
+    assert "measured_error" not in row
+
+
+def test_films_have_even_sides_and_every_pixel_as_it_is(tmp_path, monkeypatch):
+    """H.264 takes no others; the encoder would resize them, and say so to nobody."""
+    sent, asked = [], []
+
+    def write_frames(path, size, *, macro_block_size, **_):
+        asked.append((size, macro_block_size))
+        Path(path).touch()
+        while True:
+            sent.append((yield))
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", SimpleNamespace(write_frames=write_frames))
+    pixels = np.random.default_rng(0).integers(0, 255, (5, 7, 3), np.uint8)
+    for i in range(2):
+        Image.fromarray(pixels + np.uint8(i)).save(tmp_path / f"{i}.png")
+    rows = [{"index": i, "files": [f"{i}.png"]} for i in range(2)]
+    (film,) = sheet.write_films(tmp_path, rows, 2, "mp4", 10.0)
+    assert film.exists()
+    assert asked == [((8, 6), 1)]
+    for i, frame in enumerate(sent):
+        np.testing.assert_array_equal(np.frombuffer(frame, np.uint8).reshape(6, 8, 3)[:5, :7], pixels + np.uint8(i))
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "a/2", "2", "1/"])

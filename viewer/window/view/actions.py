@@ -14,6 +14,7 @@ from milkglass.core.errors import InputError
 from milkglass.core.profiles.registry import TABLE
 from milkglass.viewer.files.images import PHOTO_SUFFIXES, PICTURE_SUFFIXES, PROBE_SUFFIXES, write_png
 from milkglass.viewer.files.model import supported_suffixes
+from milkglass.viewer.files.record import Record
 from milkglass.viewer.gui.file_dialog import FileDialog, Request
 from milkglass.viewer.gui.question import Answer, Question, Questions
 from milkglass.viewer.render.picture import read_image
@@ -26,7 +27,7 @@ from milkglass.viewer.session import navigation
 from milkglass.viewer.session.autosave import Autosave, LeftBehind
 from milkglass.viewer.session.preferences import Preferences
 from milkglass.viewer.session.session import Session, files_of, real
-from milkglass.viewer.window.view.area import ViewArea
+from milkglass.viewer.window.view.area import SAMPLES, ViewArea
 
 SCENE_SUFFIXES = (".toml",)
 PROFILE_SUFFIXES = (".csv",)
@@ -192,7 +193,7 @@ class Actions:
         """Write the window's picture that `capture` asked for."""
         path, self.capture = self.capture, None
         assert path is not None
-        self._write(path, pixels)
+        self._write(path, pixels, self._view.scene if self._view.subject.moves_camera else None)
 
     # view
 
@@ -357,16 +358,18 @@ class Actions:
     def capture_object(self) -> None:
         """Write a picture of the object alone, on transparent ground."""
         try:
-            picture = self._view.transparent()
+            found = self._view.transparent()
         except InputError as error:
             self._session.fail(error)
             return
-        if picture is not None:
-            self._write(self.free_name(), read_image(picture))
+        if found is not None:
+            scene, picture = found
+            self._write(self.free_name(), read_image(picture), scene)
 
-    def _write(self, path: Path, pixels: npt.NDArray[np.uint8]) -> None:
+    def _write(self, path: Path, pixels: npt.NDArray[np.uint8], scene: Scene | None) -> None:
+        """Write a picture that says which scene it shows, where that is known."""
         try:
-            write_png(path, pixels)
+            write_png(path, pixels, texts={} if scene is None else Record.of(scene, SAMPLES, 0).texts())
         except InputError as error:
             self._session.fail(error)
         else:

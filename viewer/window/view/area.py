@@ -154,14 +154,20 @@ class ViewArea:
         """Return what has workers."""
         return [self.live] + ([self._kept_live] if self._kept_live is not None else [])
 
-    def transparent(self) -> Picture | None:
-        """Draw the object alone, antialiased."""
-        scene = self._sized(self._session.scene)
+    @property
+    def scene(self) -> Scene | None:
+        """The scene as it is drawn, of the size of the picture; None while there is nothing to draw."""
+        return self._sized(self._session.scene)
+
+    def transparent(self) -> tuple[Scene, Picture] | None:
+        """Draw the object alone, antialiased, and return that with the scene that it is of."""
+        scene = self.scene
         if scene is None:
             return None
         scene = replace(scene, display=replace(scene.display, background="transparent"))
         detail = Detail(samples=SAMPLES, at_once=True, alone=True)
-        return self.live.draw(scene, detail)
+        picture = self.live.draw(scene, detail)
+        return None if picture is None else (scene, picture)
 
     @property
     def working(self) -> bool:

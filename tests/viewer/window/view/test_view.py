@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from milkglass.viewer.files.images import read_image
+from milkglass.viewer.files.record import read_record
 from milkglass.viewer.gui.events import Focused, Key, MouseButton, MouseMoved, Resized, Typed
 from milkglass.viewer.scene.camera import framed
 from milkglass.viewer.scene.scene import Scene
@@ -220,6 +221,10 @@ def test_screenshots_show_the_window_or_the_object_alone(driver, tmp_path):
     assert alone.shape == (driver.view.size[1], driver.view.size[0], 4)
     assert set(np.unique(alone[..., 3])) >= {0, 255}
     assert any("milkglass-002.png" in text for text in driver.app.messages)
+    shown = replace(driver.session.scene.display, image_size=driver.view.size)
+    for number, background in ((1, shown.background), (2, "transparent")):  # each says what it shows, for `render`
+        recorded, _, _ = read_record(tmp_path / f"milkglass-00{number}.png")
+        assert recorded == replace(driver.session.scene, display=replace(shown, background=background))
 
 
 @pytest.mark.slow
