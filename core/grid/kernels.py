@@ -36,6 +36,7 @@ class Kernels:
     keep: int = MAX_CONVOLVERS
     _convolvers: dict[_Key, LayerConvolver] = field(default_factory=dict, init=False, repr=False)
     _spectra: dict[Kernel, Spectra] = field(default_factory=dict, init=False, repr=False)
+    _in_use: int = field(default=0, init=False, repr=False)  # the most recently used of the spectra
 
     def spectra(
         self, kernels: Sequence[Kernel | None], make: Callable[[Any, ConvolutionShape], Float32]
@@ -54,6 +55,7 @@ class Kernels:
         for kernel in kernels:  # most recently used last
             if kernel is not None:
                 self._spectra[kernel] = self._spectra.pop(kernel)
+        self._in_use = len({kernel for kernel in kernels if kernel is not None})
         while len(self._spectra) > len(kernels) and self._bytes() > SPECTRA_BYTES:
             self._spectra.pop(next(iter(self._spectra)))
         return [None if kernel is None else self._spectra[kernel] for kernel in kernels]
@@ -68,6 +70,11 @@ class Kernels:
             threads = self.threads if shape.mixes_pairs else 1
             self._convolvers[key] = LayerConvolver(shape, threads, self.effort)
         return self._convolvers[key]
+
+    def keep_used(self) -> None:
+        """Let go of all spectra but those of the last call: where materials follow each other, none comes back."""
+        while len(self._spectra) > self._in_use:
+            self._spectra.pop(next(iter(self._spectra)))
 
     def release(self) -> None:
         """Empty both caches."""

@@ -388,7 +388,10 @@ class Transport(Protocol):
         """Return what it depends on of the material, profiles or media, as a key of stages."""
 
     def start_cold(self) -> None:
-        """Forget the solutions that the next would start from, so that it is what a new transport finds, to the bit."""
+        """Forget the solutions that the next would start from, so that it is what a new transport finds, to the bit.
+
+        Spectra of kernels that are out of use go too: memory stays what one picture needs.
+        """
 
     def release(self) -> None:
         """Release all kernels and results; those needed again are computed again."""

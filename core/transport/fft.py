@@ -124,8 +124,8 @@ class FftTransport(ABC):
         return self
 
     def start_cold(self) -> None:
-        """Forget nothing: no convolution starts from the last."""
-        return
+        """Forget spectra that are out of use alone: no convolution starts from the last."""
+        self.kernels.keep_used()
 
     def release(self) -> None:
         """Release the kernels of all convolutions."""

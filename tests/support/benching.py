@@ -6,8 +6,8 @@ from milkglass.viewer.bench import run as bench
 
 NOTHING = bench.Plan(
     convolutions=(), frames=(), processes=(), schemes=(), shapes=("plate",), materials=("skim milk",), points=8,
-    pictures=(), rivals=(), window_repeats=0, sight_repeats=0, yardsticks=(), solved=(), methods=(), occluded_points=0,
-    exchange_repeats=0, exchange_processes=0, photographs=(),
+    pictures=(), rivals=(), window_repeats=0, sight_repeats=0, swept=(), yardsticks=(), solved=(), methods=(),
+    occluded_points=0, exchange_repeats=0, exchange_processes=0, photographs=(),
     repeats=1, frame_repeats=1, process_repeats=1, image_size=(32, 32), side=16,
 )  # fmt: skip
 

@@ -2,7 +2,8 @@
 
 Parts: speed as ratios within one run (`viewer.bench.speed`, `viewer.bench.photo`), the transport relative to bare
 transforms (`viewer.bench.yardsticks`), solutions of `diffusion` (`viewer.bench.solving`), light between parts
-(`viewer.bench.exchange`), the window (`viewer.bench.window`), clear and murky matter (`viewer.bench.sight`), error of
+(`viewer.bench.exchange`), the window (`viewer.bench.window`), clear and murky matter (`viewer.bench.sight`), many
+pictures beside a command for each (`viewer.bench.sweep`), error of
 the transport against equation (1) (`viewer.bench.error`), sums over samples at the same error (`viewer.bench.rivals`),
 error of the whole renderer (`viewer.bench.chain`), of an occluded environment (`viewer.bench.occlusion`), and of all
 methods relative to photons (`viewer.bench.transport`).
@@ -35,6 +36,7 @@ from milkglass.viewer.bench import (
     sight as bench_sight,
     solving as bench_solving,
     speed as bench_speed,
+    sweep as bench_sweep,
     transport as bench_transport,
     transport_report as bench_transport_report,
     window as bench_window,
@@ -68,6 +70,8 @@ class Plan:
     photographs: tuple[int, ...] = (1024,)  # pixels a side
     window_repeats: int = 24
     sight_repeats: int = 5  # clear and murky matter
+    swept: tuple[int, ...] = (60, 200)  # frames of a turntable, and materials
+    sweep_commands: int = 4  # single ones beside them
     # the transport relative to bare transforms, on shapes and on the model of the scene
     yardsticks: tuple[str, ...] = ("ball", "plate", "knot", "scene")
     yardstick_repeats: int = 15
@@ -109,6 +113,8 @@ QUICK = Plan(
     process_repeats=1,
     window_repeats=0,
     sight_repeats=0,
+    swept=(3, 3),
+    sweep_commands=1,
     yardsticks=("knot",),
     yardstick_repeats=5,
     solved=("knot",),
@@ -136,6 +142,7 @@ PARTS = {
     "processes": ("processes",),
     "window": ("window_repeats",),
     "sight": ("sight_repeats",),
+    "sweep": ("swept",),
     "yardsticks": ("yardsticks",),
     "solving": ("solved",),
     "exchange": ("exchange_repeats", "exchange_processes"),
@@ -158,7 +165,7 @@ def run(output: Path | None, model: Path | None = None, *, quick: bool, only: Co
         Mesh of the frames, whose error is measured too, relative to photons where it is closed; without one the frames
         are of the built-in sculpture.
     quick : bool
-        Whether to run a small selection, in under a minute.
+        Whether to run a small selection.
     only : names of PARTS
         Parts to run; one that the small selection lacks is run in full.
 
@@ -289,6 +296,12 @@ def _speed(plan: Plan, scene: Scene, report: bench_report.BenchReport) -> None:
         with tempfile.TemporaryDirectory() as folder:
             sight = bench_sight.sight_rows(scene, Path(folder), plan.sight_repeats)
             bench_sight.report_sight(report, _collected(sight, bench_sight.N_ROWS, "clear and murky matter"))
+    if plan.swept:
+        turns, draws = plan.swept
+        with tempfile.TemporaryDirectory() as folder:
+            swept = bench_sweep.sweep_rows(scene, turns, draws, plan.sweep_commands, Path(folder))
+            many = _collected(swept, bench_sweep.N_ROWS, "many pictures")
+        bench_sweep.report_sweep(report, many, plan.sweep_commands)
 
 
 def _errors(plan: Plan, models: dict[str, Callable[[], Mesh]], report: bench_report.BenchReport) -> None:

@@ -233,7 +233,7 @@ def process_row(
     for _ in range(repeats):
         start = time.perf_counter()
         completed = subprocess.run(
-            command, capture_output=True, text=True, check=False, env=_environment() | dict(environment)
+            command, capture_output=True, text=True, check=False, env=program_environment() | dict(environment)
         )
         times.append(1e3 * (time.perf_counter() - start))
         if completed.returncode != 0:
@@ -243,6 +243,6 @@ def process_row(
     return ProcessRow(setting, Timing(tuple(times)), peak)
 
 
-def _environment() -> dict[str, str]:
+def program_environment() -> dict[str, str]:
     """Return an environment in which a new process finds the packages of this one, installed or not."""
     return os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}

@@ -13,7 +13,7 @@ from milkglass.viewer.sweep import ledger, sheet
 from milkglass.viewer.sweep.contents import content_hash
 from milkglass.viewer.sweep.pools import ROWS, Pool, Pools, in_processes, killed
 from milkglass.viewer.sweep.sweep import Sweep
-from milkglass.viewer.sweep.work import Finished, Task, make
+from milkglass.viewer.sweep.work import Finished, Task, make, of_row
 
 MOST_DEATHS = 3  # of workers, with no picture between
 
@@ -122,7 +122,10 @@ def tasks(sweep: Sweep, folder: Path, shard: Shard = Shard(), rows: int = ROWS) 
             if not by_group and number * shard.count // len(indices) != shard.number - 1:
                 continue
             row = sweep.row(index)
-            content = content_hash(sweep, row)
+            try:
+                content = content_hash(sweep, row)
+            except InputError as error:
+                raise of_row(row, error) from error
             if not ledger.is_finished(folder, index, content):
                 left.append((row, content))
         while left:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from milkglass.core.errors import InputError
 from milkglass.viewer.sweep import ledger
+from milkglass.viewer.sweep.axes import LABEL
 from milkglass.viewer.sweep.outputs import OUTPUTS, files_of
 from milkglass.viewer.sweep.studio import Studio
 from milkglass.viewer.sweep.sweep import Row
@@ -68,7 +70,10 @@ def _made(task: Task) -> list[Finished]:
     linear = any(OUTPUTS[kind].linear for kind in task.kinds)
     for row, content in task.rows:
         start, path = time.perf_counter(), task.folder / row.name
-        shot = studio.shot(row.scene, task.samples, task.seed, linear=linear, series=row.series)
+        try:
+            shot = studio.shot(row.scene, task.samples, task.seed, linear=linear, series=row.series)
+        except InputError as error:
+            raise of_row(row, error) from error
         path.parent.mkdir(parents=True, exist_ok=True)
         more: dict[str, Any] = {}
         for kind in task.kinds:
@@ -81,6 +86,12 @@ def _made(task: Task) -> list[Finished]:
         size = sum((task.folder / file).stat().st_size for file in files)
         finished.append(Finished(row.index, more["seconds"], size))
     return finished
+
+
+def of_row(row: Row, error: InputError) -> InputError:
+    """Return what is wrong with a picture, with what it is called."""
+    label = f" ({row.values[LABEL]})" if LABEL in row.values else ""
+    return InputError(f"picture {row.index}{label} of the sweep: {error}")
 
 
 @functools.cache

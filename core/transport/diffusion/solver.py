@@ -476,6 +476,7 @@ class DiffusionTransport:
 
     def start_cold(self) -> None:
         """Forget the last solutions, see `core.transport.base.Transport.start_cold`; the surface's geometry stays."""
+        self.kernels.keep_used()
         self._last = self._last_lit = None
         if self._within is not None:
             self._within.start_cold()

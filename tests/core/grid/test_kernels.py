@@ -73,3 +73,14 @@ def test_convolvers_are_kept_by_shape():
     store.convolver(ConvolutionShape(4, 6, 8, padding=(8, 12, 18)))
     store.convolver(ConvolutionShape(4, 6, 8, padding=(8, 12, 20)))
     assert store.convolver(SHAPE) is not first
+
+
+def test_what_is_out_of_use_goes_where_it_is_asked_to(made):
+    store = Kernels()
+    for of in (1.0, 2.0, 3.0):
+        used = store.spectra([kernel(of), None, kernel(of + 10.0)], made)
+    store.keep_used()
+    assert store.spectra([kernel(3.0), None, kernel(13.0)], made) == used
+    assert len(made.asked) == 6
+    store.spectra([kernel(2.0)], made)
+    assert made.asked[6:] == [2.0]

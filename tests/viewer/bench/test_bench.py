@@ -30,6 +30,7 @@ from milkglass.viewer.bench import (
     sight as bench_sight,
     solving as bench_solving,
     speed as bench_speed,
+    sweep as bench_sweep,
     window as bench_window,
 )
 from milkglass.viewer.bench.error import SchemeRun, Target, error_rows, megabytes
@@ -127,6 +128,25 @@ def test_window_is_measured_beside_other_viewers(tmp_path, capsys, monkeypatch, 
     assert set(ours) == set(bench_window.CASES)
     assert 0.0 < ours[bench_window.FIRST] < ours[bench_window.SETTLED]
     assert f"{ours[bench_window.ORBIT_DRAGGED] / 2.5:.2f}" in capsys.readouterr().out
+
+
+def test_sweeps_are_measured_beside_commands(tmp_path, monkeypatch):
+    calls = []
+
+    def ran(arguments):
+        calls.append(arguments)
+        is_sweep, two = arguments[0] != "-c", arguments[-1] == "2"
+        resident = [2e8] * 5 + [2.02e8] * 5
+        return bench_sweep._Run(12.0 if is_sweep else 8.0, 4.0 if two else 7.0, str(resident))
+
+    monkeypatch.setattr(bench_sweep, "_run", ran)
+    bench.run_plan(replace(NOTHING, swept=(6, 10), sweep_commands=3), tmp_path)
+    assert [arguments[0] == "-c" for arguments in calls] == [False, True, True, True, False, True, True, True, False]
+    found = {row["case"]: float(row["sweep_ratio"]) for row in rows_of(tmp_path / "sweep.csv")}
+    assert found == {
+        bench_sweep.TURN: 12.0 / (6 * 8.0), bench_sweep.MATERIALS: 12.0 / (10 * 8.0),
+        bench_sweep.WORKERS: 7.0 / 4.0, bench_sweep.MEMORY: pytest.approx(1.01),
+    }  # fmt: skip
 
 
 def test_without_other_viewers_the_window_is_measured_alone(capsys):

@@ -257,6 +257,22 @@ def test_workers_that_die_again_and_again_end_in_a_sentence(sweep, tmp_path):
         run(sweep, tmp_path / "out", lambda: nullcontext(Pool(Dying())))
 
 
+def test_a_row_whose_model_is_missing_or_damaged_is_named(sweep, tmp_path, capsys):
+    (tmp_path / "damaged.ply").write_text("ply", encoding="utf-8")
+    (tmp_path / "many.toml").write_text(
+        'scene = "scene.toml"\ntable = "t.csv"\n[output]\nsamples = 1', encoding="utf-8"
+    )
+    for name in ("missing", "damaged"):
+        (tmp_path / "t.csv").write_text(f"name,model.path\nfirst,\nsecond,{name}.ply\n", encoding="utf-8")
+        assert main(["sweep", str(tmp_path / "many.toml"), "--output", str(tmp_path / "out")]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith("milkglass: picture 1 (second) of the sweep: ")
+        assert f"{name}.ply" in said
+        assert said.count("\n") == 1
+    assert (tmp_path / "out" / "00000.png").exists()  # before what is damaged was read
+    assert not (tmp_path / "out" / "00001.png").exists()
+
+
 def test_a_full_disk_is_a_sentence_and_the_next_run_goes_on(sweep, tmp_path, monkeypatch):
     folder, write, count = tmp_path / "out", work.ledger.write_row, []
 
