@@ -16,6 +16,8 @@ from milkglass.core.lazy import lazy
 if TYPE_CHECKING:
     from milkglass.core.errors import InputError as InputError
     from milkglass.core.material.library import Material as Material
+    from milkglass.viewer.fit.fitting import Fit as Fit, fit as fit
+    from milkglass.viewer.fit.pictures import Picture as Picture, read_picture as read_picture
     from milkglass.viewer.notebook.show import show as show
     from milkglass.viewer.render.picture import Frame as Frame, Still as Still
     from milkglass.viewer.render.renderer import Renderer as Renderer, render as render, render_image as render_image

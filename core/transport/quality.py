@@ -77,6 +77,8 @@ class Quality:
         The method that was asked for, where it needs a closed surface and this is none.
     open_surface : float or None
         Then: the row sum furthest from -1/2.
+    tolerance : float or None
+        Relative residual at which a method that solves ends; its usual one if None.
     """
 
     method: str
@@ -90,6 +92,7 @@ class Quality:
     tail: float = TAIL
     instead_of: str | None = None
     open_surface: float | None = None
+    tolerance: float | None = None
 
     @property
     def facts(self) -> Method:

@@ -219,6 +219,27 @@ def sweep(
 
 
 @app.command()
+def fit(
+    pictures: Annotated[list[str], typer.Argument(metavar="PICTURE...", help="EXR (linear), or PNG, JPEG (sRGB).")],
+    scene: Annotated[
+        list[str], typer.Option("--scene", metavar="FILE.toml", help="Model, camera, lights; one, or one a picture.")
+    ],
+    output: Annotated[str, typer.Option("--output", "-o", metavar="FILE.toml", help="The scene, of that material.")],
+    mask: Annotated[
+        list[str] | None, typer.Option(metavar="FILE", help="White where a picture counts; one a picture.")
+    ] = None,
+    exposure: Annotated[
+        str, typer.Option(metavar="lights|free|known", help="What is unknown: each light, one factor, or nothing.")
+    ] = "lights",
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Keep the material among your own.")] = None,
+) -> None:
+    """Find the coefficients of a material by pictures of an object, and how sure they are."""
+    from milkglass.viewer.commands import fit as fitting
+
+    fitting.run(pictures, scene, output, mask or [], exposure, name)
+
+
+@app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="A small selection, for a first look.")] = False,
     output: Annotated[str | None, typer.Option(metavar="DIR", help="Folder for tables and the plot.")] = None,

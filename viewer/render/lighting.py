@@ -69,8 +69,9 @@ class Lighting:
         effort: str,
         assets: Assets,
         ground: GroundPass,
+        tolerance: float | None = None,
     ) -> None:
-        self._context = context
+        self._context, self._tolerance = context, tolerance
         self._run, self._spread = stages.run, stages.spread
         self._assets = assets
         self._effort = effort
@@ -110,7 +111,7 @@ class Lighting:
         if settings.facts.needs_roughness:
             run(Stage.ROUGHNESS, [model], lambda: self._assets.roughness(model.mesh))
         quality = quality_of(scene, model.mesh, self._assets)
-        made_for = quality.grid_alone
+        made_for = replace(quality.grid_alone, tolerance=self._tolerance)
         keep = convolvers(made_for, count)
         transport = run(Stage.TRANSPORT, [made_for, keep], lambda: self._transport(made_for, keep))
         grid = transport.grid(model.mesh, camera.rotation)

@@ -109,6 +109,9 @@ class Renderer:
         Where meshes and probes come from, and stay for the next scene.
     worker : Executor, optional
         What follows rays of sight while stages with an allowance are left for other work.
+    tolerance : float, optional
+        Relative residual at which transport that solves ends, in the place of its usual one: pictures of a material are
+        then as alike, whatever was drawn before.
     """
 
     def __init__(
@@ -117,13 +120,16 @@ class Renderer:
         effort: str = "FFTW_ESTIMATE",
         assets: Assets | None = None,
         worker: Executor | None = None,
+        tolerance: float | None = None,
     ) -> None:
         self.context = context = context or headless_context()
         # Two sets of stages, because transport may run in a thread of its own.
         self.stages, self.transport_stages = Stages(finish=context.finish), Stages()
         with current(context):
             ground = GroundPass(context)
-            self._lighting = Lighting(context, self.stages, self.transport_stages, effort, assets or Assets(), ground)
+            self._lighting = Lighting(
+                context, self.stages, self.transport_stages, effort, assets or Assets(), ground, tolerance
+            )
             self._shading = Shading(context, self.stages, ground, worker or AtOnce())
 
     @property

@@ -7,7 +7,7 @@ from milkglass.core.grid.assignment import TSC
 from milkglass.core.grid.kernels import Kernels
 from milkglass.core.profiles.base import Profiles
 from milkglass.core.transport.accuracy import Roughness
-from milkglass.core.transport.diffusion.solver import DiffusionTransport
+from milkglass.core.transport.diffusion.solver import TOLERANCE, DiffusionTransport
 from milkglass.core.transport.quality import COARSEST, DEFAULT_ERROR_TARGET, Quality, QualityRequest, survey_spacing
 
 # Nodes at the default target, and how they grow: the error falls with the square of their distance, or nearly, and no
@@ -27,7 +27,10 @@ def choose_quality(
 
 def make_transport(quality: Quality, kernels: Kernels) -> DiffusionTransport:
     """Make the transport of a quality."""
-    return DiffusionTransport(n_layers=quality.layers, resolution=quality.resolution, kernels=kernels)
+    tolerance = TOLERANCE if quality.tolerance is None else quality.tolerance
+    return DiffusionTransport(
+        n_layers=quality.layers, resolution=quality.resolution, tolerance=tolerance, kernels=kernels
+    )
 
 
 def sample_spacing(mesh: Mesh, request: QualityRequest, resolution: int) -> float:

@@ -303,8 +303,9 @@ class DiffusionTransport:
         from milkglass.core.transport.diffusion.orders import Body
         from milkglass.core.transport.diffusion.within import Within
 
-        tolerance = max(self.tolerance, WITHIN_TOLERANCE)
-        self._within = self._within or Within(self.kernels, self.shape, tolerance, WITHIN_PRODUCTS)
+        is_tight = self.tolerance < TOLERANCE
+        limits = (self.tolerance, MOST_PRODUCTS) if is_tight else (WITHIN_TOLERANCE, WITHIN_PRODUCTS)
+        self._within = self._within or Within(self.kernels, self.shape, *limits)
         kernels = [None if medium.is_black else self._kernel(boundary.grid, medium) for medium in problem.media]
         green = self.kernels.spectra(kernels, self._maker(boundary.grid))
         body = Body(problem.mesh, problem.samples, boundary, solution.exchange, problem.external)
