@@ -29,6 +29,7 @@ from milkglass.core.threads import computed_once
 from milkglass.viewer.files.conventions import FILE, conventions
 from milkglass.viewer.files.decoding import cause_of, textures_only
 from milkglass.viewer.files.gltf import SUFFIXES, check_gltf
+from milkglass.viewer.files.gltf_medium import FileMedium, medium_of
 from milkglass.viewer.files.gltf_textures import plain_gltf
 from milkglass.viewer.files.model_condition import all_degenerate, condition
 from milkglass.viewer.files.model_look import Look, LookParts, texture_troubles
@@ -69,6 +70,8 @@ class FileModel:
         Parts that have been taken out of it, see `parted`.
     file_size : str
         The size that it has in its file, in words; empty where there is no file.
+    medium : FileMedium, optional
+        What the file says that the surface bounds, where it says so.
     """
 
     mesh: Mesh
@@ -79,6 +82,7 @@ class FileModel:
     materials: tuple[str, ...] = ()
     clear: tuple[Mesh, ...] = ()
     file_size: str = ""
+    medium: FileMedium | None = None
 
     @computed_once
     def parts(self) -> tuple[tuple[tuple[str, ...], Bools], ...]:
@@ -303,7 +307,8 @@ def read_model(path: str | Path, size_mm: float | str, up: str | None = None, *,
     look, of_face = looks.look(found.corners), looks.parts(found.corners)
     said = (*(("; ".join(found.said),) if found.said else ()), *troubles, *left_out)
     warnings = tuple(f"{path}: {clause}." for clause in said)
-    return FileModel(found.mesh, warnings, look, of_face, names, materials, file_size=declared.size_text(longest))
+    said_size, medium = declared.size_text(longest), medium_of(path)
+    return FileModel(found.mesh, warnings, look, of_face, names, materials, file_size=said_size, medium=medium)
 
 
 def builtin_vessel(shape: str, size_mm: float, up: str = "y") -> FileModel:

@@ -354,7 +354,8 @@ class Lighting:
 
     def _load(self, settings: ModelSettings) -> Model:
         file = self._assets.model(settings)
-        model = Model(file.mesh, MeshBuffers(self._context, file.mesh), file.warnings, file_size=file.file_size)
+        buffers = MeshBuffers(self._context, file.mesh)
+        model = Model(file.mesh, buffers, file.warnings, file_size=file.file_size, medium=file.medium)
         if not file.clear:
             return model
         buffers = MeshBuffers(self._context, joined(*file.clear))

@@ -26,6 +26,7 @@ from milkglass.core.transport.base import (
     WholeObject,
 )
 from milkglass.core.transport.quality import Quality
+from milkglass.viewer.files.gltf_medium import FileMedium
 from milkglass.viewer.gl.buffers import MeshBuffers
 from milkglass.viewer.passes.detail_uniforms import SurfaceDetail
 from milkglass.viewer.passes.light_source import LightSource
@@ -61,6 +62,8 @@ class Model:
         How far the mesh is above the lowest point of the whole, mm.
     file_size : str
         The size that it has in its file, in words; empty where there is no file.
+    medium : FileMedium, optional
+        What the file says that the surface bounds, where it says so.
     """
 
     mesh: Mesh
@@ -72,6 +75,7 @@ class Model:
     whole_buffers: MeshBuffers | None = None
     lift: float = 0.0
     file_size: str = ""
+    medium: FileMedium | None = None
 
     @property
     def whole(self) -> Mesh:

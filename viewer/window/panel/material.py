@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -113,20 +114,40 @@ class MaterialSection(Section):
         self._mixture.draw()
         self._profile.chooser(no_profile)
         self._size(seen.live)
+        if self._session.scene.model.path is not None:
+            self._of_file(seen.live)
         self._derived(seen.live, has_profile=no_profile is None)
 
     def _size(self, live: Live) -> None:
-        """Draw the size of the object, and that of its file, which a click takes."""
+        """Draw the size of the object."""
         shown = None if live.finished is None else live.finished.lit.model
         asked = self._session.scene.model.size_mm
         automatic = None if shown is None or not isinstance(asked, str) else shown.size_of(asked)
         self._controls.setting("model.size_mm", "Object size", automatic)
-        if shown is not None and shown.file_size:
-            self._controls.note(f"in its file {shown.file_size}")
-            if asked != FILE:
-                if imgui.button("Size of the file"):
-                    self._session.edit("model", size_mm=FILE)
-                self._controls.mark("model.size_mm.file")
+
+    def _of_file(self, live: Live) -> None:
+        """Draw the size that the object has in its file, and the medium that this tells, which clicks take.
+
+        As high before the file is read as after: no row below moves.
+        """
+        session, controls = self._session, self._controls
+        shown = None if live.finished is None else live.finished.lit.model
+        size = "" if shown is None else shown.file_size
+        controls.note(f"in its file {size}" if size else "in its file ...")
+        imgui.begin_disabled(not size or session.scene.model.size_mm == FILE)
+        if imgui.button("Size of the file"):
+            session.edit("model", size_mm=FILE)
+        imgui.end_disabled()
+        controls.mark("model.size_mm.file")
+        if shown is None or shown.medium is None:
+            return
+        material = MaterialSettings.of(shown.medium.material)
+        imgui.same_line()
+        imgui.begin_disabled(session.scene.material == material)
+        if imgui.button("Material of the file"):
+            session.put(replace(session.scene, material=material))
+        imgui.end_disabled()
+        controls.mark("material.file")
 
     def _library(self) -> None:
         controls, session = self._controls, self._session

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from milkglass.core.material import library as materials
+from milkglass.viewer.files.gltf_medium import medium_of
 from milkglass.viewer.files.images import write_exr
 from milkglass.viewer.gui.controls import default_of
 from milkglass.viewer.scene import own_materials
@@ -32,6 +33,7 @@ from tests.support.driving import small_scene, write_knot, write_pair
 from tests.support.skins import picture, write_ball
 from tests.support.solids import ball
 from tests.support.walking import CONTROLS, SIZED, Control, Walker, choose, open_file, search, slide
+from tests.viewer.files.test_gltf_medium import told
 
 SECTIONS = ("Environment", "Ground", "Highlights", "Tone mapping", "Error", "Model", "Camera")
 WITHOUT_CONTROL = {
@@ -222,6 +224,21 @@ def try_nested(walker):
     assert session.scene.model.nested == "hollow"
     walker.click("model.size_mm.file")
     assert session.scene.model.size_mm == "file"
+    session.put(start)
+    walker.settle()
+
+
+def try_medium(walker: Walker) -> None:
+    """What a file says of its matter, which is taken where somebody asks for it."""
+    session, start = walker.session, walker.session.scene
+    path = told(Path(walker.app.preferences.folder) / "milk.glb")
+    session.put(replace(start, model=replace(start.model, path=path), transport=TransportSettings(resolution=16)))
+    walker.settle()
+    plain = walker.picture()
+    walker.click("material.file")
+    walker.settle()
+    assert session.scene.material == MaterialSettings.of(medium_of(path).material)
+    assert differ(walker.picture(), plain)
     session.put(start)
     walker.settle()
 
@@ -420,6 +437,7 @@ def test_every_control_changes_what_it_says(walker):
     for walk in (
         try_zoom,
         try_nested,
+        try_medium,
         try_what_is_shown,
         try_way,
         try_lights,
