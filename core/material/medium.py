@@ -184,6 +184,11 @@ class DeltaEddington:
         return self.cosine / (1.0 - self.cosine)
 
     @property
+    def peak(self) -> float:
+        """Scattering by the forward peak, s_f = s_s g^2 = s_s'' g^2 / (1 - g^2), 1/mm."""
+        return self.sigma_s * self.g**2 / (1.0 - self.g**2)
+
+    @property
     def turning(self) -> float:
         """What is left of the flux of light that collides, a'' g''."""
         return self.albedo * self.cosine

@@ -1,4 +1,7 @@
-"""Paths of light through clear and murky matter: refracted and mirrored at its surface, straight in between."""
+"""Paths of light through clear and murky matter: refracted and mirrored at its surface, straight in between.
+
+Rays of sight stand for the light about them that forward peaks turn.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -13,6 +16,7 @@ if TYPE_CHECKING:
     )
     from milkglass.core.paths.glow import Glow as Glow
     from milkglass.core.paths.lamps import Lamp as Lamp
+    from milkglass.core.paths.peaks import Peaks as Peaks
     from milkglass.core.paths.surface import ClearPart as ClearPart, Surface as Surface
     from milkglass.core.paths.surroundings import Floor as Floor, Surroundings as Surroundings
     from milkglass.core.paths.tree import Inside as Inside, Seen as Seen, Sight as Sight, Tree as Tree

@@ -9,7 +9,7 @@ Inside an outline light is totally reflected again and again, and must go as far
 `MOST_EVENTS` it ends. Rays that leave are cast again: in a concave object they enter again. To drop a branch is right
 where light comes from all around. A lamp in front of an object is seen through it in the branches that inner surfaces
 mirror alone, some hundredths of a ray before absorption, and is a hundred times as bright as what the others meet: rays
-of sight go on to `LEAST_BEFORE_LAMPS`.
+of sight go on to `LEAST_BEFORE_LAMPS`, the less the more of their light forward peaks have turned.
 
 A ray knows all media that it is in, as the bits of a number. Of several that overlap one is there
 (`core.paths.surface`), and a surface where that does not change, or only to one of the same index that scatters no
@@ -26,6 +26,7 @@ import numpy as np
 
 from milkglass.core.arrays import Float32, Int32
 from milkglass.core.paths.compiled import compiled
+from milkglass.core.paths.peaks import Peaks, part_lobe, reflectance, turned
 from milkglass.core.paths.surface import Faces, Surface
 
 EVENTS = 12
@@ -58,6 +59,12 @@ class Rays(NamedTuple):
         Body that it entered last, of those that scatter.
     entries : (k,) int32
         Number of the meeting where it was refracted last, see `follow`; -1 for none.
+    straight : (k,) float32
+        Share of its light that no forward peak has turned.
+    lobes : (k, 3) float32
+        Of what has been turned, see `core.paths.peaks.turned`.
+    leanings : (k, 3) float32
+        Its mean direction up to where the ray is met next, unit.
     """
 
     origins: Float32
@@ -68,13 +75,17 @@ class Rays(NamedTuple):
     within: Int32
     bodies: Int32
     entries: Int32
+    straight: Float32
+    lobes: Float32
+    leanings: Float32
 
     @classmethod
     def beginning(cls, origins: Float32, directions: Float32, weights: Float32, sources: Int32) -> "Rays":
         """Return rays where their paths begin: in air, or in a body of which they meet the surface next."""
         k = len(origins)
         none, air = np.full(k, -1, np.int32), np.zeros(k, np.int32)
-        return cls(origins, directions, weights, sources, none, air, np.zeros(k, np.int32), none)
+        placed = origins, directions, weights, sources, none, air, np.zeros(k, np.int32), none
+        return cls(*placed, np.ones(k, np.float32), np.zeros((k, 3), np.float32), directions)
 
 
 class Chords(NamedTuple):
@@ -125,6 +136,10 @@ class Meetings(NamedTuple):
         Media of the side that it arrives from, and of the side beyond, as of the ray.
     bodies, sources, parents, entries : (k,) int32
         As of the rays that go on.
+    straight, lobes : (k,), (k, 3) float32
+        As of the arriving rays.
+    curvatures : (k,) float32
+        Mean curvature of the surface, above 0 where it turns as what goes beyond, 1/mm; 0 without forward peaks.
     """
 
     points: Float32
@@ -142,6 +157,9 @@ class Meetings(NamedTuple):
     sources: Int32
     parents: Int32
     entries: Int32
+    straight: Float32
+    lobes: Float32
+    curvatures: Float32
 
 
 class Event(NamedTuple):
@@ -176,6 +194,7 @@ def follow(  # noqa: PLR0913
     enters: bool = True,
     least: float = LEAST_WEIGHT,
     most: int | None = None,
+    peaks: Peaks | None = None,
 ) -> Iterator[Event]:
     """Yield the events of rays until all have escaped; their meetings are numbered from 0, in this order.
 
@@ -197,13 +216,15 @@ def follow(  # noqa: PLR0913
         Weight below which a branch is dropped.
     most : int, optional
         After how many meetings paths end; without, after `events`.
+    peaks : Peaks, optional
+        By which light of rays is turned on its way; without, none is.
     """
     chord = meeting = 0
     most = events if most is None else most
     for number in range(met + 1, most + 1):
         if len(rays.origins) == 0:
             return
-        chords, meetings, escaped = meet(surface, rays, extinction, chord)
+        chords, meetings, escaped = meet(surface, rays, extinction, chord, peaks)
         chord += len(chords.lengths)
         mirrored, refracted, share = part(surface, meetings, number, events, meeting, least, most)
         meeting += len(meetings.points)
@@ -218,16 +239,19 @@ def follow(  # noqa: PLR0913
         yield Event(chords, meetings, share, escaped)
 
 
-def meet(surface: Surface, rays: Rays, extinction: Float32, chord: int = 0) -> tuple[Chords, Meetings, Rays]:
+def meet(
+    surface: Surface, rays: Rays, extinction: Float32, chord: int = 0, peaks: Peaks | None = None
+) -> tuple[Chords, Meetings, Rays]:
     """Return the chords that rays cross, where they meet the surface next, and those that meet nothing.
 
     `chord` is the number of the first chord; other arguments as of `follow`.
     """
     chords, met, left = [], [], []
+    peaks = Peaks.none() if peaks is None else peaks
     for number in range(MOST_PASSED):
         hits = surface.rays.places(rays.origins, rays.directions)
         crossed, meetings, escaped, rays = _meet(
-            rays, hits, surface.faces, extinction, surface.offset, surface.scattering, chord
+            rays, hits, surface.faces, extinction, surface.offset, surface.scattering, chord, peaks
         )
         chord += len(crossed.lengths)
         if number == 0 and len(rays.origins) == 0:
@@ -311,6 +335,7 @@ def _meet(
     offset: float,
     scattering: int,
     chord: int,
+    peaks: Peaks,
 ) -> tuple[Chords, Meetings, Rays, Rays]:
     hit, distance, second, third = hits
     k, channels = rays.weights.shape
@@ -323,6 +348,8 @@ def _meet(
     places, faces, beyond = np.empty((met, 2), np.float32), np.empty(met, np.int32), np.empty(met, np.int32)
     within, entered, bodies = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
     sources, parents, entries = np.empty(met, np.int32), np.empty(met, np.int32), np.empty(met, np.int32)
+    straight, lobes = np.empty(met, np.float32), np.empty((met, 3), np.float32)
+    curvatures = np.zeros(met, np.float32)
     starts, ends = np.empty((met, 3), np.float32), np.empty((met, 3), np.float32)
     lengths, before = np.empty(met, np.float32), np.empty((met, channels), np.float32)
     crossed, chord_sources = np.empty(met, np.int32), np.empty(met, np.int32)
@@ -374,6 +401,10 @@ def _meet(
         for channel in range(channels):
             weights[j, channel] = rays.weights[i, channel]
         parents[j], entries[j] = rays.parents[i], rays.entries[i]
+        straight[j], lobes[j] = rays.straight[i], rays.lobes[i]
+        if len(peaks.turns) > 0:
+            curvatures[j] = -turn * peaks.curvatures[face]
+            straight[j] = turned(peaks, near_body, rays.weights[i], distance[i], rays.straight[i], lobes[j])
         if near_body >= 0:
             for axis in range(3):
                 starts[n, axis], ends[n, axis] = rays.origins[i, axis], points[j, axis]
@@ -401,6 +432,9 @@ def _meet(
         rays.within[free],
         rays.bodies[free],
         rays.entries[free],
+        rays.straight[free],
+        rays.lobes[free],
+        rays.leanings[free],
     )
     on = np.flatnonzero(passed)
     through = Rays(
@@ -412,15 +446,19 @@ def _meet(
         entered[on],
         bodies[on],
         entries[on],
+        straight[on],
+        lobes[on],
+        directions[on],
     )
     if went_on > 0:
         at = np.flatnonzero(~passed)
         points, directions, normals, planes, weights = points[at], directions[at], normals[at], planes[at], weights[at]
         etas, beyond, faces, places, within = etas[at], beyond[at], faces[at], places[at], within[at]
         entered, bodies, sources, parents, entries = entered[at], bodies[at], sources[at], parents[at], entries[at]
+        straight, lobes, curvatures = straight[at], lobes[at], curvatures[at]
     meetings = Meetings(
         points, directions, normals, planes, weights, etas, beyond, faces, places, within, entered, bodies, sources,
-        parents, entries,
+        parents, entries, straight, lobes, curvatures,
     )  # fmt: skip
     return chords, meetings, escaped, through
 
@@ -434,7 +472,9 @@ def _part(
     weights = np.empty((2, k, channels), np.float32)
     sources, parents = np.empty((2, k), np.int32), np.empty((2, k), np.int32)
     within, bodies, entries = np.empty((2, k), np.int32), np.empty((2, k), np.int32), np.empty((2, k), np.int32)
-    went_on = np.empty(k, np.float32)
+    went_on, lobed = np.empty(k, np.float32), np.zeros((2, 4), np.float32)
+    straight, lobes = np.ones((2, k), np.float32), np.zeros((2, k, 3), np.float32)
+    leanings, leaning = np.empty((2, k, 3), np.float32), np.empty(3, np.float32)
     mirrored, refracted = np.empty(3, np.float32), np.empty(3, np.float32)
     counts = np.zeros(2, np.int64)
     for i in range(k):
@@ -445,19 +485,23 @@ def _part(
         beyond = np.sqrt(max(np.float32(0.0), np.float32(1.0) - sine2))
         share = np.float32(1.0)
         if sine2 < 1.0:
-            across = (cosine - eta * beyond) / max(cosine + eta * beyond, np.float32(1e-20))
-            along = (eta * cosine - beyond) / max(eta * cosine + beyond, np.float32(1e-20))
-            share = np.float32(0.5) * (across * across + along * along)
+            share = reflectance(cosine, beyond, eta)
         for axis in range(3):
             mirrored[axis] = d[axis] + np.float32(2.0) * cosine * normal[axis]
             refracted[axis] = (d[axis] + cosine * normal[axis]) / eta - beyond * normal[axis]
             if share == 1.0 and sine2 >= 1.0:
                 refracted[axis] = d[axis]
+        least_of_ray = least
+        if meetings.straight[i] < ALL:
+            lit, lobe = (meetings.straight[i], share), meetings.lobes[i]
+            share = part_lobe(lit, lobe, meetings.curvatures[i], d, normal, eta, refracted, leaning, lobed)
+            # By lobes a lamp is no brighter than other surroundings.
+            least_of_ray = max(least, min(least / max(meetings.straight[i], LEAST_WEIGHT), LEAST_WEIGHT))
         largest = np.float32(0.0)
         for channel in range(channels):
             largest = max(largest, meetings.weights[i, channel])
         if number < events or number >= last or largest < NEGLIGIBLE_WEIGHT:
-            shares = _kept(share, largest, number, last, least)
+            shares = _kept(share, largest, number, last, least_of_ray)
         else:
             shares = (ALL, NONE) if _chance(meetings.points[i]) < share else (NONE, ALL)
         went_on[i] = shares[0]
@@ -485,6 +529,11 @@ def _part(
             within[branch, n] = meetings.within[i] if branch == 0 else meetings.entered[i]
             bodies[branch, n] = meetings.bodies[i]
             entries[branch, n] = meetings.entries[i] if branch == 0 else first + i
+            leanings[branch, n] = directions[branch, n]
+            if meetings.straight[i] < ALL:
+                straight[branch, n], lobes[branch, n] = lobed[branch, 0], lobed[branch, 1:]
+                if branch == 1:
+                    leanings[branch, n] = leaning
             counts[branch] = n + 1
     m, r = counts[0], counts[1]
     return (
@@ -497,6 +546,9 @@ def _part(
             within[0, :m],
             bodies[0, :m],
             entries[0, :m],
+            straight[0, :m],
+            lobes[0, :m],
+            leanings[0, :m],
         ),
         Rays(
             origins[1, :r],
@@ -507,6 +559,9 @@ def _part(
             within[1, :r],
             bodies[1, :r],
             entries[1, :r],
+            straight[1, :r],
+            lobes[1, :r],
+            leanings[1, :r],
         ),
         went_on,
     )

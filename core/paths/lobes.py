@@ -49,20 +49,32 @@ def turned(random: Array, channels: Ints, cosines: Sequence[float]) -> Array:
     return found
 
 
+def peak_cosine(g: float) -> float:
+    """Return the mean cosine of what the peak scatters of a phase function of mean cosine g in [0, 1)."""
+    return float(_parts(g)[0][1])
+
+
 @functools.lru_cache(maxsize=16)
 def _moments(g: float) -> Array:
     """Return the mean of each Legendre polynomial over what scatters, (MOMENTS + 1,)."""
-    orders = np.arange(MOMENTS + 1)
     if g == 0.0:
-        return np.where(orders == 0, 1.0, 0.0)
-    f = g * g
+        return np.where(np.arange(MOMENTS + 1) == 0, 1.0, 0.0)
+    peak, rest = _parts(g)
+    turns = np.log(g / (1.0 + g) / rest[1]) / np.log(peak[1])
+    return np.asarray(rest * peak**turns)
+
+
+@functools.lru_cache(maxsize=16)
+def _parts(g: float) -> tuple[Array, Array]:
+    """Return the mean of each Legendre polynomial over the peak, and over the rest, (MOMENTS + 1,) each."""
+    orders, f = np.arange(MOMENTS + 1), g * g
+    if g == 0.0:
+        return np.ones(MOMENTS + 1), np.where(orders == 0, 1.0, 0.0)
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     level = _phase(np.asarray(brentq(lambda c: _above(c, g) - f, -1.0, 1.0)), g)
     capped = np.minimum(_phase(nodes, g), level) / (1.0 - f)
     rest = 0.5 * (weights * capped) @ np.polynomial.legendre.legvander(nodes, MOMENTS)
-    peak = np.clip((g**orders - (1.0 - f) * rest) / f, 0.0, 1.0)
-    turns = np.log(g / (1.0 + g) / rest[1]) / np.log(peak[1])
-    return np.asarray(rest * peak**turns)
+    return np.clip((g**orders - (1.0 - f) * rest) / f, 0.0, 1.0), rest
 
 
 @functools.lru_cache(maxsize=16)

@@ -1,16 +1,26 @@
 """What rays see that leave the object: an environment, lamps with a size, and a plane below."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from milkglass.core.arrays import Float32
+from milkglass.core.arrays import Array, Float32
+from milkglass.core.light.harmonics import convolve_zonal, evaluate_grid, order_of
 from milkglass.core.light.maps import Radiance
 from milkglass.core.paths.compiled import compiled
 from milkglass.core.paths.events import ALL, NONE, Rays
 from milkglass.core.paths.lamps import BALL, DISC, EVERYWHERE, Lamp
+from milkglass.core.paths.peaks import MOST_VARIANCE
+
+FIRST_WIDTH, WIDTHS = (
+    0.08,
+    4,
+)  # standard deviation of the first lobe, radians, and how many there are, each twice as wide
+LOBE_ROWS = 64  # of a map seen by a lobe
+SMALL, LARGE = 1.0, 3.0  # radii of a lamp over a lobe's width, up to and from which its image is a Gaussian, and a disc
 
 
 class Lamps(NamedTuple):
@@ -59,6 +69,8 @@ class Surroundings(NamedTuple):
     ----------
     whole, even : (h, 2h, 3) float32
         Lat-long maps of the environment, with and without what shines as lamps of a scene.
+    by_lobes : (m, h, 2h, 3) float32
+        `whole` as lobes see it, of standard deviations `FIRST_WIDTH` 2^i; no maps where they see it as all rays do.
     turn : (2,) float32
         Cosine and sine of the environment's rotation about +y.
     intensity : float
@@ -70,6 +82,7 @@ class Surroundings(NamedTuple):
 
     whole: Float32
     even: Float32
+    by_lobes: Float32
     turn: Float32
     intensity: float
     lamps: Lamps
@@ -89,6 +102,7 @@ class Surroundings(NamedTuple):
         rotation_deg: float = 0.0,
         intensity: float = 1.0,
         lamps: Sequence[Lamp] = (),
+        sh: Array | None = None,
     ) -> "Surroundings":
         """Return the surroundings of an environment, if there is one, and of lamps.
 
@@ -101,6 +115,8 @@ class Surroundings(NamedTuple):
         rotation_deg, intensity : float
             Of the environment, as of `core.light.maps.to_probe_frame`.
         lamps : sequence of Lamp
+        sh : (k, 3), optional
+            Spherical harmonics of `whole`, where rays with lobes see it.
         """
         whole = np.zeros((1, 2, 3), np.float32) if whole is None else whole
         even = whole if even is None else even
@@ -118,6 +134,7 @@ class Surroundings(NamedTuple):
         return cls(
             np.array(whole, np.float32, order="C"),
             np.array(even, np.float32, order="C"),
+            _by_lobes(sh),
             np.array([np.cos(angle), np.sin(angle)], np.float32),
             float(intensity),
             arrays,
@@ -154,37 +171,93 @@ class Surroundings(NamedTuple):
 def _add(rays: Rays, surroundings: Surroundings, radiance: Float32, first: int, highlights: float) -> None:
     cosine, sine = surroundings.turn
     floor, on_floor = surroundings.floor, np.zeros(3, np.float32)
+    around, by_lobe, wider = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(rays.sources)):
-        x, y, z = rays.directions[i]
+        y = rays.directions[i, 1]
         is_first = first == 1 and rays.sources[i] % 2 == 0
-        latlong = surroundings.even if is_first else surroundings.whole
-        rows, columns = latlong.shape[:2]
-        across, back = cosine * x - sine * z, sine * x + cosine * z
-        azimuth = np.arctan2(across, -back) / (2.0 * np.pi) + 0.5
-        column = azimuth * columns - 0.5
-        row = np.arctan2(np.sqrt(across * across + back * back), y) / np.pi * rows - 0.5
-        row = min(max(row, 0.0), rows - 1.0)
-        left, top = int(np.floor(column)), int(row)
-        along, down = np.float32(column - left), np.float32(row - top)
-        right, bottom = (left + 1) % columns, min(top + 1, rows - 1)
-        left = left % columns
+        azimuth, polar = _placed(rays.directions[i], cosine, sine)
+        _read(surroundings.even if is_first else surroundings.whole, azimuth, polar, around)
+        turned, variance = ALL - rays.straight[i], min(rays.lobes[i, 0], np.float32(MOST_VARIANCE))
+        if turned > 0.0:
+            azimuth, polar = _placed(rays.leanings[i], cosine, sine)
+            _read(surroundings.whole, azimuth, polar, by_lobe)
+            _see_by_lobe(surroundings.by_lobes, azimuth, polar, variance, by_lobe, wider)
+            for channel in range(3):
+                around[channel] += turned * (by_lobe[channel] - around[channel])
         pixel, share = rays.sources[i], NONE
         if len(floor.radiance) > 0 and y < 0.0:
             share = _see_floor(rays.origins[i], rays.directions[i], floor, on_floor)
         for channel in range(3):
-            upper = (1 - along) * latlong[top, left, channel] + along * latlong[top, right, channel]
-            lower = (1 - along) * latlong[bottom, left, channel] + along * latlong[bottom, right, channel]
-            value = ((1 - down) * upper + down * lower) * surroundings.intensity
+            value = around[channel] * surroundings.intensity
             if share > 0.0:
                 value += share * (on_floor[channel] - value)
             radiance[pixel, channel] += rays.weights[i, channel] * value
         for lamp in range(len(surroundings.lamps.shapes)):
             share = _seen(rays.origins[i], rays.directions[i], surroundings.lamps, lamp)
+            if turned > 0.0:
+                wide = _seen_by_lobe(rays.origins[i], rays.leanings[i], surroundings.lamps, lamp, variance)
+                share += turned * (wide - share)
             if share > 0.0 and is_first:
                 share *= _image(rays.origins[i], surroundings.lamps, lamp, highlights)
             for channel in range(3):
                 light = share * surroundings.lamps.radiance[lamp, channel]
                 radiance[pixel, channel] += rays.weights[i, channel] * light
+
+
+def _by_lobes(sh: Array | None) -> Float32:
+    """Return what lobes see of harmonics, on the texels of maps: heat that has spread on the sphere."""
+    if sh is None:
+        return np.zeros((0, LOBE_ROWS, 2 * LOBE_ROWS, 3), np.float32)
+    theta, degrees = (np.arange(LOBE_ROWS) + 0.5) * np.pi / LOBE_ROWS, np.arange(order_of(sh) + 1)
+    phi = ((np.arange(2 * LOBE_ROWS) + 0.5) / LOBE_ROWS - 1.0) * np.pi
+    variances = (FIRST_WIDTH * 2.0 ** np.arange(WIDTHS)) ** 2
+    kept = np.exp(-0.5 * variances[:, None] * degrees * (degrees + 1))
+    maps = np.stack([evaluate_grid(convolve_zonal(sh, of_width), theta, phi) for of_width in kept])
+    return np.maximum(maps, 0.0).astype(np.float32)
+
+
+@compiled
+def _placed(direction: Float32, cosine: np.float32, sine: np.float32) -> tuple[float, float]:
+    """Return the azimuth and the polar angle of a direction in a turned environment, of 0 to 1."""
+    x, y, z = direction
+    across, back = cosine * x - sine * z, sine * x + cosine * z
+    azimuth = np.arctan2(across, -back) / (2.0 * np.pi) + 0.5
+    return azimuth, np.arctan2(np.sqrt(across * across + back * back), y) / np.pi
+
+
+@compiled
+def _read(latlong: Float32, azimuth: float, polar: float, value: Array) -> None:
+    """Put what a map has at an azimuth and a polar angle, of 0 to 1, into (3,)."""
+    rows, columns = latlong.shape[:2]
+    column = azimuth * columns - 0.5
+    row = polar * rows - 0.5
+    row = min(max(row, 0.0), rows - 1.0)
+    left, top = int(np.floor(column)), int(row)
+    along, down = np.float32(column - left), np.float32(row - top)
+    right, bottom = (left + 1) % columns, min(top + 1, rows - 1)
+    left = left % columns
+    for channel in range(3):
+        upper = (1 - along) * latlong[top, left, channel] + along * latlong[top, right, channel]
+        lower = (1 - along) * latlong[bottom, left, channel] + along * latlong[bottom, right, channel]
+        value[channel] = (1 - down) * upper + down * lower
+
+
+@compiled
+def _see_by_lobe(maps: Float32, azimuth: float, polar: float, variance: float, value: Array, wider: Array) -> None:
+    """Replace what a ray sees, (3,), by what its lobe does, between those of two widths by its variance."""
+    if len(maps) == 0:
+        return
+    over, below = variance / FIRST_WIDTH**2, 0
+    while below < len(maps) and over >= 4.0**below:
+        below += 1
+    least = 4.0 ** (below - 1) if below > 0 else 0.0
+    part = min((over - least) / (4.0**below - least), 1.0)
+    if below > 0:
+        _read(maps[below - 1], azimuth, polar, value)
+    if below < len(maps):
+        _read(maps[below], azimuth, polar, wider)
+        for channel in range(3):
+            value[channel] += part * (wider[channel] - value[channel])
 
 
 @compiled
@@ -222,9 +295,7 @@ def _seen(origin: Float32, direction: Float32, lamps: Lamps, i: int) -> np.float
         along = _dot(to_centre, direction)
         if along <= 0.0 or _dot(to_centre, to_centre) - along * along > lamps.sizes[i] ** 2:
             return NONE
-        none, whole = lamps.cones[i]
-        fading = min(max((-_dot(direction, lamps.forwards[i]) - none) / (whole - none), NONE), ALL)
-        return np.float32(fading * fading * (3.0 - 2.0 * fading))
+        return _in_cone(-_dot(direction, lamps.forwards[i]), lamps, i)
     facing, distance = _dot(direction, lamps.forwards[i]), _dot(to_centre, lamps.forwards[i])
     if facing >= 0.0 or distance >= 0.0:
         return NONE
@@ -232,6 +303,56 @@ def _seen(origin: Float32, direction: Float32, lamps: Lamps, i: int) -> np.float
     inside_width = abs(_dot(off, lamps.widths[i])) <= _dot(lamps.widths[i], lamps.widths[i])
     inside_height = abs(_dot(off, lamps.heights[i])) <= _dot(lamps.heights[i], lamps.heights[i])
     return ALL if inside_width and inside_height else NONE
+
+
+@compiled
+def _seen_by_lobe(origin: Float32, direction: Float32, lamps: Lamps, i: int, variance: float) -> np.float32:
+    """Return the mean share of a lamp's radiance over a lobe about a ray; of a panel as of a disc as large.
+
+    Chords stand for angles, of which the sphere is an image of equal areas: over all directions of the ray a lamp has
+    its solid angle. Lamps that are small beside the lobe are a Gaussian of both variances, large ones a disc with a
+    soft rim.
+    """
+    fading, towards, cosine = NONE, lamps.places[i] - origin, np.float32(-1.0)
+    if lamps.shapes[i] == DISC:
+        towards, cosine, fading = lamps.places[i], lamps.sizes[i], ALL
+    distance2 = max(_dot(towards, towards), np.float32(1e-20))
+    towards = towards / np.sqrt(distance2)
+    facing = -_dot(towards, lamps.forwards[i])
+    if lamps.shapes[i] == BALL:
+        cosine = np.sqrt(max(ALL - lamps.sizes[i] ** 2 / distance2, NONE))
+        fading = _in_cone(facing, lamps, i)
+    elif lamps.shapes[i] != DISC and facing > 0.0:
+        area = 4.0 * np.sqrt(_dot(lamps.widths[i], lamps.widths[i]) * _dot(lamps.heights[i], lamps.heights[i]))
+        cosine, fading = np.float32(1.0 - min(area * facing / distance2 / (2.0 * np.pi), 1.0)), ALL
+    if fading == 0.0:
+        return NONE
+    radius2, off2 = float(2.0 * (1.0 - cosine)), max(float(2.0 * (1.0 - _dot(direction, towards))), 0.0)
+    width = np.sqrt(variance)
+    both = float(variance + 0.25 * radius2)
+    small = 0.5 * radius2 / both * np.exp(-0.5 * off2 / both)
+    size = np.sqrt(radius2) / width
+    part = float(min(max((size - SMALL) / (LARGE - SMALL), 0.0), 1.0))
+    if part == 0.0:
+        return np.float32(fading * small)
+    area = (size * size + 1.0) * _normal(size) + size * np.exp(-0.5 * size * size) / np.sqrt(2.0 * np.pi)
+    large = size * size / area * _normal(size - np.sqrt(off2) / width)
+    part *= part * (3.0 - 2.0 * part)
+    return np.float32(fading * (small + part * (large - small)))
+
+
+@compiled
+def _normal(x: float) -> float:
+    """Return the share of a normal distribution up to x standard deviations."""
+    return 0.5 * math.erfc(-x / np.sqrt(2.0))
+
+
+@compiled
+def _in_cone(facing: np.float32, lamps: Lamps, i: int) -> np.float32:
+    """Return how bright a ball is along a way of a cosine to its cone's axis."""
+    none, whole = lamps.cones[i]
+    fading = min(max((facing - none) / (whole - none), NONE), ALL)
+    return np.float32(fading * fading * (3.0 - 2.0 * fading))
 
 
 @compiled

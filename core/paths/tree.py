@@ -38,6 +38,7 @@ from milkglass.core.paths.events import (
     part,
 )
 from milkglass.core.paths.glow import Glow
+from milkglass.core.paths.peaks import Peaks
 from milkglass.core.paths.surface import Faces, Surface
 from milkglass.core.paths.surroundings import Surroundings
 from milkglass.core.threads import pool_map
@@ -184,6 +185,8 @@ class Tree:
         From how many meetings with the surface on a path has one branch.
     inside : Inside, optional
         What refracted rays show, where that is not all; mirrored ones show all.
+    peaks : Peaks, optional
+        Forward peaks that `extinction` leaves out.
     """
 
     surface: Surface
@@ -195,6 +198,7 @@ class Tree:
     clear: bool = True
     events: int = EVENTS
     inside: Inside | None = None
+    peaks: Peaks | None = None
 
     def sight(self, origins: Float32, directions: Float32) -> tuple[Int32, Sight]:
         """Return which of k rays from the eye, (k, 3) each, meet the object, and where they meet it first."""
@@ -262,7 +266,10 @@ class Tree:
         crossed = list[Chords]()
         # A dropped mirror gives its weight to what the surface lets out: too much, where lamps leave the rest dark.
         least = LEAST_BEFORE_LAMPS if self.surroundings.has_lamps else LEAST_WEIGHT
-        events = follow(surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least, most=MOST_EVENTS)
+        events = follow(
+            surface, rays, self.extinction, 1, self.events, clear=self.clear, least=least, most=MOST_EVENTS,
+            peaks=self.peaks,
+        )  # fmt: skip
         for number, event in enumerate(events):
             if not go_on():
                 raise PathsSuperseded
@@ -315,6 +322,9 @@ def _first(sight: Sight, faces: Faces, scattering: int) -> Meetings:
         sources=np.arange(k, dtype=np.int32),
         parents=np.full(k, -1, np.int32),
         entries=np.full(k, -1, np.int32),
+        straight=np.ones(k, np.float32),
+        lobes=np.zeros((k, 3), np.float32),
+        curvatures=np.zeros(k, np.float32),
     )
 
 

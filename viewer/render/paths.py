@@ -12,6 +12,7 @@ from milkglass.core.geometry.mesh import Mesh
 from milkglass.core.geometry.samples import SurfaceSamples
 from milkglass.core.light.probe import Probe
 from milkglass.core.material.library import CHANNELS
+from milkglass.core.material.medium import DeltaEddington
 from milkglass.core.paths.resolution import RESOLVED, resolved_share, scaled, scattered_share
 from milkglass.core.stages import Stage, Stages, numbered
 from milkglass.core.transport.base import Matter
@@ -146,19 +147,21 @@ class PathStages:
         if moves and at_rest:
             return Paths(None, meets_itself=False, why=parts.why, is_drafted=True, at_rest=True)
         say("preparing rays through the object")
-        from milkglass.core.paths import Tree, most_events
+        from milkglass.core.paths import Peaks, Tree, most_events
 
         bodies = None if lit.body_marks is None else lit.bodies
         surface = surface_for_rays(self._run, mesh, bodies, lit.matter, lit.clear)
         around, mirrors, clear = self._surroundings(scene, lit), parts.mirrors, parts.clear
-        of_kinds = extinctions(lit)
+        of_kinds, flights = extinctions(lit), _flights(lit) if parts.clear else []
 
         def make() -> Tree:
             of_bodies = np.array(surface.absorption)
             of_bodies[: surface.scattering] = np.array(of_kinds)[surface.matter]
-            return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear, events=most_events(surface))
+            peaks = Peaks.of([flights[kind] for kind in surface.matter], surface) if flights else None
+            events = most_events(surface)
+            return Tree(surface, of_bodies, around, mirrors=mirrors, clear=clear, events=events, peaks=peaks)
 
-        tree = self._run(Stage.PATHS, [surface, around, *of_kinds, mirrors, clear], make)
+        tree = self._run(Stage.PATHS, [surface, around, *of_kinds, *flights, mirrors, clear], make)
         # What a surface mirrors of itself, and parts within parts, a few rays show and a draft does not.
         is_drafted = at_rest or (clear and not lit.clear and len(lit.matter) == 1)
         return Paths(tree, _meets_itself(lit), parts.why, is_drafted, at_rest)
@@ -187,7 +190,14 @@ def extinctions(lit: LitScene) -> list[tuple[float, ...]]:
     """Return the extinction of light along rays of sight, of R, G and B in each kind of matter, 1/mm: that of beams."""
     if lit.beams is None:
         return [tuple(medium.sigma_t_prime for medium in of_kind.media) for of_kind in lit.matter]
-    return [tuple(scaled(medium, lit.grid).sigma_t for medium in of_kind.followed) for of_kind in lit.matter]
+    return [tuple(flight.sigma_t for flight in of_kind) for of_kind in _flights(lit)]
+
+
+def _flights(lit: LitScene) -> list[tuple[DeltaEddington, ...]]:
+    """Return how light of R, G and B crosses each kind of matter; of none where none that scatters is followed."""
+    if lit.beams is None:
+        return []
+    return [tuple(scaled(medium, lit.grid) for medium in of_kind.followed) for of_kind in lit.matter]
 
 
 def _scattering(lit: LitScene, matter: Matter) -> tuple[str, str, str]:
@@ -277,4 +287,5 @@ def _surroundings(
     lamps = [light.seen() for light in lights]
     if probe is None or rest is None:
         return Surroundings.of(lamps=lamps)
-    return Surroundings.of(probe.latlong, rest.latlong, environment.rotation_deg, environment.intensity, lamps)
+    turn, intensity = environment.rotation_deg, environment.intensity
+    return Surroundings.of(probe.latlong, rest.latlong, turn, intensity, lamps, probe.sh)

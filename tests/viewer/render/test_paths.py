@@ -246,10 +246,10 @@ def test_after_a_draft_the_next_view_shows_the_front_of_the_surface(renderer, me
 
 
 def test_a_draft_of_a_convex_ball_is_what_rays_find(renderer, mesh):
-    """It sees all there is to see of it; rays that are nearly trapped take other ways, near the outline."""
+    """It sees all there is to see of it but what forward peaks blur; rays that are nearly trapped take other ways."""
     sky = np.ones((32, 64, 3), np.float32) * np.linspace(2.0, 0.5, 32)[:, None, None].astype(np.float32)
     drafted, followed = drafted_and_followed(renderer, in_environment(mesh, sky, *MURKY, "material.g=[0.5,0.5,0.5]"))
-    for part, rms in (("specular", 1e-3), ("unscattered", 0.05), ("subsurface", 0.05), ("radiance", 0.05)):
+    for part, rms in (("specular", 1e-3), ("unscattered", 0.08), ("subsurface", 0.05), ("radiance", 0.05)):
         error = drafted[part] - followed[part]
         assert np.sqrt(np.mean(error**2)) < rms * np.sqrt(np.mean(followed[part] ** 2)), part
 
