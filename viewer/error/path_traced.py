@@ -100,8 +100,9 @@ class PathTracedResult:
         lines = [f"Subsurface light against traced paths: {self.whole}."]
         if self.alone is None or self.again_share is None:
             lines.append(
-                "Light that has met the object again is not told apart: Mitsuba's llvm_ad_rgb, which can, needs an "
-                "LLVM of version 16 or later (DRJIT_LIBLLVM_PATH names one)."
+                "Light that has met the object again is not told apart, and what the surface mirrors of the object "
+                "counts as traced: Mitsuba's llvm_ad_rgb, which can, needs an LLVM of version 16 or later, as 19 "
+                "(DRJIT_LIBLLVM_PATH names one)."
             )
         else:
             share = ", ".join(f"{100.0 * value:.1f}" for value in self.again_share)
