@@ -111,12 +111,14 @@ class Medium:
 
     @property
     def diffusion(self) -> float:
-        """Diffusion coefficient D = s_a / sigma^2, mm: the asymptotic one of transport."""
+        """Diffusion coefficient D = s_a / sigma^2, mm: the asymptotic one of transport; inf without matter."""
+        if self.sigma_t_prime == 0.0:
+            return float("inf")
         return asymptotic_diffusion(self.sigma_a / self.sigma_t_prime) / self.sigma_t_prime
 
     @property
     def attenuation(self) -> float:
-        """Effective attenuation sigma = sqrt(s_a / D), 1/mm: fluence falls by e over 1 / sigma."""
+        """Effective attenuation sigma = sqrt(s_a / D), 1/mm: fluence falls by e over 1 / sigma; 0 without matter."""
         return float(np.sqrt(self.sigma_a / self.diffusion))
 
     @property

@@ -121,6 +121,7 @@ def test_nothing_to_meet():
     assert clear.is_black
     assert clear.albedo == 0.0
     assert clear.mean_free_path == float("inf")
+    assert (clear.diffusion, clear.attenuation) == (float("inf"), 0.0)
 
 
 def test_channels_of_a_material():
