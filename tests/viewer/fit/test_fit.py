@@ -100,6 +100,7 @@ def test_a_shifted_picture_is_no_confident_fit(start, photograph):
 @pytest.mark.slow
 def test_the_command_writes_a_scene_and_a_report(start, photograph, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))  # a library of its own: other tests count materials
     saved = replace(start, model=mg.ModelSettings(builtin="sculpture"))
     saved.save("scene.toml")
     write_exr("seen.exr", {name: photograph[..., i].astype(np.float32) for i, name in enumerate("RGB")})

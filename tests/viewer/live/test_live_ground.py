@@ -66,6 +66,8 @@ def test_a_picture_of_the_object_alone_has_no_ground(context, model):
     for on in (False, True):
         driver.session.edit("ground", on=on)
         driver.settle()
-        pictures.append(driver.view.transparent())
-    assert all(picture is not None and picture.ground is None for picture in pictures)
+        scene, picture = driver.view.transparent()
+        pictures.append(picture)
+        assert scene.ground.on == on
+    assert all(picture.ground is None for picture in pictures)
     driver.close()
