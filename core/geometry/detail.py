@@ -14,7 +14,6 @@ import numpy.typing as npt
 from milkglass.core.arrays import Array, Float32, Int32
 from milkglass.core.geometry.mesh import Mesh, face_cross, group_keys
 from milkglass.core.geometry.normals import unit
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.geometry.refine import barycentric
 from milkglass.core.geometry.texture import Texture
 from milkglass.core.threads import computed_once
@@ -126,8 +125,8 @@ class MeshDetail:
     def pieces_at(self, points: Array, face_normals: Array, areas: npt.NDArray[np.floating]) -> FacePieces:
         """Return pieces about points (n, 3) of the surface; their faces are found along the normals (n, 3) of these."""
         reach = FACE_REACH * self.mesh.radius
-        face, distance = self._rays.first(points + reach * face_normals, -face_normals)
-        opposite_face, further = self._rays.first(points - reach * face_normals, face_normals)
+        face, distance = self.mesh.rays.first(points + reach * face_normals, -face_normals)
+        opposite_face, further = self.mesh.rays.first(points - reach * face_normals, face_normals)
         nearer = np.where(opposite_face >= 0, np.abs(further - reach), np.inf) < np.where(
             face >= 0, np.abs(distance - reach), np.inf
         )
@@ -166,10 +165,6 @@ class MeshDetail:
             shortened = 1.0 - np.minimum(np.linalg.norm(mean, axis=1), 1.0)
             factors[rows[has_tangent]] = np.maximum(1.0 - strength**2 * shortened[has_tangent], 0.0)
         return turned.astype(np.float32), factors.astype(np.float32)
-
-    @computed_once
-    def _rays(self) -> RayMesh:
-        return RayMesh(self.mesh.vertices, self.mesh.faces)
 
     @computed_once
     def _density(self) -> Array:

@@ -15,10 +15,8 @@ from milkglass.core.paths.events import ALL, NONE, Rays
 from milkglass.core.paths.lamps import BALL, DISC, EVERYWHERE, Lamp
 from milkglass.core.paths.peaks import MOST_VARIANCE
 
-FIRST_WIDTH, WIDTHS = (
-    0.08,
-    4,
-)  # standard deviation of the first lobe, radians, and how many there are, each twice as wide
+FIRST_WIDTH = 0.08  # standard deviation of the first lobe, radians
+WIDTHS = 4  # lobes, each twice as wide as the one before
 LOBE_ROWS = 64  # of a map seen by a lobe
 SMALL, LARGE = 1.0, 3.0  # radii of a lamp over a lobe's width, up to and from which its image is a Gaussian, and a disc
 

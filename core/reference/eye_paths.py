@@ -19,7 +19,6 @@ import numpy as np
 
 from milkglass.core.arrays import Array, Bools, Floats, Ints
 from milkglass.core.geometry.mesh import Mesh, face_normals
-from milkglass.core.geometry.rays import RayMesh
 from milkglass.core.material import fresnel
 from milkglass.core.reference.phase import henyey_greenstein, phase, turned
 
@@ -138,7 +137,7 @@ class _Walk:
         self._lit, self._rng = lit, rng
         self._extinction = lit.sigma_s + lit.sigma_a
         self._albedo = np.divide(lit.sigma_s, self._extinction, out=np.zeros(3), where=self._extinction > 0.0)
-        self._rays, self._offset = RayMesh(mesh.vertices, mesh.faces), OFFSET * mesh.radius
+        self._rays, self._offset = mesh.rays, OFFSET * mesh.radius
         self._planes = face_normals(mesh.vertices, mesh.faces)
         self._forward = henyey_greenstein(1.0 - lit.peak, lit.anisotropy)  # cosines beyond are the peak's
 
