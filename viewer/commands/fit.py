@@ -1,7 +1,6 @@
 """`milkglass fit`: coefficients of a material by pictures, a scene of it, and a report beside that."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ import typer
 from milkglass.core.errors import InputError
 from milkglass.viewer.commands import terminal
 from milkglass.viewer.commands.options import load_scene
+from milkglass.viewer.commands.report import check_stay
 from milkglass.viewer.scene import own_materials
 from milkglass.viewer.scene.keys import input_files
 from milkglass.viewer.scene.whole_file import replacement
@@ -36,13 +36,13 @@ def run(
     check_output(output, (".toml",))
     written = [Path(output).with_suffix(suffix) for suffix in (".toml", ".json", ".png")]
     loaded = [load_scene(path) for path in scenes]
-    inputs = {f"scene {path}": path for path in scenes} | {f"picture {path}": path for path in pictures}
-    inputs |= {f"mask {path}": path for path in masks}
-    inputs |= {f"the {role}": str(path) for scene in loaded for role, path in input_files(scene).items()}
-    for target in written:
-        for role, path in inputs.items():
-            if os.path.realpath(path) == os.path.realpath(target):
-                raise InputError(f"--output {output} would write {target} over {role}; choose another name")
+    inputs: list[tuple[str, str | Path]] = [
+        (f"{role} {path}", path)
+        for role, paths in (("scene", scenes), ("picture", pictures), ("mask", masks))
+        for path in paths
+    ]
+    inputs += [(f"the {role}", path) for scene in loaded for role, path in input_files(scene).items()]
+    check_stay(inputs, f"--output {output}", written)
     if name is not None:
         own_materials.checked_name(name)
     of_pictures: Sequence[str | None] = masks or [None] * len(pictures)

@@ -1,7 +1,7 @@
 """`milkglass render --report`: checks of its paths, a progress bar on a terminal, and a summary."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,10 +24,17 @@ def check_report(path: str, scene: Scene, outputs: Sequence[str], reference: str
     protected: list[tuple[str, str | Path]] = [(f"--output {output}", output) for output in outputs]
     protected += [(f"the {role}", file) for role, file in input_files(scene).items()]
     protected += [] if reference is None else [("the reference", reference)]
-    for written in (path, map_path(path)):
+    check_stay(protected, f"--report {path}", (path, map_path(path)))
+
+
+def check_stay(
+    protected: Sequence[tuple[str, str | Path]], option: str, written: Iterable[str | os.PathLike[str]]
+) -> None:
+    """Raise InputError where an option would have a file written over a protected one; pairs of a role and a file."""
+    for target in written:
         for role, file in protected:
-            if os.path.realpath(file) == os.path.realpath(written):
-                raise InputError(f"--report {path} would write {written} over {role}; choose another name")
+            if os.path.realpath(file) == os.path.realpath(target):
+                raise InputError(f"{option} would write {target} over {role}; choose another name")
 
 
 def run(scene: Scene, samples: int, seed: int, points: int, photons: int) -> "tuple[Frame, ErrorReport]":

@@ -14,9 +14,9 @@ import numpy as np
 from milkglass.core.arrays import Array
 from milkglass.core.errors import InputError
 from milkglass.core.material.library import MAX_COEFFICIENT, Material
-from milkglass.viewer.files.images import Pixels8
+from milkglass.viewer.files.images import Pixels8, png_bytes
 from milkglass.viewer.fit.pictures import Picture
-from milkglass.viewer.fit.report import png, sheet
+from milkglass.viewer.fit.report import sheet
 from milkglass.viewer.fit.separable import Modelled, Observed, Search, Solution
 from milkglass.viewer.fit.views import View
 from milkglass.viewer.scene.scene import Scene
@@ -109,7 +109,7 @@ class Fit:
 
     def _repr_png_(self) -> bytes:
         """Return each picture, what the fit makes of it, and the residual, for notebooks."""
-        return png(self.sheet())
+        return png_bytes(self.sheet())
 
     def sheet(self) -> Pixels8:
         """Return each picture, what the fit makes of it, and the residual, side by side, (h, w, 3) sRGB."""
@@ -235,21 +235,19 @@ class _Fitting:
             pictures = self._modelled(np.array(three), white=True)
             for c, x in enumerate(three):
                 alone = [
-                    view.colored(Modelled(*(np.repeat(part[..., c : c + 1], 3, axis=2) for part in parts)))
-                    for view, parts in zip(self._views, pictures, strict=True)
+                    view.colored(picture.of_channel(c)) for view, picture in zip(self._views, pictures, strict=True)
                 ]
                 found.append((x, _joined(alone)))
         return found
 
     def _evaluate(self, x: Array) -> Modelled:
-        return _joined([Modelled(*parts) for parts in self._modelled(x)])
+        return _joined(self._modelled(x))
 
-    def _modelled(self, x: Array, *, white: bool = False) -> list[tuple[Array, Array]]:
+    def _modelled(self, x: Array, *, white: bool = False) -> list[Modelled]:
         sigma_s_prime, sigma_a = coefficients(x)
         material = replace(self._given, name="custom", sigma_s_prime=sigma_s_prime, sigma_a=sigma_a)
-        pictures = [view.modelled(material, white=white) for view in self._views]
         self.renders += sum(view.lights for view in self._views)
-        return [(picture.scattered, picture.highlights) for picture in pictures]
+        return [view.modelled(material, white=white) for view in self._views]
 
     def _fitted(self, scene: Scene, material: Material, brightness: Array) -> Scene:
         """Return a scene of a material, with its lights as bright as in the first picture."""

@@ -1,10 +1,8 @@
 """A fit beside its picture: PNG."""
 
-import io
 from collections.abc import Sequence
 
 import numpy as np
-from PIL import Image
 
 from milkglass.core.arrays import Array
 from milkglass.core.display import srgb
@@ -29,10 +27,3 @@ def sheet(pictures: Sequence[Array], modelled: Sequence[Array], residual: Sequen
     width = max(row.shape[1] for row in rows)
     rows = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows]
     return np.asarray(np.round(255.0 * np.concatenate(rows)), np.uint8)
-
-
-def png(pixels: Pixels8) -> bytes:
-    """Return sRGB pixels (h, w, 3) as the bytes of a PNG file."""
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG")
-    return stream.getvalue()

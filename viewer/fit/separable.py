@@ -81,6 +81,11 @@ class Modelled:
         of_all, of_highlights = (np.tensordot(brightness, part, 1) for part in (self.scattered, self.highlights))
         return of_all, of_highlights
 
+    def of_channel(self, channel: int) -> "Modelled":
+        """Return pictures that have one channel of these in R, G and B."""
+        parts = (part[..., channel : channel + 1] for part in (self.scattered, self.highlights))
+        return Modelled(*(np.repeat(part, 3, axis=2) for part in parts))
+
     @property
     def logarithms(self) -> Array:
         """Logarithms of the pictures, (K, n, 3), which coefficients change more evenly."""

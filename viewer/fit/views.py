@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from milkglass.core.arrays import Array, Bools, Float32, Ints
 from milkglass.core.errors import InputError
@@ -53,14 +54,11 @@ def sources(scene: Scene, *, together: bool) -> list[Illuminant]:
         raise InputError("no light of the scene shines; give it one (lights), or an environment")
     if together:
         return [Illuminant(scene)]
-    dark = EnvironmentSettings()
-    if not is_alike(scene):
-        found = [Illuminant(replace(scene, lights=(light,), environment=dark)) for light in lights]
+    alone = replace(scene, environment=EnvironmentSettings())
+    if is_alike(scene):
+        found = [Illuminant(replace(alone, lights=(_white(light),)), _share(light.brightness)) for light in lights]
     else:
-        found = [
-            Illuminant(replace(scene, lights=(_white(light),), environment=dark), _share(light.brightness))
-            for light in lights
-        ]
+        found = [Illuminant(replace(alone, lights=(light,))) for light in lights]
     return [*found, Illuminant(replace(scene, lights=()))] if scene.environment.given else found
 
 
@@ -103,17 +101,15 @@ class View:
         assets = Assets()
         self._renderers = [Renderer(assets=assets, tolerance=TOLERANCE) for _ in self._sources]
         frames = self._frames(self.scene.material)
-        self.warnings = frames[0].warnings
         if frames[0].quality.facts.uses_profile:
             raise InputError(
                 f"a fit needs transport in the object itself, and this scene has {frames[0].quality.method}; choose "
                 "transport diffusion and a closed model"
             )
         resolution = frames[0].quality.resolution
-        for source in self._sources:  # one grid, whatever the material
-            fixed = replace(source.scene.transport, resolution=resolution)
-            self._sources[self._sources.index(source)] = replace(source, scene=replace(source.scene, transport=fixed))
-        self.counts = _eroded(frames[0].mask >= WHOLE)[..., None] & self.picture.counts
+        fixed = replace(self.scene.transport, resolution=resolution)  # one grid, whatever the material
+        self._sources = [replace(of, scene=replace(of.scene, transport=fixed)) for of in self._sources]
+        self.counts = binary_erosion(frames[0].mask >= WHOLE)[..., None] & self.picture.counts
         seen = self.counts.any(axis=2)
         if np.count_nonzero(seen) < LEAST_PIXELS:
             raise InputError(
@@ -185,11 +181,3 @@ class View:
         picture = np.zeros(self.picture.pixels.shape)
         picture[self.rows, self.columns] = values
         return picture
-
-
-def _eroded(covered: Bools) -> Bools:
-    """Return where a pixel and its four neighbours are covered, (h, w)."""
-    inner = np.pad(covered, 1)
-    return np.asarray(
-        covered & inner[:-2, 1:-1] & inner[2:, 1:-1] & inner[1:-1, :-2] & inner[1:-1, 2:],
-    )
